@@ -70,9 +70,21 @@ def parse_json(text: str | bytes) -> Any:
 
 def cell_budget(path: str | Path) -> int:
     """Return how many numbers a table may hold, from the size of its file."""
-    return LEAST_CELLS + CELLS_A_BYTE * Path(path).stat().st_size
+    return LEAST_CELLS + CELLS_A_BYTE * size_of(path)
 
 
 def text_budget(path: str | Path) -> int:
     """Return how many bytes a file may hold after decompression, from its size."""
-    return LEAST_TEXT + TEXT_A_BYTE * Path(path).stat().st_size
+    return LEAST_TEXT + TEXT_A_BYTE * size_of(path)
+
+
+def block_budget(path: str | Path) -> int:
+    """Return how many bytes of a file may be in memory at once after decompression, from its size."""
+    return LEAST_TEXT + size_of(path)
+
+
+def size_of(path: str | Path) -> int:
+    """Return the size of a file, or of the files in a folder together [byte]."""
+    path = Path(path)
+    files = [file for file in path.iterdir() if file.is_file()] if path.is_dir() else [path]
+    return sum(file.stat().st_size for file in files)

@@ -19,30 +19,32 @@ PARSER = getattr(
 )  # the first needs no recursion and a twentieth of the time
 
 
-def read_yaml_text(path: str | Path) -> str:
+def read_yaml_text(path: str | Path, *, longest: int = MAX_SCALAR) -> str:
     """Return the text of a YAML file that any reader may take in.
 
+    Args: longest: characters that a value may have.
     Raises: ValueError: if it is no UTF-8 text, no YAML or beyond the budgets; OSError: if it cannot be read.
     """
     try:
         text = read_bytes(path, MAX_BYTES).decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise ValueError("must be a UTF-8 text file.") from error
-    require_modest(text)
+    require_modest(text, longest=longest)
     return text
 
 
-def read_yaml(path: str | Path) -> Any:
+def read_yaml(path: str | Path, *, longest: int = MAX_SCALAR) -> Any:
     """Return the plain content of a YAML file.
 
-    Raises: as `read_yaml_text`.
+    Args and Raises: as `read_yaml_text`.
     """
-    return yaml.safe_load(read_yaml_text(path))
+    return yaml.safe_load(read_yaml_text(path, longest=longest))
 
 
-def require_modest(text: str) -> None:
+def require_modest(text: str, *, longest: int = MAX_SCALAR) -> None:
     """Check a YAML text event by event, before anything is made of it.
 
+    Args: longest: characters that a value may have.
     Raises: ValueError: if it is no YAML, beyond the budgets, or has a tag that is not of YAML's own values.
     """
     sizes: dict[str, int] = {}  # of what an anchor names, aliases expanded
@@ -50,7 +52,7 @@ def require_modest(text: str) -> None:
     try:
         for event in yaml.parse(text, Loader=PARSER):
             if isinstance(event, yaml.NodeEvent):
-                _require_event(event, len(parts))
+                _require_event(event, len(parts), longest)
             if isinstance(event, yaml.CollectionStartEvent):
                 parts.append((event.anchor, 1))
                 continue
@@ -71,15 +73,15 @@ def require_modest(text: str) -> None:
         raise ValueError(_reason(error)) from error
 
 
-def _require_event(event: Any, depth: int) -> None:
+def _require_event(event: Any, depth: int, longest: int) -> None:
     if depth > MAX_DEPTH:
         raise ValueError(f"must be nested at most {MAX_DEPTH} deep{_at(event)}.")
     tag = getattr(event, "tag", None)
     if tag is not None and tag not in TAGS and tag != "!":
         short = tag.replace(STANDARD, "!!")
         raise ValueError(f"must hold plain values; got the tag {short[:40]}{_at(event)}. Leave it out.")
-    if len(getattr(event, "value", "")) > MAX_SCALAR:
-        raise ValueError(f"must hold values of at most {MAX_SCALAR} characters{_at(event)}.")
+    if len(getattr(event, "value", "")) > longest:
+        raise ValueError(f"must hold values of at most {longest} characters{_at(event)}.")
 
 
 def _at(event: Any) -> str:

@@ -11,24 +11,34 @@ Types are defined by the bag, or else by the library's latest ROS 2. Source: doc
 
 import contextlib
 import dataclasses as dc
+import tempfile
 from array import array
 from collections import ChainMap
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from np_drake.input_file import cell_budget
+from np_drake.input_guard import note_input
 from np_drake.logs.errors import LogError
+from np_drake.logs.formats.bags.budget import Budget, Channel, unpacked
+from np_drake.logs.formats.bags.folder import described, unpack
+from np_drake.logs.formats.bags.mcap import MAGIC as MCAP
+from np_drake.logs.formats.bags.mcap import Mcap
+from np_drake.logs.formats.bags.ros1 import MAGIC as ROS1
+from np_drake.logs.formats.bags.ros1 import Ros1
+from np_drake.logs.formats.bags.sqlite import MAGIC as SQLITE
+from np_drake.logs.formats.bags.sqlite import Sqlite
 from np_drake.logs.formats.format import Format
-from np_drake.logs.formats.ros1_scan import Ros1Scan
 from np_drake.logs.formats.ros_message import Decoder, Types, find_fields, missing_types
 from np_drake.logs.importing.log_map import LogMap, Source
 from np_drake.logs.recording import Contents, Progress, Recording, Stream
+from np_drake.logs.text_lines import too_many_cells
 
-MCAP = b"\x89MCAP0\r\n"
-ROS1 = b"#ROSBAG V"
-SQLITE = b"SQLite format 3\0"
+STORAGES: dict[bytes, Callable[[Path, Budget], Any]] = {MCAP: Mcap, ROS1: Ros1, SQLITE: Sqlite}
+MOST_COLUMNS = 200_000  # of all topics together, own choice
 SAME_CLOCK = 1_000_000_000  # [ns] between the delays of topics on one clock; own choice
 EVERY = 2000  # messages between two calls of progress
 XYZ = ("x", "y", "z")
@@ -46,33 +56,46 @@ class Topic:
 
     type: str
     types: Types
-    sources: list[tuple[Any, Any]]  # reader, connection
+    sources: list[tuple[Any, Channel]]  # storage, channel
 
     @property
     def count(self) -> int:
         """Number of messages, as the bag says."""
-        return sum(connection.msgcount for _, connection in self.sources)
+        return sum(channel.count for _, channel in self.sources)
 
 
 @dc.dataclass
 class Bag:
-    """An open bag."""
+    """An open bag. packed: every message of it is compressed by itself."""
 
     path: Path
-    ros1: bool
-    readers: list[Any]
+    budget: Budget
+    ros1: bool = False
+    packed: bool = False
+    storages: list[Any] = dc.field(default_factory=list)
     topics: dict[str, Topic] = dc.field(default_factory=dict)
     notes: list[str] = dc.field(default_factory=list)
 
     def messages(self, topics: list[str]) -> Iterator[tuple[str, int, bytes]]:
-        """Yield topic, time of receipt [ns] and bytes of all messages; a damaged end becomes a note."""
-        for reader in self.readers:
-            wanted = [c for t in topics for r, c in self.topics[t].sources if r is reader]
+        """Yield topic, time of receipt [ns] and bytes of all messages; a damaged end becomes a note.
+
+        Raises: LogError: beyond the budget.
+        """
+        for storage in self.storages:
+            wanted = [c for t in topics for s, c in self.topics[t].sources if s is storage]
             try:
-                for connection, time, raw in reader.messages(wanted) if wanted else ():
-                    yield connection.topic, time, raw
-            except Exception as error:  # whatever the library meets in damaged bytes
+                for channel, time, raw in storage.messages(wanted) if wanted else ():
+                    yield channel.topic, time, self._unpacked(raw) if self.packed else raw
+            except LogError:
+                raise
+            except Exception as error:  # whatever may be met in damaged bytes
                 self.notes.append(f"reading ended before the end of the bag ({_one_line(error)})")
+
+    def _unpacked(self, raw: bytes) -> bytes:
+        content = unpacked("zstd", raw, self.budget.block)
+        if len(content) > self.budget.block:
+            raise self.budget.too_large_block()
+        return content
 
 
 @contextlib.contextmanager
@@ -82,12 +105,16 @@ def _open(path: Path) -> Iterator[Bag]:
     except ImportError as error:
         raise LogError(f"{path}: ROS bags need rosbags: pip install 'np_drake[ros]'.") from error
     with contextlib.ExitStack() as stack:
+        bag = Bag(path, Budget(path))
         try:
-            bag = _open_bag(path)
-            for reader in bag.readers:
-                stack.callback(reader.close)
+            if path.is_dir():
+                _open_folder(bag, stack)
+            else:
+                _open_file(bag, path, stack)
             _find_topics(bag)
-        except Exception as error:  # whatever the library meets in damaged bytes
+        except LogError:
+            raise
+        except Exception as error:  # whatever may be met in damaged bytes
             raise LogError(f"{path}: must be a whole ROS bag; {_remedy(error)}") from error
         yield bag
 
@@ -96,94 +123,46 @@ def _remedy(error: Exception) -> str:
     return f"{_one_line(error)}. Copy it again, or mend it with `ros2 bag reindex` or `mcap recover`."
 
 
-def _open_bag(path: Path) -> Bag:
-    notes: list[str] = []
-    if path.is_file():
-        reader, ros1 = _open_file(path, notes)
-        return Bag(path, ros1, [reader], notes=notes)
-    from rosbags.rosbag2 import Reader
-
+def _open_folder(bag: Bag, stack: contextlib.ExitStack) -> None:
+    """Open the files that the description of a folder names, or all where it does not serve."""
     try:
-        reader = Reader(path)
-        reader.open()
-    except Exception as error:
-        files = sorted((f for f in path.iterdir() if f.suffix in (".mcap", ".db3")), key=_by_number)
+        files, mode = described(bag.path)
+    except (ValueError, OSError) as error:
+        files, mode = [f for f in bag.path.iterdir() if f.suffix in (".mcap", ".db3")], ""
+        files.sort(key=_by_number)
         if not files:
             raise
-        notes.append(f"metadata.yaml does not serve ({_one_line(error)}); its files are read one by one")
-        return Bag(path, False, _open_files(files, notes), notes=notes)
-    return Bag(path, False, [reader], notes=notes)
-
-
-def _open_files(files: list[Path], notes: list[str]) -> list[Any]:
-    """Return readers of the files that can be read.
-
-    Raises: the last error, if there is none.
-    """
-    readers, last = [], None
+        bag.notes.append(f"metadata.yaml does not serve ({_one_line(error)}); its files are read one by one")
+    bag.packed = mode == "message"
+    if mode == "file":
+        folder, take = Path(stack.enter_context(tempfile.TemporaryDirectory())), bag.budget.one_pass()
+    last = None
     for file in files:
         try:
-            readers.append(_open_file(file, notes)[0])
-        except Exception as error:
+            _open_file(bag, unpack(file, folder, take) if mode == "file" else file, stack)
+        except LogError:
+            raise
+        except Exception as error:  # whatever may be met in damaged bytes
             last = error
-            notes.append(f"{file.name} is left out ({_one_line(error)})")
-    if last and not readers:
+            bag.notes.append(f"{file.name} is left out ({_one_line(error)})")
+    if last and not bag.storages:
         raise last
-    return readers
 
 
-def _open_file(path: Path, notes: list[str]) -> tuple[Any, bool]:
-    """Return the reader of a file, and whether it is a bag of ROS 1."""
-    from rosbags.rosbag1 import Reader as Reader1
-    from rosbags.rosbag2 import Reader as Reader2
-
+def _open_file(bag: Bag, path: Path, stack: contextlib.ExitStack) -> None:
+    """Add the storage of a file to its bag."""
     with path.open("rb") as file:
         start = file.read(16)
-    ros1 = start.startswith(ROS1)
-    reader: Any
-    try:
-        reader = Reader1(path) if ros1 else Reader2(path)
-        reader.open()
-    except Exception:
-        if not (ros1 or start.startswith(MCAP)):
-            raise
-        reader = Ros1Scan(path) if ros1 else _open_cut_mcap(path)
-        notes.append(f"the end of {path.name} is cut off or damaged; its whole records are read")
-    return reader, ros1
-
-
-def _open_cut_mcap(path: Path) -> Any:
-    """Return a reader of an MCAP file without its end, which passes through all whole records."""
-    from rosbags.rosbag2.storage_mcap import McapReader
-
-    reader: Any = McapReader(path)
-    reader.bio = path.open("rb")
-    try:
-        reader.data_start = len(MCAP)
-        reader.data_end = _end_of_records(reader.bio, path.stat().st_size)
-        reader.meta_scan()
-        counts = reader.statistics.channel_message_counts
-        if not counts:
-            raise ValueError("no whole record of messages is in it")
-        reader.connections = [c._replace(msgcount=counts.get(c.id, 0)) for c in reader.connections]
-        reader.messages = reader.messages_scan
-    except BaseException:
-        reader.bio.close()
-        raise
-    return reader
-
-
-def _end_of_records(file: Any, size: int) -> int:
-    """Return the offset after the last whole record of data (a byte, the length in 8 bytes, the content)."""
-    at = len(MCAP)
-    while at + 9 <= size:
-        file.seek(at)
-        head = file.read(9)
-        end = at + 9 + int.from_bytes(head[1:], "little")
-        if head[0] in (0x00, 0x02, 0x0F) or end > size:  # no record, footer, end of the data
-            break
-        at = end
-    return at
+    note_input(path)
+    bag.ros1 = start.startswith(ROS1)
+    kind = next((k for magic, k in STORAGES.items() if start.startswith(magic)), None)
+    if kind is None:
+        raise ValueError(f"{path.name} is no file of a bag")
+    storage = kind(path, bag.budget)
+    stack.callback(storage.close)
+    if not storage.whole:
+        bag.notes.append(f"the end of {path.name} is cut off or damaged; its whole records are read")
+    bag.storages.append(storage)
 
 
 def _find_topics(bag: Bag) -> None:
@@ -192,20 +171,18 @@ def _find_topics(bag: Bag) -> None:
 
     known = get_typestore(Stores.ROS1_NOETIC if bag.ros1 else Stores.LATEST).fielddefs
     texts: dict[Any, Types] = {}
-    for reader in bag.readers:
-        for connection in reader.connections:
-            topic = bag.topics.get(connection.topic)
+    for storage in bag.storages:
+        for channel in storage.channels:
+            topic = bag.topics.get(channel.topic)
             if topic is None:
-                text = connection.msgtype, connection.msgdef
+                text = channel.type, channel.definition
                 if text not in texts:
-                    texts[text] = ChainMap(_types_of(connection), known)
-                topic = bag.topics[connection.topic] = Topic(connection.msgtype, texts[text], [])
-            if connection.msgtype == topic.type:
-                topic.sources.append((reader, connection))
+                    texts[text] = ChainMap(_types_of(channel), known)
+                topic = bag.topics[channel.topic] = Topic(channel.type, texts[text], [])
+            if channel.type == topic.type:
+                topic.sources.append((storage, channel))
             else:
-                bag.notes.append(
-                    f"{connection.topic}: its messages of type {connection.msgtype} are left out"
-                )
+                bag.notes.append(f"{channel.topic}: its messages of type {channel.type} are left out")
     for name, topic in list(bag.topics.items()):
         missing = missing_types(topic.types, topic.type)
         if missing:
@@ -213,15 +190,15 @@ def _find_topics(bag: Bag) -> None:
             del bag.topics[name]
 
 
-def _types_of(connection: Any) -> dict[str, Any]:
-    """Return the types that a connection defines; none where the library does not understand them."""
+def _types_of(channel: Channel) -> dict[str, Any]:
+    """Return the types that a channel defines; none where the library does not understand them."""
     from rosbags.typesys import get_types_from_idl, get_types_from_msg
 
-    kind, text = connection.msgdef.format.name, connection.msgdef.data
+    kind, text = channel.language, channel.definition
     found: dict[str, Any] = {}
     with contextlib.suppress(Exception):  # the types are missing then
         if kind == "MSG":
-            found.update(get_types_from_msg(text, connection.msgtype))
+            found.update(get_types_from_msg(text, channel.type))
         for part in text.split("=" * 80 + "\n") if kind == "IDL" else ():
             lines = part.split("\n", 1)
             found.update(get_types_from_idl(lines[-1] if lines[0].startswith("IDL: ") else part))
@@ -230,6 +207,7 @@ def _types_of(connection: Any) -> dict[str, Any]:
 
 def _contents(path: Path) -> Contents:
     found: dict[str, tuple[str, ...]] = {}
+    left = MOST_COLUMNS
     with _open(path) as bag:
         for name, topic in bag.topics.items():
             raw = next((raw for _, _, raw in bag.messages([name])), None)
@@ -239,8 +217,14 @@ def _contents(path: Path) -> Contents:
                 columns = find_fields(raw, topic.types, topic.type, ros1=bag.ros1).columns
                 if columns:
                     found[name] = columns
+                    left -= len(columns)
+            if left < 0:
+                raise LogError(
+                    f"{path}: must hold at most {MOST_COLUMNS} numbers by name. Keep fewer topics."
+                )
     if not found:
-        raise LogError(f"{path}: must hold messages with numbers of known types; there are none.")
+        why = f"; {bag.notes[-1]}" if bag.notes else ""
+        raise LogError(f"{path}: must hold messages with numbers of known types; there are none{why}.")
     return found
 
 
@@ -268,6 +252,17 @@ class _Rows:
         self.stamps.append(int(seconds) * 1_000_000_000 + int(nanoseconds))
         self.numbers.extend(numbers)
 
+    def sort(self) -> None:
+        """Put the messages into the order of their receipt; those of one time keep theirs."""
+        received = np.array(self.received)
+        if not (np.diff(received) < 0).any():
+            return
+        order = np.argsort(received, kind="stable")
+        numbers = np.frombuffer(self.numbers).reshape(len(order), len(self.columns))
+        self.received = array("q", received[order].tobytes())
+        self.stamps = array("q", np.array(self.stamps)[order].tobytes())
+        self.numbers = array("d", numbers[order].tobytes())
+
     @property
     def delay(self) -> int | None:
         """Median of stamp minus time of receipt [ns]; None where messages have no stamp."""
@@ -286,14 +281,20 @@ def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Re
             topic = bag.topics[name]
             rows[name] = _Rows(columns, Decoder(topic.types, topic.type, columns, ros1=bag.ros1))
         total = max(1, sum(bag.topics[name].count for name in wanted))
+        cells = cell_budget(path)
         for i, (name, time, raw) in enumerate(bag.messages(list(wanted))):
             rows[name].take(time, raw)
+            cells -= 2 + len(rows[name].columns)
+            if cells < 0:
+                raise too_many_cells(path)
             if i % EVERY == 0:
                 progress(min(1.0, i / total))
         progress(1.0)
         facts = {"ros": "1" if bag.ros1 else "2"}
         facts |= {f"type of {name}": bag.topics[name].type for name in wanted}
         notes = bag.notes + [f"{n}: {r.damaged} messages are damaged" for n, r in rows.items() if r.damaged]
+        for r in rows.values():
+            r.sort()
         times, clocks = _times(rows)
         streams = {name: _stream(r, times[name]) for name, r in rows.items()}
     lines = tuple(f"{path}: {note}" for note in [*dict.fromkeys(notes), *clocks])

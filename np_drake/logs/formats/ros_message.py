@@ -35,8 +35,10 @@ CODES = {
     "float64": "d",
 }
 LONGEST = 32  # elements of an array that become columns
-MOST_PARTS = 100_000  # messages within a message; more are damage
+MOST_PARTS = 100_000  # messages, texts and sequences within a message; more are damage
+MOST_NUMBERS = 10_000  # of a message that become columns; further ones are left out
 MOST_LAYOUTS = 256  # that are remembered
+MOST_PLACES = 300_000  # numbers and lengths of all remembered layouts together
 STAMP = ("header.stamp.sec", "header.stamp.nanosec")
 PADDING = "structure_needs_at_least_one_member"  # of empty types in ROS 2
 
@@ -58,7 +60,7 @@ class Fields:
 def find_fields(raw: bytes, types: Types, name: str, *, ros1: bool) -> Fields:
     """Return the fields of a message of a type.
 
-    Arrays longer than `LONGEST` and covariances are left out.
+    Arrays longer than `LONGEST`, covariances and numbers beyond `MOST_NUMBERS` are left out.
     Raises: ValueError: if the bytes are no message of the type.
     """
     return _Walk(raw, types, ros1).fields_of(name)
@@ -67,10 +69,12 @@ def find_fields(raw: bytes, types: Types, name: str, *, ros1: bool) -> Fields:
 def missing_types(types: Types, name: str) -> list[str]:
     """Return the names of the types that a type needs and that are not defined."""
     needed = [name]  # grows below
+    seen = {name}
     for known in needed:
         for _, (kind, what) in types[known][1] if known in types else ():
             inner = what[0] if kind in (ARRAY, SEQUENCE) else (kind, what)
-            if inner[0] == NAME and inner[1] not in needed:
+            if inner[0] == NAME and inner[1] not in seen:
+                seen.add(inner[1])
                 needed.append(inner[1])
     return [n for n in needed if n not in types]
 
@@ -81,6 +85,7 @@ class Decoder:
     def __init__(self, types: Types, name: str, wanted: list[str], *, ros1: bool) -> None:
         self.types, self.name, self.wanted, self.ros1 = types, name, wanted, ros1
         self.layouts: dict[tuple[int, bytes], list[_Layout]] = {}
+        self.places = 0  # in them
 
     def __call__(self, raw: bytes) -> tuple[float, ...]:
         """Return seconds and nanoseconds of the stamp (0 without), then the wanted numbers (NaN where not there).
@@ -92,8 +97,10 @@ class Decoder:
             if layout.lengths(raw) == layout.expected:
                 return layout.pick((*layout.numbers(raw), math.nan, 0))
         layout = self._learn(raw)
-        if sum(map(len, self.layouts.values())) >= MOST_LAYOUTS:
+        self.places += len(layout.expected) + len(self.wanted)
+        if sum(map(len, self.layouts.values())) >= MOST_LAYOUTS or self.places > MOST_PLACES:
             self.layouts.clear()
+            self.places = len(layout.expected) + len(self.wanted)
         self.layouts.setdefault(key, []).append(layout)
         return layout.pick((*layout.numbers(raw), math.nan, 0))
 
@@ -148,8 +155,8 @@ class _Walk:
         return self.fields
 
     def _message(self, name: str, path: str, keep: bool) -> None:
-        self.parts += 1
-        if self.parts > MOST_PARTS or path.count(".") > 20:
+        self._count_part()
+        if path.count(".") > 20:
             raise ValueError("the message has too many parts")
         if name not in self.types:
             raise ValueError(f"the type {name} is not defined")
@@ -189,9 +196,16 @@ class _Walk:
         self._align(size)
         at = self.at
         self._advance(size * count)
-        self.fields.numbers.update((p, (at + i * size, CODES[name])) for i, p in enumerate(paths))
+        if len(self.fields.numbers) + len(paths) <= MOST_NUMBERS:
+            self.fields.numbers.update((p, (at + i * size, CODES[name])) for i, p in enumerate(paths))
+
+    def _count_part(self) -> None:
+        self.parts += 1
+        if self.parts > MOST_PARTS:
+            raise ValueError("the message has too many parts")
 
     def _length(self) -> int:
+        self._count_part()
         self._align(4)
         at = self.at
         self._advance(4)

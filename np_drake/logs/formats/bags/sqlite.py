@@ -1,0 +1,92 @@
+"""Reads ROS 2 bags with sqlite3 storage: tables of topics, of messages and, since Iron, of definitions.
+
+Source: rosbag2, storage plugin sqlite3.
+"""
+
+import sqlite3
+from collections.abc import Collection, Iterator
+from pathlib import Path
+
+from np_drake.logs.formats.bags.budget import Budget, Channel
+
+MAGIC = b"SQLite format 3\0"
+LANGUAGES = {b"ros2msg": "MSG", b"ros2idl": "IDL"}
+
+
+class Sqlite:
+    """Channels and messages of a database."""
+
+    whole = True
+
+    def __init__(self, path: Path, budget: Budget) -> None:
+        """Find all topics and how many messages they have.
+
+        Raises: ValueError: if it is no such database; LogError: beyond the budget.
+        """
+        self._budget = budget
+        self._database = sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro&immutable=1", uri=True)
+        self._database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, budget.block)
+        self._database.text_factory = bytes
+        try:
+            self._database.execute("PRAGMA cache_size = -2000")  # [KiB] a file may ask for more
+            self.channels = self._channels()
+        except sqlite3.Error as error:
+            self.close()
+            raise ValueError(f"its tables cannot be read ({error})") from error
+        except BaseException:
+            self.close()
+            raise
+
+    def messages(self, channels: Collection[Channel]) -> Iterator[tuple[Channel, int, bytes]]:
+        """Yield channel, time of receipt [ns] and bytes of the messages, as they lie in the file.
+
+        Raises: ValueError: at damage; LogError: beyond the budget.
+        """
+        wanted, take = {c.number: c for c in channels}, self._budget.one_pass()
+        numbers = ",".join(map(str, wanted))
+        query = f"SELECT topic_id, timestamp, data FROM messages WHERE topic_id IN ({numbers})"
+        try:
+            for number, time, raw in self._database.execute(query):
+                if isinstance(raw, bytes):
+                    take(len(raw))
+                if number in wanted:
+                    yield wanted[number], time, raw
+        except sqlite3.DataError as error:  # a value beyond the limit that is set
+            raise self._budget.too_large_block() from error
+        except sqlite3.Error as error:
+            raise ValueError(str(error)) from error
+
+    def close(self) -> None:
+        """Close the file."""
+        self._database.close()
+
+    def _channels(self) -> list[Channel]:
+        counts = {}
+        definitions = self._definitions()
+        topics = {}
+        for number, topic, kind in self._database.execute("SELECT id, name, type FROM topics"):
+            if isinstance(number, int) and isinstance(topic, bytes) and isinstance(kind, bytes):
+                self._budget.add_channel()
+                topics[number] = self._budget.text(topic), self._budget.text(kind)
+        for number, count in self._database.execute(
+            "SELECT topic_id, count(*) FROM messages GROUP BY topic_id"
+        ):
+            if number in topics:
+                counts[number] = count
+        return [
+            Channel(number, topic, kind, *definitions.get(kind, ("", "")), counts.get(number, 0))
+            for number, (topic, kind) in topics.items()
+        ]
+
+    def _definitions(self) -> dict[str, tuple[str, str]]:
+        """Return language and definition by type; nothing where the bag is older than its table."""
+        query = "SELECT count(*) FROM sqlite_master WHERE type = 'table' AND name = 'message_definitions'"
+        if not self._database.execute(query).fetchone()[0]:
+            return {}
+        found: dict[str, tuple[str, str]] = {}
+        query = "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions ORDER BY id"
+        for kind, encoding, definition in self._database.execute(query):
+            if isinstance(kind, bytes) and isinstance(definition, bytes):
+                language = LANGUAGES.get(encoding, "") if isinstance(encoding, bytes) else ""
+                found.setdefault(self._budget.text(kind), (language, self._budget.text(definition)))
+        return found

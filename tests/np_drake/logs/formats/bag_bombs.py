@@ -1,0 +1,348 @@
+"""Makes small bags that ask much memory of their reader: what they unpack to, repeat or define has gigabytes."""
+
+import bz2
+import functools
+import json
+import sqlite3
+import struct
+from collections.abc import Callable
+from pathlib import Path
+
+import lz4.frame
+
+from np_drake.logs.formats.bags.budget import zstd as zstd_of_rosbags
+
+zstd = zstd_of_rosbags()
+PIECE = bytes(30 * 10**6)
+MANY = 40  # pieces; 1.2 GB
+TYPE = "made/msg/Bytes"
+DEFINITION = "uint8[] data\n"
+TIME = 10**9  # [ns]
+MCAP = b"\x89MCAP0\r\n"
+
+
+@functools.cache
+def pack(kind: str, start: bytes, pieces: int) -> bytes:
+    """Return `start` and that many pieces of zeros, compressed as one."""
+    if kind == "lz4":
+        compressor = lz4.frame.LZ4FrameCompressor()
+        first = compressor.begin()
+    else:
+        compressor = bz2.BZ2Compressor() if kind == "bz2" else zstd.ZstdCompressor()
+        first = b""
+    parts = [compressor.compress(start), *(compressor.compress(PIECE) for _ in range(pieces))]
+    return b"".join([first, *parts, compressor.flush()])
+
+
+def message1(data: bytes) -> bytes:
+    """Return a ROS 1 message of `DEFINITION`."""
+    return struct.pack("<I", len(data)) + data
+
+
+def message2(data: bytes) -> bytes:
+    """Return a ROS 2 message of `DEFINITION`."""
+    return b"\0\1\0\0" + struct.pack("<I", len(data)) + data
+
+
+def record1(fields: dict[str, bytes], data: bytes, size: int | None = None) -> bytes:
+    """Return a record of a ROS 1 bag. size: that it claims its data to have."""
+    header = b"".join(
+        struct.pack("<I", len(name) + 1 + len(value)) + name.encode() + b"=" + value
+        for name, value in fields.items()
+    )
+    length = len(data) if size is None else size
+    return struct.pack("<I", len(header)) + header + struct.pack("<I", length) + data
+
+
+def number(value: int) -> bytes:
+    """Return a number of 4 bytes."""
+    return struct.pack("<I", value)
+
+
+def bag1(
+    path: Path,
+    kind: str,
+    *,
+    pieces: int = MANY,
+    size: int | None = None,
+    cut: bool = False,
+    chunk_infos: int = 1,
+    entries: int = 1,
+) -> Path:
+    """Write a ROS 1 bag of one chunk: a message of 3 bytes and one of zeros.
+
+    size: that the chunk claims.   cut: without the index.   chunk_infos, entries: how often the index names them.
+    """
+    about = {
+        "topic": b"/a",
+        "type": b"made/Bytes",
+        "md5sum": b"0" * 32,
+        "message_definition": b"uint8[] data",
+    }
+    fields = record1(about, b"")[4:-4]
+    connection = record1({"op": b"\x07", "conn": number(0), "topic": b"/a"}, fields)
+    stamp = struct.pack("<II", 1, 0)
+    head = {"op": b"\x02", "conn": number(0), "time": stamp}
+    zeros = pieces * len(PIECE)
+    first = record1(head, message1(b"abc"))
+    start = first + record1(head, number(max(zeros - 4, 0)), zeros + 4) if zeros else first
+    content = pack(kind, start, pieces) if kind != "none" else start
+    claimed = len(start) + zeros if size is None else size
+    chunk = record1({"op": b"\x05", "compression": kind.encode(), "size": number(claimed)}, content)
+    before = b"#ROSBAG V2.0\n"
+    length = 4096 - len(
+        record1({"op": b"\x03", "index_pos": bytes(8), "conn_count": b"1234", "chunk_count": b"1234"}, b"")
+    )
+    position = len(before) + 4096
+    index = record1(
+        {"op": b"\x04", "ver": number(1), "conn": number(0), "count": number(entries)},
+        (stamp + number(0)) * entries,
+    )
+    info = record1(
+        {
+            **{"op": b"\x06", "ver": number(1), "chunk_pos": struct.pack("<Q", position)},
+            **{"start_time": stamp, "end_time": stamp, "count": number(1)},
+        },
+        number(0) + number(entries),
+    )
+    end = position + len(chunk) + len(index)
+    header = {"op": b"\x03", "index_pos": struct.pack("<Q", 0 if cut else end), "conn_count": number(1)}
+    opening = record1({**header, "chunk_count": number(chunk_infos)}, b" " * length)
+    chunk = (
+        record1({"op": b"\x05", "compression": b"none", "size": number(len(connection))}, connection) + chunk
+        if cut
+        else chunk
+    )
+    path.write_bytes(before + opening + chunk + index + (b"" if cut else connection + info * chunk_infos))
+    return path
+
+
+def text(value: str | bytes) -> bytes:
+    """Return a text with its length."""
+    raw = value.encode() if isinstance(value, str) else value
+    return struct.pack("<I", len(raw)) + raw
+
+
+def record2(code: int, content: bytes) -> bytes:
+    """Return a record of an MCAP file."""
+    return struct.pack("<BQ", code, len(content)) + content
+
+
+def schema2(definition: str = DEFINITION, number: int = 1, name: str = TYPE) -> bytes:
+    """Return a schema record."""
+    return record2(3, struct.pack("<H", number) + text(name) + text("ros2msg") + text(definition))
+
+
+def channel2(qos: str = "", number: int = 1, schema: int = 1, topic: str = "/a") -> bytes:
+    """Return a channel record."""
+    metadata = text(text("offered_qos_profiles") + text(qos))
+    return record2(4, struct.pack("<HH", number, schema) + text(topic) + text("cdr") + metadata)
+
+
+def row2(data: bytes, number: int = 1) -> bytes:
+    """Return a message record."""
+    return record2(5, struct.pack("<HIQQ", number, 0, TIME, TIME) + data)
+
+
+def chunk2(kind: str, packed: bytes, size: int) -> bytes:
+    """Return a chunk record."""
+    head = struct.pack("<QQQI", TIME, TIME, size, 0)
+    return record2(6, head + text(kind) + struct.pack("<Q", len(packed)) + packed)
+
+
+def mcap(
+    path: Path,
+    chunk: bytes,
+    size: int,
+    kind: str,
+    *,
+    end: str = "index",
+    known: bytes = schema2() + channel2(),
+    channels: int = 1,
+) -> Path:
+    """Write an MCAP file of one chunk. end: `index`, `footer` without one, or `cut`.   known: schemas and channels."""
+    opening = MCAP + record2(1, text("ros2") + text("made"))
+    body = record2(15, bytes(4)) if end != "cut" else b""
+    at = len(opening) + len(chunk) + len(body)
+    summary = b""
+    if end == "index":
+        places = b"".join(struct.pack("<HQ", k + 1, len(opening) + len(chunk)) for k in range(channels))
+        place = struct.pack("<QQQQ", TIME, TIME, len(opening), len(chunk)) + text(places)
+        place += (
+            struct.pack("<Q", 31 * channels)
+            + text(kind)
+            + struct.pack("<QQ", len(chunk) - 49 - len(kind), size)
+        )
+        counts = b"".join(struct.pack("<HQ", k + 1, 1) for k in range(channels))
+        facts = struct.pack("<QHIIIIQQ", channels, 1, channels, 0, 0, 1, TIME, TIME) + text(counts)
+        summary = known + record2(8, place) + record2(11, facts)
+    footer = record2(2, struct.pack("<QQI", at if summary else 0, 0, 0)) + MCAP if end != "cut" else b""
+    path.write_bytes(opening + chunk + body + summary + footer)
+    return path
+
+
+def mcap_zeros(path: Path, kind: str, *, size: int | None = None, end: str = "index") -> Path:
+    """Write an MCAP file whose chunk holds a small message and one of zeros. size: that the chunk claims."""
+    zeros = MANY * len(PIECE)
+    small = schema2() + channel2() + row2(message2(b"abc"))
+    large = (
+        struct.pack("<BQHIQQ", 5, 22 + 8 + zeros, 1, 0, TIME, TIME)
+        + message2(b"")[:4]
+        + struct.pack("<I", zeros)
+    )
+    claimed = len(small) + len(large) + zeros if size is None else size
+    return mcap(path, chunk2(kind, pack(kind, small + large, MANY), claimed), claimed, kind, end=end)
+
+
+def mcap_content(path: Path, content: bytes, *, known: bytes = schema2() + channel2(), **options) -> Path:
+    """Write an MCAP file of one chunk of zstd with this content after its schemas and channels."""
+    whole = known + content
+    return mcap(
+        path, chunk2("zstd", zstd.compress(whole), len(whole)), len(whole), "zstd", known=known, **options
+    )
+
+
+def bag_rows(path: Path) -> Path:
+    """Write 95 MB of equal messages of 32 bytes, every one a column of its own."""
+    return mcap_content(path, row2(message2(bytes(32))) * (95 * 10**6 // 71), end="index")
+
+
+def bag_columns(path: Path) -> Path:
+    """Write messages of parts in parts, with millions of numbers that would become columns."""
+    fields = "".join(f"bool a_rather_long_name_of_a_field_{k}\n" for k in range(64))
+    bar = "=" * 80 + "\n"
+    definition = f"Outer[] outer\n{bar}MSG: made/Outer\nInner[] inner\n{bar}MSG: made/Inner\nLeaf[] leaf\n"
+    definition += f"{bar}MSG: made/Leaf\n{fields}"
+    one = struct.pack("<I", 32)
+    leaf = one + bytes(32 * 64)
+    raw = b"\0\1\0\0" + one + 32 * (one + 32 * leaf)
+    known = schema2(definition) + channel2()
+    return mcap_content(path, row2(raw), known=known)
+
+
+def bag_lengths(path: Path) -> Path:
+    """Write a message of millions of empty strings."""
+    count = 20 * 10**6
+    return mcap_content(
+        path,
+        row2(b"\0\1\0\0" + struct.pack("<I", count) + bytes(4 * count)),
+        known=schema2("string[] data\n") + channel2(),
+    )
+
+
+def bag_definitions(path: Path) -> Path:
+    """Write a definition of types of many megabytes, without an index."""
+    definition = "".join(f"float64 field_{k}\n" for k in range(10**6))
+    return mcap_content(path, row2(message2(b"abc")), known=schema2(definition) + channel2(), end="footer")
+
+
+def bag_qos(path: Path) -> Path:
+    """Write a quality of service of many nodes of YAML."""
+    return mcap_content(path, row2(message2(b"abc")), known=schema2() + channel2("- a\n" * 2 * 10**6))
+
+
+def bag_channels(path: Path) -> Path:
+    """Write thousands of topics, every one with thousands of columns."""
+    fields = "".join(f"bool a_rather_long_name_of_a_field_{k}\n" for k in range(5000))
+    count = 3000
+    known = schema2(fields) + b"".join(channel2(number=k + 1, topic=f"/{k}") for k in range(count))
+    rows = b"".join(row2(b"\0\1\0\0" + bytes(5000), k + 1) for k in range(count))
+    return mcap_content(path, rows, known=known, channels=count)
+
+
+def database(
+    path: Path, data: str = "data BLOB NOT NULL", rows: int = 1, raw: bytes = message2(b"abc"), qos: str = ""
+) -> Path:
+    """Write a sqlite3 bag. data: the column of the messages.   raw: what stands in it, if it is no made one."""
+    with sqlite3.connect(path) as file:
+        file.execute("CREATE TABLE schema(schema_version INTEGER PRIMARY KEY, ros_distro TEXT)")
+        file.execute("INSERT INTO schema VALUES (4, 'jazzy')")
+        file.execute(
+            "CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT, type TEXT, serialization_format TEXT,"
+            " offered_qos_profiles TEXT, type_description_hash TEXT)"
+        )
+        file.execute("INSERT INTO topics VALUES (1, '/a', ?, 'cdr', ?, '')", (TYPE, qos))
+        file.execute(
+            "CREATE TABLE message_definitions(id INTEGER PRIMARY KEY, topic_type TEXT, encoding TEXT,"
+            " encoded_message_definition TEXT, type_description_hash TEXT)"
+        )
+        file.execute("INSERT INTO message_definitions VALUES (1, ?, 'ros2msg', ?, '')", (TYPE, DEFINITION))
+        file.execute(
+            f"CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER, timestamp INTEGER, {data})"
+        )
+        for _ in range(rows):
+            if "GENERATED" in data:
+                file.execute("INSERT INTO messages(topic_id, timestamp) VALUES (1, ?)", (TIME,))
+            else:
+                file.execute("INSERT INTO messages(topic_id, timestamp, data) VALUES (1, ?, ?)", (TIME, raw))
+    file.close()
+    return path
+
+
+def folder(path: Path, name: str, mode: str, storage: str = "sqlite3", qos: str = "") -> Path:
+    """Write the description of a folder of one file."""
+    topic = {"name": "/a", "type": TYPE, "serialization_format": "cdr", "offered_qos_profiles": qos}
+    about = {
+        **{"version": 6, "storage_identifier": storage, "relative_file_paths": [name], "message_count": 1},
+        **{"duration": {"nanoseconds": 0}, "starting_time": {"nanoseconds_since_epoch": TIME}},
+        **{"topics_with_message_count": [{"topic_metadata": topic, "message_count": 1}]},
+        **{"compression_format": "zstd" if mode else "", "compression_mode": mode, "files": []},
+    }
+    (path / "metadata.yaml").write_text(json.dumps({"rosbag2_bagfile_information": about}))
+    return path
+
+
+def message_mode(path: Path) -> Path:
+    """Write a folder whose one message unpacks to zeros."""
+    path.mkdir()
+    zeros = MANY * len(PIECE)
+    raw = pack("zstd", message2(b"")[:4] + struct.pack("<I", zeros), MANY)
+    database(path / "a.db3", raw=raw)
+    return folder(path, "a.db3", "message")
+
+
+def file_mode(path: Path) -> Path:
+    """Write a folder whose one file unpacks to a database and zeros."""
+    path.mkdir()
+    plain = database(path / "a.db3")
+    (path / "a.db3.zstd").write_bytes(pack("zstd", plain.read_bytes(), MANY))
+    plain.unlink()
+    return folder(path, "a.db3.zstd", "file")
+
+
+def long_metadata(path: Path) -> Path:
+    """Write a folder whose description has millions of nodes."""
+    path.mkdir()
+    database(path / "a.db3")
+    (path / "metadata.yaml").write_text("rosbag2_bagfile_information:\n" + "  - a\n" * 10**6)
+    return path
+
+
+BOMBS: dict[str, Callable[[Path], Path]] = {
+    "bag_bz2": lambda at: bag1(at / "a.bag", "bz2"),
+    "bag_lz4": lambda at: bag1(at / "a.bag", "lz4"),
+    "bag_bz2_claims_little": lambda at: bag1(at / "a.bag", "bz2", size=1000),
+    "bag_lz4_claims_little": lambda at: bag1(at / "a.bag", "lz4", size=1000),
+    "bag_bz2_cut": lambda at: bag1(at / "a.bag", "bz2", cut=True),
+    "bag_lz4_cut": lambda at: bag1(at / "a.bag", "lz4", cut=True),
+    "bag_index": lambda at: bag1(at / "a.bag", "none", pieces=0, chunk_infos=200, entries=400_000),
+    "mcap_zstd": lambda at: mcap_zeros(at / "a.mcap", "zstd"),
+    "mcap_lz4": lambda at: mcap_zeros(at / "a.mcap", "lz4"),
+    "mcap_zstd_claims_little": lambda at: mcap_zeros(at / "a.mcap", "zstd", size=1000),
+    "mcap_lz4_claims_little": lambda at: mcap_zeros(at / "a.mcap", "lz4", size=1000),
+    "mcap_zstd_no_index": lambda at: mcap_zeros(at / "a.mcap", "zstd", end="footer"),
+    "mcap_lz4_cut": lambda at: mcap_zeros(at / "a.mcap", "lz4", end="cut"),
+    "mcap_rows": lambda at: bag_rows(at / "a.mcap"),
+    "mcap_columns": lambda at: bag_columns(at / "a.mcap"),
+    "mcap_lengths": lambda at: bag_lengths(at / "a.mcap"),
+    "mcap_definitions": lambda at: bag_definitions(at / "a.mcap"),
+    "mcap_qos": lambda at: bag_qos(at / "a.mcap"),
+    "mcap_channels": lambda at: bag_channels(at / "a.mcap"),
+    "sqlite_message": lambda at: message_mode(at / "a"),
+    "sqlite_file": lambda at: file_mode(at / "a"),
+    "sqlite_metadata": lambda at: long_metadata(at / "a"),
+    "sqlite_generated": lambda at: database(
+        at / "a.db3", "data BLOB GENERATED ALWAYS AS (zeroblob(900000000))", rows=3
+    ),
+    "sqlite_qos": lambda at: database(at / "a.db3", qos="- a\n" * 2 * 10**6),
+}
