@@ -63,6 +63,7 @@ def evaluate(
     train, logs = choose_flights(list(train or ()), list(logs or ()), predictor, neurobem)
     if not train and not leave_one_out:
         predictor = predictor or packaged_model()
+    loaded = load(predictor) if predictor else {}
     from diagrams.cli.flights import open_flights, require_one_frame
 
     tests = open_flights(logs, vehicle, repair=repair)
@@ -88,11 +89,7 @@ def evaluate(
     windows: list[dict] = []
     distances: list[dict] = []
     for learned, held_out in folds:
-        models = (
-            load(predictor)
-            if predictor
-            else train_all(learned, step=step, seed=run.seed, epochs=epochs, names=names)
-        )
+        models = loaded or train_all(learned, step=step, seed=run.seed, epochs=epochs, names=names)
         known = train_baselines(learned, steps, step, also or (), run.seed)
         for zeta in MOTIONS:
             with counting(f"scoring, coming motion {zeta}") as on_model:

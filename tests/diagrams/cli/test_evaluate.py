@@ -53,6 +53,15 @@ def test_nothing_is_trained_on_a_log_in_which_nothing_moves_unless_forced(logs, 
     assert "must move" not in capsys.readouterr().err
 
 
+def test_a_bad_model_is_refused_before_a_scenario_is_flown(tmp_path, monkeypatch, capsys):
+    (tmp_path / "mine.yaml").write_text("duration: 0.5\n")
+    (tmp_path / "bad.safetensors").write_bytes(bytes(16))
+    monkeypatch.setattr("diagrams.cli.flights.simulated", lambda *_: pytest.fail("flown"))
+    command = ["evaluate", str(tmp_path / "mine.yaml"), "--predictor", str(tmp_path / "bad.safetensors")]
+    assert run(command) == 2
+    assert "bad.safetensors" in capsys.readouterr().err
+
+
 def test_a_log_at_rest_is_scored(logs, rest, capsys):
     assert run(["evaluate", rest, "--train", str(logs[0]), "--only", "default", "--epochs", "2"]) in (0, 1)
     assert "must move" not in capsys.readouterr().err
