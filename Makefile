@@ -41,10 +41,6 @@ fuzz: venv
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[fuzz]'
 	$(BIN)/python tests/fuzz/fuzz.py --seconds $(FUZZ_SECONDS) --out out/fuzz
 
-# Every verb of many cases, small: one process, two, a cluster of two, and after a kill. More than an hour.
-campaigns: venv
-	PYTHONPATH=. $(BIN)/python tests/campaigns/verbs_alike.py --out out/campaigns
-
 # All frozen diagnoses against their stored answers, the real flights too where NP_DRAKE_NEUROBEM names them.
 GOLDEN := tests/golden/answers.json
 golden: venv

@@ -12,9 +12,10 @@ Identity = tuple[int, int]  # device and inode of a file, the same for all its l
 
 @dc.dataclass
 class _Guard:
-    """Files that are read, and those that this run has written itself and may write again."""
+    """Files that are read, that are to be written, and that this run has written itself and may write again."""
 
     inputs: dict[Identity, Path] = dc.field(default_factory=dict)
+    outputs: set[str] = dc.field(default_factory=set)
     own: set[Identity] = dc.field(default_factory=set)
 
 
@@ -34,10 +35,17 @@ def guard_inputs(paths: Iterable[str | Path]) -> Iterator[None]:
 
 
 def note_input(path: str | Path) -> None:
-    """Add a file that is read; without effect outside `guard_inputs` and for a file of this run's own."""
+    """Add a file that is read; without effect outside `guard_inputs` and for a file of this run's own.
+
+    Raises: FileExistsError: if it is to be written, so that a run ends here, and not after its work.
+    """
     guard, file = _guard.get(), _identity(path)
-    if guard is not None and file is not None and file not in guard.own:
-        guard.inputs.setdefault(file, Path(path))
+    if guard is None or file is None or file in guard.own:
+        return
+    guard.inputs.setdefault(file, Path(path))
+    for output in guard.outputs:
+        if _identity(output) == file:
+            raise _is_read(output, path)
 
 
 def note_output(path: str | Path) -> None:
@@ -45,18 +53,25 @@ def note_output(path: str | Path) -> None:
     guard, file = _guard.get(), _identity(path)
     if guard is not None and file is not None:
         guard.own.add(file)
+        guard.outputs.discard(os.path.abspath(path))
 
 
 def require_no_input(path: str | Path) -> None:
-    """Check that a file to write is none that is read.
+    """Check that a file to write is none that is read, and let none that is read later be it.
 
     Raises: FileExistsError: if it is, also as a link to one.
     """
     guard, file = _guard.get(), _identity(path)
     source = guard.inputs.get(file) if guard is not None and file is not None else None
     if source is not None:
-        also = "" if os.path.abspath(source) == os.path.abspath(path) else f" (the same file as {source})"
-        raise FileExistsError(f"{path}: must not be a file that is read{also}. Choose another.")
+        raise _is_read(path, source)
+    if guard is not None and file is not None:
+        guard.outputs.add(os.path.abspath(path))
+
+
+def _is_read(path: str | Path, source: str | Path) -> FileExistsError:
+    also = "" if os.path.abspath(source) == os.path.abspath(path) else f" (the same file as {source})"
+    return FileExistsError(f"{path}: must not be a file that is read{also}. Choose another.")
 
 
 def _identity(path: str | Path) -> Identity | None:

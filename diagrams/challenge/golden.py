@@ -102,6 +102,8 @@ def answer_all(
     unknown = sorted(set(names) - set(cases))
     if unknown:
         raise ValueError(f"golden: {unknown[0]!r} must be a case; `golden --list` shows their names.")
+    if neurobem is not None:
+        agile_flights(neurobem)  # asks before long work
     tasks = [*names, *(f"{REAL}/{i}" for i in range(2) if neurobem is not None)]
     config = {"seed": SEED, "seconds": SECONDS, "neurobem": neurobem is not None}
     records = (workers or Workers()).run(

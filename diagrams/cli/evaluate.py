@@ -11,7 +11,7 @@ from diagrams.batch.failed_run import FailedRun
 from diagrams.cli import options
 from diagrams.cli.output import say
 from diagrams.cli.runner import Report, Run, counting, reports
-from diagrams.cli.train import LOG_HELP, behind_bar, train_reaction
+from diagrams.cli.train import LOG_HELP, Force, behind_bar, train_reaction
 
 if TYPE_CHECKING:
     from np_drake.logs.training_segments import Flight
@@ -49,6 +49,7 @@ def evaluate(
     step: options.Step = None,
     vehicle: options.VehicleFile = None,
     repair: options.Repair = False,
+    force: Force = False,
 ) -> Report:
     """Score predictors on flights; without any: train on the paper's segment, score on race track 1.
 
@@ -62,12 +63,14 @@ def evaluate(
     train, logs = choose_flights(list(train or ()), list(logs or ()), predictor, neurobem)
     if not train and not leave_one_out:
         predictor = predictor or packaged_model()
+    loaded = load(predictor) if predictor else {}
     from diagrams.cli.flights import open_flights, require_one_frame
 
     tests = open_flights(logs, vehicle, repair=repair)
     training = open_flights(train, vehicle, repair=repair)
     require_one_frame([*training, *tests])
     from diagrams.cli.scoring import distance_text, stability_text, tables
+    from np_drake.logs.training_segments import require_motion
     from np_drake.residual_models.flight_skill import (
         diverged,
         flight_stability,
@@ -79,15 +82,14 @@ def evaluate(
     step = step or sampling_period(tests[0].vehicle)
 
     folds = [([other for other in tests if other is not test], [test]) for test in tests]
+    folds = folds if leave_one_out else [(training, tests)]
+    for learned, _ in folds if not force else ():
+        require_motion(learned)
     rows: list[dict] = []
     windows: list[dict] = []
     distances: list[dict] = []
-    for learned, held_out in folds if leave_one_out else [(training, tests)]:
-        models = (
-            load(predictor)
-            if predictor
-            else train_all(learned, step=step, seed=run.seed, epochs=epochs, names=names)
-        )
+    for learned, held_out in folds:
+        models = loaded or train_all(learned, step=step, seed=run.seed, epochs=epochs, names=names)
         known = train_baselines(learned, steps, step, also or (), run.seed)
         for zeta in MOTIONS:
             with counting(f"scoring, coming motion {zeta}") as on_model:

@@ -1,6 +1,7 @@
 """Opens the flights that a verb was given, and prepares them for a predictor."""
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from diagrams.cli.output import progress, say
 from np_drake.logs.accelerations import with_accelerations
@@ -10,28 +11,28 @@ from np_drake.logs.open_log import is_neurobem, open_segments
 from np_drake.logs.training_segments import Flight, require_torque
 from np_drake.vehicle import Vehicle, load_vehicle
 
+if TYPE_CHECKING:
+    from diagrams.loop.flight import FlightConfig
+
 SCENARIOS = (".yaml", ".yml")  # files that are flown
 
 
 def open_flights(paths: list[Path], vehicle_file: Path | None, *, repair: bool = False) -> list[Flight]:
     """Open and check every file, and print what a reader derived or repaired.
 
-    Without a vehicle file: the published one for NeuroBEM files, the paper's for flight logs. A scenario file is flown.
+    Without a vehicle file: the published one for NeuroBEM files, the paper's for flight logs. A scenario file is flown,
+    once every other file is open.
     Raises: LogError, OSError: one line, at the first file that is not usable; ValueError: on a bad vehicle
     file, or if NeuroBEM arrays are mixed with logs.
     """
     vehicle = None if vehicle_file is None else load_vehicle(vehicle_file)
+    inputs = [
+        _scenario(path) if path.suffix in SCENARIOS else _opened(path, vehicle, repair=repair)
+        for path in paths
+    ]
     flights = []
-    for path in paths:
-        if path.suffix in SCENARIOS:
-            flights.append(simulated(path))
-            continue
-        own = vehicle or (published_vehicle() if is_neurobem(path) else Vehicle())
-        for data in open_segments(path, vehicle=vehicle, repair=repair):
-            if isinstance(data, FlightLog):
-                data = with_accelerations(require_torque(data))
-            say(*(f"{data.name}: {note}" for note in data.notes))
-            flights.append(Flight(data, own))
+    for path, found in zip(paths, inputs, strict=True):
+        flights += found if isinstance(found, list) else [simulated(path, found)]
     if vehicle is None and flights:
         used = sorted({f"{flight.vehicle.name}, {flight.vehicle.mass:g} kg" for flight in flights})
         say(f"vehicle: {'; '.join(used)}, as no --vehicle was given.")
@@ -39,15 +40,35 @@ def open_flights(paths: list[Path], vehicle_file: Path | None, *, repair: bool =
     return flights
 
 
-def simulated(scenario: Path) -> Flight:
-    """Fly a scenario with its own controller, on the training circle unless it names a reference, and return its log.
+def _scenario(path: Path) -> "FlightConfig":
+    """Return a scenario, on the training circle unless it names a reference.
 
-    Raises: ValueError: on a bad scenario; LostVehicle: if the flight fails.
+    Raises: ValueError: on a bad scenario.
     """
-    from diagrams.loop.flight_result import fly
     from diagrams.loop.training_flight import training_flight
 
-    config = training_flight(scenario)
+    return training_flight(path)
+
+
+def _opened(path: Path, vehicle: Vehicle | None, *, repair: bool) -> list[Flight]:
+    """Return the flights of a file, and print what a reader derived or repaired."""
+    own = vehicle or (published_vehicle() if is_neurobem(path) else Vehicle())
+    flights = []
+    for data in open_segments(path, vehicle=vehicle, repair=repair):
+        if isinstance(data, FlightLog):
+            data = with_accelerations(require_torque(data))
+        say(*(f"{data.name}: {note}" for note in data.notes))
+        flights.append(Flight(data, own))
+    return flights
+
+
+def simulated(scenario: Path, config: "FlightConfig") -> Flight:
+    """Fly a scenario with its own controller, and return its log.
+
+    Raises: LostVehicle: if the flight fails.
+    """
+    from diagrams.loop.flight_result import fly
+
     with progress(f"flying {config.name}", config.end) as advance:
         flight = fly(config, seed=0, monitor=advance)
     say(f"{scenario}: flown for {config.end:g} s with {config.controller.kind}, seed 0.")

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from diagrams.loop.flight_result import FlightResult
 
 
-@reports("fly", seed=0, out=options.Out, markdown=False)
+@reports("fly", seed=0, out=options.Out, markdown=False, holds=("mcap",))
 def fly(
     run: Run,
     experiment: Annotated[str, Argument(help="circle, lemniscate, hover, … or a scenario file (YAML).")],

@@ -16,6 +16,7 @@ from np_drake.interruption import Ended, last_signal, line
 PROGRAM = "np-drake"
 BAD_INPUT, FAILED, FAULT, INTERRUPTED = 2, 1, 70, 130
 DEBUG = "--debug"  # anywhere on the command line
+CASE_FILES = ("vehicle.yaml", "train_*", "heldout*")  # that a verb reads of a case folder
 OUTPUTS = ("--out", "--json", "--markdown", "--mcap", "--checkpoint")  # options whose file is written
 REPORT = "Please report it with this line and the command to the maintainers; --debug shows the traceback"
 
@@ -43,14 +44,23 @@ def run_app(app: typer.Typer, arguments: list[str]) -> int:
 
 
 def inputs_of(arguments: list[str]) -> list[Path]:
-    """Return the files that are named on the command line, but for those of options that write."""
+    """Return the files that are named on the command line, and those of case folders, but for options that write."""
     before = [PROGRAM, *arguments]
-    found = []
+    found: list[Path] = []
     for option, argument in zip(before, arguments, strict=False):
         name, _, value = argument.partition("=") if argument.startswith("--") else ("", "", argument)
-        if value and option not in OUTPUTS and name not in OUTPUTS and os.path.isfile(value):
+        if not value or option in OUTPUTS or name in OUTPUTS:
+            continue
+        if os.path.isfile(value):
             found.append(Path(value))
+        elif os.path.isdir(value):
+            found += _case_files(Path(value))
     return found
+
+
+def _case_files(folder: Path) -> list[Path]:
+    """Return the files of a case folder, or of all case folders in a folder; processes of their own may read them."""
+    return [path for name in CASE_FILES for depth in ("", "*/") for path in folder.glob(depth + name)]
 
 
 def _line_of(error: BaseException) -> tuple[str, int]:

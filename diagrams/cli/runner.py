@@ -88,6 +88,7 @@ def reports(
     many: bool = False,
     run: Callable[..., Any] = Run,
     first: Sequence[Shared] = (),
+    holds: Sequence[str] = (),
 ) -> Callable[[Callable[..., Report]], Callable[..., None]]:
     """Return a decorator that makes a verb of a body `(run, own options) -> Report`.
 
@@ -100,6 +101,7 @@ def reports(
         many: Whether the verb works on many cases: adds the options of its workers.
         run: Type of the body's first argument; takes the values of `first` by name.
         first: Options before the verb's own.
+        holds: Further options of the body, besides `WRITTEN`, whose file or folder it writes.
     """
     last: list[Shared] = [
         ("seed", options.Undrawn if seed is None else options.Seed, seed or 0),
@@ -117,7 +119,7 @@ def reports(
         @functools.wraps(body)
         def verb(**given: Any) -> None:
             files, flown = ({name: given.pop(name) for name, *_ in group} for group in (last, first))
-            written = {name: given[name] for name in WRITTEN if given.get(name) is not None}
+            written = {name: given[name] for name in (*WRITTEN, *holds) if given.get(name) is not None}
             paths = [path for name, path in written.items() if name in own_files]
             folders = [path for name, path in written.items() if name not in own_files]
             folders += [files["out"]] if files.get("out") else []
@@ -139,6 +141,18 @@ def reports(
         return verb
 
     return decorate
+
+
+@contextmanager
+def held_outputs(*files: Path | None, folder: Path | None = None) -> Iterator[None]:
+    """Check the outputs of a verb without a report, and hold them for itself until the end of the block.
+
+    Raises: as `output.require_outputs` and `lock_outputs`.
+    """
+    output.require_outputs(*files, folder=folder)
+    named = [file for file in files if file is not None and is_regular(file)]
+    with lock_outputs([] if folder is None else [folder], named):
+        yield
 
 
 def _workers(jobs: int, scheduler: str, out: Path | None) -> Workers:

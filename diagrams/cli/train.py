@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 LOG_HELP = "Flight logs (CSV, .csv.gz, Parquet), NeuroBEM CSV, or NeuroBEM arrays (.npy)."
+Force = Annotated[bool, Option("--force", help="Train though the vehicle moves in none of the logs.")]
 
 
 @reports("train", seed=0, markdown=False)
@@ -36,9 +37,7 @@ def train(
     step: options.Step = None,
     vehicle: options.VehicleFile = None,
     repair: options.Repair = False,
-    force: Annotated[
-        bool, Option("--force", help="Train though the vehicle moves in none of the logs.")
-    ] = False,
+    force: Force = False,
 ) -> Report:
     """Train a predictor; writes the model, and the loss curve as a PNG beside it."""
     if out.suffix != ".safetensors":

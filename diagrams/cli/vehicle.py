@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from typer import Argument, Option
 
-from diagrams.cli.output import Table, print_table, require_outputs, say
+from diagrams.cli.output import Table, print_table, say
+from diagrams.cli.runner import held_outputs
 
 if TYPE_CHECKING:
     from np_drake.vehicle import Vehicle
@@ -49,8 +50,6 @@ def new(
 
     The file states how well mass and thrust are known, which a diagnosis takes into account.
     """
-    require_outputs(out)
-    from np_drake.atomic_file import write_text
     from np_drake.vehicle_estimate import Measured, commented_file
 
     given_or_none = {"mass_uncertainty": mass_uncertainty, "thrust_uncertainty": thrust_uncertainty}
@@ -68,11 +67,19 @@ def new(
             raise ValueError(f"give {', '.join(sorted(missing))} as well, or --preset NAME.")
         measured = Measured(**measures, **stated, curve=throttle_curve)  # type: ignore[arg-type]
         text = commented_file(measured, name or "mine")
+    write_or_print(text, out)
+
+
+def write_or_print(text: str, out: Path | None) -> None:
+    """Write a vehicle file, while no other run writes it; print it where no file is named."""
+    from np_drake.atomic_file import write_text
+
     if out is None:
         say(text.rstrip("\n"))
-    else:
+        return
+    with held_outputs(out):
         write_text(out, text)
-        say(f"vehicle file: {out}")
+    say(f"vehicle file: {out}")
 
 
 @vehicle.command("list")

@@ -89,6 +89,23 @@ def _written(
     return seeds
 
 
+def _bags1(folder: Path) -> list[bytes]:
+    """Return ROS 1 bags with plain and packed chunks."""
+    path, made = folder / "a.bag", []
+    for compression in ("", "BZ2", "LZ4"):
+        writer("ros").write(path, ODOMETRY, compression=compression)
+        made.append(path.read_bytes())
+        path.unlink()
+    return made
+
+
+def _bags2(folder: Path) -> list[bytes]:
+    """Return MCAP files with plain and packed chunks."""
+    writer("ros").write(folder / "a.mcap", ODOMETRY)
+    writer("ros").write(folder / "bag", ODOMETRY, compression="storage")
+    return [path.read_bytes() for path in (folder / "a.mcap", folder / "bag" / "bag.mcap")]
+
+
 def _our_log(folder: Path) -> list[bytes]:
     return [_log_text(rows).encode() for rows in (3, ROWS)]
 
@@ -193,8 +210,8 @@ TARGETS = {
         Target(
             "crazyflie", "", open_any, _written("crazyflie", "log00", {"estPose": stream("stateEstimate.x")})
         ),
-        Target("ros1", ".bag", open_any, _written("ros", "a.bag", ODOMETRY)),
-        Target("ros2", ".mcap", open_any, _written("ros", "a.mcap", ODOMETRY)),
+        Target("ros1", ".bag", open_any, _bags1),
+        Target("ros2", ".mcap", open_any, _bags2),
         Target("sqlite", ".db3", open_any, _written("ros", "a.db3", ODOMETRY)),
         Target("log_map", ".yaml", load_map_file, _map),
         Target("vehicle", ".yaml", load_vehicle, _vehicle),

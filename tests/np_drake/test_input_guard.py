@@ -34,10 +34,26 @@ def test_no_name_of_an_input_is_written(log, kind):
 
 def test_a_file_is_an_input_once_it_is_read(log):
     with guard_inputs([]):
-        require_writable(log)
         read_json(log)
         with pytest.raises(FileExistsError):
             write_text(log, "2")
+
+
+def test_an_output_is_refused_when_it_is_read_and_not_first_when_it_is_written(log):
+    link = log.with_name("other.json")
+    link.symlink_to(log)
+    with guard_inputs([]):
+        require_writable(link)
+        with pytest.raises(FileExistsError, match=r"other\.json: must not be a file that is read .*log\.csv"):
+            read_json(log)
+
+
+def test_an_output_that_is_written_already_may_be_read(log):
+    with guard_inputs([]):
+        require_writable(log)
+        write_text(log, "2")
+        read_json(log)
+        write_text(log, "3")
 
 
 def test_a_result_that_is_kept_may_be_written_again(log):

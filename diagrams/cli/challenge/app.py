@@ -20,7 +20,7 @@ challenge.command("active")(active.active)
 
 
 @challenge.command("make")
-@reports("challenge_make", seed=0, markdown=False, many=True)
+@reports("challenge_make", seed=0, markdown=False, many=True, holds=("truth",))
 def make(
     run: Run,
     out: Annotated[Path, Option(metavar="DIR", help="Folder for the case folders.")],

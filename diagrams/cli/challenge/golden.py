@@ -1,13 +1,14 @@
 """`np-drake challenge golden`: frozen cases, answered and compared with reference answers."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from typer import Option
 
+from diagrams.batch.workers import Workers
 from diagrams.cli import options
-from diagrams.cli.output import require_outputs, say
-from diagrams.cli.runner import counting
+from diagrams.cli.output import say
+from diagrams.cli.runner import counting, held_outputs
 
 SHOWN = 20  # differences that are printed
 
@@ -27,23 +28,19 @@ def golden(
     seed: options.Undrawn = 0,
 ) -> None:
     """Fly and diagnose frozen cases; with --against FILE exit code 1 where an answer differs from it."""
-    require_outputs(out, folder=resume)
     from diagrams.batch.failed_run import FailedRun
-    from diagrams.batch.workers import Workers
     from diagrams.challenge import golden as check
 
     if names:
         say(*check.golden_cases())
         return
-    reference = check.read_answers(against) if against is not None else {}
-    chosen = only or list(check.golden_cases())
-    workers = Workers(jobs, scheduler, resume).check()
-    with counting("frozen cases", "cases") as on_progress:
-        answers = check.answer_all(chosen, neurobem=neurobem, workers=workers, on_progress=on_progress)
-    say(*workers.cost())
-    if out is not None:
-        check.write_answers(out, answers)
-        say(f"answers: {out}")
+    with held_outputs(out, folder=resume):
+        reference = check.read_answers(against) if against is not None else {}
+        workers = Workers(jobs, scheduler, resume).check()
+        answers = answer(only, neurobem, workers)
+        if out is not None:
+            check.write_answers(out, answers)
+            say(f"answers: {out}")
     if against is None:
         return
     common = [name for name in answers if name in reference]
@@ -53,3 +50,14 @@ def golden(
     say(f"{len(common)} answers compared with {against}, {len(differing)} differ by more than {tolerance:g}")
     if differing or not common:
         raise FailedRun(f"golden: {len(differing)} of {len(common)} answers differ.")
+
+
+def answer(only: list[str] | None, neurobem: Path | None, workers: Workers) -> dict[str, Any]:
+    """Return the answers to the named cases, or to all, and say what they cost."""
+    from diagrams.challenge import golden as check
+
+    chosen = only or list(check.golden_cases())
+    with counting("frozen cases", "cases") as on_progress:
+        answers = check.answer_all(chosen, neurobem=neurobem, workers=workers, on_progress=on_progress)
+    say(*workers.cost())
+    return answers

@@ -56,7 +56,7 @@ def real(
     cases = make_cases(folder, neurobem, only or ())
     other = None if beside is None else require_checkout(beside)
     simulated = simulated_names(answers, truth) if answers and truth else []
-    _require_logs(cases)
+    require_logs(cases)
     kept = None if run.out is None else run.folder / "answers"
     if kept is not None:
         kept.mkdir(exist_ok=True)
@@ -85,7 +85,7 @@ def real(
     )
 
 
-def _require_logs(cases: "list[Case]") -> None:
+def require_logs(cases: "list[Case]") -> None:
     """Open every log once before the long work.
 
     Raises: LogError: one line with file and reason, at the first that is not usable; OSError: if it cannot be opened.

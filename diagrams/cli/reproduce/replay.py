@@ -10,6 +10,7 @@ from diagrams.batch.workers import failures, require_result
 from diagrams.cli import options
 from diagrams.cli.columns import MISSING, tabulate
 from diagrams.cli.output import Table
+from diagrams.cli.reproduce.real import require_logs
 from diagrams.cli.runner import Report, Run, reports
 
 
@@ -36,7 +37,9 @@ def replay(
     from diagrams.challenge.real import replay as study
     from diagrams.challenge.real.cases import make_cases
 
-    cases = [{"group": c.group, "name": c.name} for c in make_cases(folder, neurobem, only or ())]
+    chosen = make_cases(folder, neurobem, only or ())
+    require_logs(chosen)
+    cases = [{"group": case.group, "name": case.name} for case in chosen]
     config: dict[str, Any] = {"folder": folder.name, "neurobem": neurobem and neurobem.name, "only": only}
     work = study.RealReplay(folder.resolve(), neurobem and neurobem.resolve())
     records = run.cases("replaying", "cases", work, cases, config=config)

@@ -19,10 +19,12 @@ from pathlib import Path
 
 import numpy as np
 
+from np_drake.input_file import cell_budget
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.dataflash_map import default_map
 from np_drake.logs.formats.format import Format
 from np_drake.logs.recording import Contents, Progress, Recording, Stream
+from np_drake.logs.text_lines import too_many_cells
 
 HEADER = b"\xa3\x95"  # begins every record; the type follows
 FMT = b"\xa3\x95\x80"
@@ -45,6 +47,7 @@ NUMBERS = {  # numpy type of a format character and the divisor of its values
     "E": ("<u4", 100.0),
     "L": ("<i4", 1e7),
 }
+MOST_INSTANCES = 256  # of a message; a byte numbers them
 TEXTS = {"n": 4, "N": 16, "Z": 64, "a": 64}  # bytes of the other characters; `a` is an array of 32 int16
 HEADERS = ("FMT", "FMTU", "UNIT", "MULT", "PARM", "MSG", "VER")  # messages about the log: no streams
 TIMES = {"TimeUS": 1e-6, "TimeMS": 1e-3}  # [s]
@@ -121,7 +124,7 @@ class Log(abc.ABC):
         if not message.instance:
             return []
         numbers = self.values(message, [message.instance])
-        return np.unique(numbers[np.abs(numbers) < 1 << 32]).astype(int).tolist()
+        return np.unique(numbers[np.abs(numbers) < 1 << 32]).astype(int).tolist()[:MOST_INSTANCES]
 
     def _mark_instances(self) -> None:
         numbers = {row["Type"]: row["Name"] for row in self.texts("FMT") if {"Type", "Name"} <= row.keys()}
@@ -293,12 +296,27 @@ def _contents(path: Path) -> Contents:
 
 def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Recording:
     log = _open(path, lambda share: progress(0.7 * share))
+    _require_cells(log, wanted)
     streams = {}
     for i, (name, columns) in enumerate(wanted.items(), start=1):
         streams[name] = _stream(log, name, columns)
         progress(0.7 + 0.3 * i / len(wanted))
     notes = (f"{path}: times are those since boot", *(f"{path}: {note}" for note in dict.fromkeys(log.notes)))
     return Recording(str(path), "dataflash", streams, _facts(log), notes)
+
+
+def _require_cells(log: Log, wanted: Mapping[str, list[str]]) -> None:
+    """Check how many numbers the wanted columns take: in text, a short line stands for all of them.
+
+    Raises: LogError: if they are too many for the size of the file.
+    """
+    widths: dict[str, int] = {}  # instances share the rows of their message
+    for name, columns in wanted.items():
+        message = name.partition(".")[0]
+        widths[message] = max(widths.get(message, 0), len(columns) + 2)
+    rows = {name: len(log.messages[name].starts) for name in widths if name in log.messages}
+    if sum(count * widths[name] for name, count in rows.items()) > cell_budget(log.path):
+        raise too_many_cells(log.path)
 
 
 def _stream(log: Log, name: str, columns: list[str]) -> Stream:

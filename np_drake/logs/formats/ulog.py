@@ -7,7 +7,10 @@ Streams bear the message's name (`vehicle_attitude`, a further instance `vehicle
 import contextlib
 import dataclasses as dc
 import io
+import itertools
 import re
+import struct
+from array import array
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -188,6 +191,7 @@ def _parse(path: Path, names: Sequence[str], progress: Progress) -> tuple[Any, l
             with contextlib.redirect_stdout(io.StringIO()):  # pyulog prints its warnings
                 file.seek(0)
                 head = pyulog.ULog(_Guarded(file, size, _silent), parse_header_only=True)
+                _require_onward(head)
                 fields = _field_counts(head.message_formats)
                 file.seek(0)
                 guarded = _Guarded(file, size, progress)
@@ -227,11 +231,31 @@ def _scanner(pyulog: Any, fields: Mapping[str, int], found: list[_Subscription])
                 subscription.rows += 1
             return bool(super().initialize(data, header, subscriptions, log))
 
+    lost = array("H")  # [ms]
+
+    class Dropout:
+        """Notes a duration in place of an object; damaged logs have millions."""
+
+        def __new__(cls, data: bytes, header: Any, timestamp: int) -> None:  # type: ignore[misc]
+            lost.append(struct.unpack("<H", data)[0])
+
     class Scanner(pyulog.ULog):  # type: ignore[misc]
         _MessageAddLogged = Added
         _MessageData = Row
+        MessageDropout = Dropout
+        durations_lost = lost
 
     return Scanner
+
+
+def _require_onward(head: Any) -> None:
+    """Check that data which are appended follow each other, so that nothing is read twice.
+
+    Raises: ValueError: if they do not.
+    """
+    offsets = head._appended_offsets
+    if any(b <= a for a, b in itertools.pairwise(offsets)):
+        raise ValueError("its appended data lead back")
 
 
 def _is_column(name: str, kind: str) -> bool:
@@ -330,10 +354,10 @@ def _damage(log: Any, guarded: _Guarded) -> Iterator[str]:
 
 
 def _dropouts(log: Any) -> Iterator[str]:
-    """Yield a note on what the logger lost; durations are in ms."""
-    lost = [dropout.duration / 1000 for dropout in log.dropouts]
-    if lost:
-        yield f"dropouts of the logger: {len(lost)}, {sum(lost):.3f} s together, the longest {max(lost):.3f} s."
+    """Yield a note on what the logger lost."""
+    lost = np.array(log.durations_lost) / 1000
+    if len(lost):
+        yield f"dropouts of the logger: {len(lost)}, {lost.sum():.3f} s together, the longest {lost.max():.3f} s."
 
 
 def _facts(log: Any) -> dict[str, str]:

@@ -246,3 +246,12 @@ def test_answers_survive_the_file(tmp_path_factory, answers):
     path = tmp_path_factory.mktemp("answers") / "golden.json"
     write_answers(path, answers)
     assert read_answers(path) == answers
+
+
+def test_real_flights_that_are_not_there_are_refused_before_any_case(tmp_path):
+    class Idle:
+        def run(self, *_, **__):
+            pytest.fail("begun")
+
+    with pytest.raises((ValueError, OSError)):
+        answer_all([], neurobem=tmp_path, workers=Idle())

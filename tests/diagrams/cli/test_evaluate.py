@@ -12,6 +12,7 @@ from diagrams.cli.main import run
 from diagrams.loop.controllers import DEFAULT_MODEL
 from np_drake.lifting.metrics.skill import NAIVE, UNTRAINED
 from np_drake.lifting.model.model_file import load_model
+from np_drake.logs.log_file import read_log, write_log
 from np_drake.logs.neurobem import RACE_TRACK, TRAINING
 
 TRAINED = ("DMDc", "delay DMDc", "ridge by horizon")
@@ -32,6 +33,44 @@ def command(logs, model, horizons, out):
 
 def rows_of(path):
     return json.loads(path.read_text())["rows"]
+
+
+@pytest.fixture
+def rest(logs, tmp_path):
+    """A log of noise in which nothing moves."""
+    draw, log = np.random.default_rng(0), read_log(logs[0])
+    noise = [deviation * draw.normal(size=(len(log), 3)) for deviation in (0.002, 0.02, 0.02, 0.1)]
+    log = dc.replace(log, **dict(zip(("p", "v", "w", "a"), noise, strict=True)))
+    write_log(log, tmp_path / "rest.csv")
+    return str(tmp_path / "rest.csv")
+
+
+def test_nothing_is_trained_on_a_log_in_which_nothing_moves_unless_forced(logs, rest, capsys):
+    command = ["evaluate", str(logs[1]), "--train", rest, "--only", "default", "--epochs", "2"]
+    assert run([*command, "--horizons", "1"]) == 2
+    assert "the vehicle must move in the logs" in capsys.readouterr().err
+    run([*command, "--horizons", "1", "--force"])
+    assert "must move" not in capsys.readouterr().err
+
+
+def test_a_bad_model_is_refused_before_a_scenario_is_flown(tmp_path, monkeypatch, capsys):
+    (tmp_path / "mine.yaml").write_text("duration: 0.5\n")
+    (tmp_path / "bad.safetensors").write_bytes(bytes(16))
+    monkeypatch.setattr("diagrams.cli.flights.simulated", lambda *_: pytest.fail("flown"))
+    command = ["evaluate", str(tmp_path / "mine.yaml"), "--predictor", str(tmp_path / "bad.safetensors")]
+    assert run(command) == 2
+    assert "bad.safetensors" in capsys.readouterr().err
+
+
+def test_a_log_at_rest_is_scored(logs, rest, capsys):
+    assert run(["evaluate", rest, "--train", str(logs[0]), "--only", "default", "--epochs", "2"]) in (0, 1)
+    assert "must move" not in capsys.readouterr().err
+
+
+def test_every_fold_needs_motion(logs, rest, capsys):
+    """The log that is left out is the only one that moves."""
+    assert run(["evaluate", str(logs[0]), rest, "--leave-one-out", "--epochs", "2"]) == 2
+    assert "the vehicle must move" in capsys.readouterr().err
 
 
 def test_a_predictor_is_scored_beside_the_naive_rows(logs, model, tmp_path, capsys):

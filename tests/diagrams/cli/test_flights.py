@@ -2,6 +2,8 @@
 
 import dataclasses as dc
 
+import pytest
+
 from diagrams.cli.flights import open_flights
 from np_drake.logs.log_file import write_log
 from np_drake.logs.neurobem import RACE_TRACK
@@ -40,3 +42,21 @@ def test_a_real_flight_is_labelled_with_the_published_vehicle(neurobem, capsys):
     assert "rotor_speed" in capsys.readouterr().out
     (array,) = open_flights([neurobem / "npy" / f"{RACE_TRACK}.npy"], None)
     assert array.frame == "body"
+
+
+def test_nothing_is_flown_before_every_file_is_open(logs, tmp_path, monkeypatch):
+    scenario = tmp_path / "mine.yaml"
+    scenario.write_text("duration: 0.5\n")
+    (tmp_path / "bad.csv").write_text("t,px\n0,1\n")
+    (tmp_path / "bad.yaml").write_text("duration: none\n")
+    monkeypatch.setattr("diagrams.cli.flights.simulated", lambda *_: pytest.fail("flown"))
+    for bad in ("bad.csv", "bad.yaml"):
+        with pytest.raises(ValueError, match=bad):
+            open_flights([scenario, tmp_path / bad], None)
+
+
+def test_flights_stand_in_the_order_of_their_files(logs, tmp_path):
+    scenario = tmp_path / "mine.yaml"
+    scenario.write_text("duration: 0.5\n")
+    dut = open_flights([scenario, logs[0]], None)
+    assert [len(flight.data) == 1500 for flight in dut] == [False, True]  # rows of the log

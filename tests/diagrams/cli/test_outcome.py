@@ -7,6 +7,7 @@ from diagrams.batch.failed_run import FailedRun
 from diagrams.cli import outcome as dut
 from diagrams.cli.main import run
 from np_drake.interruption import Ended
+from np_drake.logs import case_folder
 
 
 def failing(error):
@@ -103,3 +104,29 @@ def test_inputs_are_what_is_named_and_not_written(tmp_path, monkeypatch):
         (tmp_path / name).write_text("")
     line = ["fly", "a.csv", "--vehicle=b.yaml", "--json", "c.json", "--out=d.csv", "--seed", "3", "missing"]
     assert sorted(path.name for path in dut.inputs_of(line)) == ["a.csv", "b.yaml"]
+
+
+def test_the_files_of_case_folders_are_inputs(tmp_path):
+    names = [case_folder.VEHICLE, f"{case_folder.TRAIN}1.csv", f"{case_folder.HELD_OUT}.csv.gz"]
+    for folder in (tmp_path / "a", tmp_path / "set" / "b"):
+        folder.mkdir(parents=True)
+        for name in (*names, "diagnosis.json"):
+            (folder / name).touch()
+    line = ["diagnose", str(tmp_path / "a"), str(tmp_path / "set"), "--out", str(tmp_path / "a")]
+    assert sorted(path.name for path in dut.inputs_of(line)) == sorted(2 * names)
+    assert dut.inputs_of(["diagnose", "--out", str(tmp_path / "a")]) == []
+
+
+@pytest.mark.parametrize("verb", [["diagnose"], ["challenge", "solve", "--out", "answers"]])
+@pytest.mark.parametrize("name", ["vehicle.yaml", "train_1.csv", "heldout.csv"])
+def test_a_file_of_a_case_is_no_output_and_nothing_is_begun(tmp_path, monkeypatch, capsys, verb, name):
+    monkeypatch.chdir(tmp_path)
+    cases = tmp_path / "set" / "a"
+    cases.mkdir(parents=True)
+    for other in ("vehicle.yaml", "train_1.csv", "heldout.csv"):
+        (cases / other).write_text("as it was")
+    case = "set" if "solve" in verb else "set/a"
+    assert run([*verb, case, "--json", f"set/a/{name}"]) == 2
+    assert f"set/a/{name}: must not be a file that is read" in capsys.readouterr().err
+    assert (cases / name).read_text() == "as it was"
+    assert not (tmp_path / "answers").exists()

@@ -5,6 +5,7 @@ A chunk is decompressed only where what it claims is within the budgets, and nev
 
 import bz2
 import dataclasses as dc
+import functools
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -134,6 +135,7 @@ def _decompressor(kind: str) -> Any:
     raise ValueError(f"the compression {kind[:20]!r} is not known")
 
 
+@functools.cache
 def zstd() -> Any:
     """Return the module for zstd that rosbags brings; from Python 3.14 on it is Python's own."""
     try:

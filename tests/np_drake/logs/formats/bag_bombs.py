@@ -9,8 +9,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 import lz4.frame
-from backports import zstd
 
+from np_drake.logs.formats.bags.budget import zstd as zstd_of_rosbags
+
+zstd = zstd_of_rosbags()
 PIECE = bytes(30 * 10**6)
 MANY = 40  # pieces; 1.2 GB
 TYPE = "made/msg/Bytes"

@@ -249,3 +249,24 @@ def test_damage_ends_in_a_refusal_or_a_recording(data, text: bool, whole):
     for _ in range(data.draw(st.integers(0, 6)) if content else 0):
         content[data.draw(st.integers(0, min(len(content), 3000) - 1))] = data.draw(st.integers(0, 255))
     take(bytes(content))
+
+
+def test_short_lines_below_a_broad_definition_are_refused(tmp_path: Path):
+    """Every line of 4 bytes would become a row of 300 numbers."""
+    names = ",".join(f"c{k}" for k in range(300))
+    head = "FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns\n"
+    path = tmp_path / "a.log"
+    path.write_text(f"{head}FMT, 1, 26, A, Q{'B' * 300}, TimeUS,{names}\n" + "A,5\n" * 20_000)
+    columns = list(DATAFLASH.contents(path)["A"])
+    with pytest.raises(LogError, match=r"at most 4\.1 million numbers for its size"):
+        DATAFLASH.read(path, {"A": columns}, lambda share: None)
+    assert len(DATAFLASH.read(path, {"A": columns[:9]}, lambda share: None).streams["A"]) == 20_000
+
+
+def test_a_message_has_no_more_instances_than_a_byte_numbers(tmp_path: Path):
+    head = "FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns\n"
+    lines = "".join(f"IMU,5,{k},1\n" for k in range(1000))
+    path = tmp_path / "a.log"
+    head += "FMT, 1, 16, IMU, QBf, TimeUS,I,GyrX\nFMT, 2, 44, FMTU, QBNN, TimeUS,FmtType,UnitIds,MultIds\n"
+    path.write_text(f"{head}FMTU, 5, 1, s#E, F-0\n{lines}")
+    assert len(DATAFLASH.contents(path)) == 256

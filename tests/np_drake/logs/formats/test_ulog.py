@@ -3,6 +3,8 @@
 import builtins
 import contextlib
 import struct
+import subprocess
+import sys
 from pathlib import Path
 from types import ModuleType
 
@@ -290,3 +292,40 @@ def test_without_pyulog_the_error_says_how_to_install_it(log, monkeypatch):
     monkeypatch.setattr(builtins, "__import__", without)
     with pytest.raises(LogError, match=r"pip install 'np_drake\[ulog\]'"):
         ULOG.contents(log)
+
+
+PEAK = """
+import sys
+from pathlib import Path
+from np_drake.logs.errors import LogError
+from np_drake.logs.formats.ulog import ULOG
+try:
+    recording = ULOG.read(Path(sys.argv[1]), {"a": ["x"]}, lambda share: None)
+    print(*recording.notes)
+except LogError as error:
+    print(error)
+status = dict(line.split(":", 1) for line in open("/proc/self/status"))
+print(int(status["VmHWM"].split()[0]) // 1000)
+"""
+
+
+@pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="needs the peak memory of a process")
+@pytest.mark.parametrize(
+    ("offsets", "said"),
+    [((), "dropouts of the logger: 500000"), ((60, 90, 90), "its appended data lead back")],
+)
+def test_millions_of_dropouts_take_little_memory(tmp_path: Path, ulog_writer, offsets, said):
+    """A dropout has 5 bytes; an object for each, of data that are read four times, took 750 MB for 10 MB."""
+    flags = bytes(8) + bytes([bool(offsets)]) + bytes(7) + struct.pack("<QQQ", *(offsets or (0, 0, 0)))
+    content = ulog_writer.MAGIC + b"\x01" + bytes(8) + ulog_writer.message("B", flags)
+    content += ulog_writer.message("F", b"a:uint64_t timestamp;float x;")
+    content += ulog_writer.message("A", bytes(3) + b"a") + ulog_writer.message(
+        "D", struct.pack("<HQf", 0, 5, 1.0)
+    )
+    path = tmp_path / "a.ulg"
+    path.write_bytes(content + ulog_writer.message("O", struct.pack("<H", 1000)) * 500_000)
+    done = subprocess.run([sys.executable, "-c", PEAK, str(path)], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    words, peak = done.stdout.splitlines()
+    assert said in words
+    assert int(peak) < 130  # [MB]; NumPy and pyulog have 70
