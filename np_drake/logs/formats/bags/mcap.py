@@ -6,40 +6,35 @@ Source: MCAP format specification.
 """
 
 import itertools
-import mmap
 import struct
 import zlib
-from collections import Counter
 from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import Any
 
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.bags.budget import Budget, Channel, unpacked_exactly
+from np_drake.logs.formats.bags.mapped import MappedBag, Record
 
 MAGIC = b"\x89MCAP0\r\n"
 NONE, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, CHUNK_INDEX, STATISTICS, DATA_END = 0, 2, 3, 4, 5, 6, 8, 11, 15
 FOOTER_START = b"\x02\x14" + bytes(7)  # its kind and length
 FOOTER_SIZE = 29 + len(MAGIC)
 LANGUAGES = {"ros2msg": "MSG", "ros2idl": "IDL", "omgidl": "IDL"}
-Record = tuple[int, int, int]  # kind, start and end of the content
+Place = tuple[int, int, int]  # of a record: kind, start and end of the content
 
 
-class Mcap:
-    """Channels and messages of an MCAP file. whole: its end is there."""
+class Mcap(MappedBag):
+    """Channels and messages of an MCAP file."""
 
     def __init__(self, path: Path, budget: Budget) -> None:
         """Find all channels and how many messages they have.
 
         Raises: ValueError: if there is no message; LogError: beyond the budget.
         """
-        with path.open("rb") as file:
-            self._bytes = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
-        self._budget = budget
+        super().__init__(path, budget)
         self._schemas: dict[int, tuple[str, str, str]] = {}  # name, language, definition
         self._found: dict[int, tuple[str, int]] = {}  # topic, number of the schema
-        self._counts: Counter[int] = Counter()
-        self._chunks: list[tuple[int, frozenset[int]]] = []  # start of the record, channels in it
         summary = self._summary()
         self.whole = summary is not None
         if not summary or not self._read_index(summary):
@@ -48,21 +43,12 @@ class Mcap:
         if not self.channels:
             raise ValueError("no whole record of messages is in it")
 
-    def messages(self, channels: Collection[Channel]) -> Iterator[tuple[Channel, int, bytes]]:
-        """Yield channel, time of receipt [ns] and bytes of the messages, as they lie in the file.
-
-        Raises: ValueError: at a damaged chunk; LogError: beyond the budget.
-        """
-        wanted = {c.number: c for c in channels}
-        for data, kind, at, end in self._records(wanted.keys()):
-            if kind == MESSAGE and end - at >= 22:
-                number, _, time, _ = struct.unpack_from("<HIQQ", data, at)
-                if number in wanted:
-                    yield wanted[number], time, data[at + 22 : end]
-
-    def close(self) -> None:
-        """Close the file."""
-        self._bytes.close()
+    def _stamp(self, record: Record) -> tuple[int, int, int] | None:
+        data, kind, at, end = record
+        if kind != MESSAGE or end - at < 22:
+            return None
+        number, _, time, _ = struct.unpack_from("<HIQQ", data, at)
+        return number, time, at + 22
 
     def _summary(self) -> int | None:
         """Return where the summary begins, 0 where there is none; None where the end of the file is cut off."""
@@ -127,8 +113,7 @@ class Mcap:
         topic, schema = self._found[number]
         return Channel(number, topic, *self._schemas.get(schema, ("", "", "")), self._counts[number])
 
-    def _records(self, wanted: Collection[int]) -> Iterator[tuple[Any, int, int, int]]:
-        """Yield the records with the data in which they lie, those of chunks in place of them."""
+    def _records(self, wanted: Collection[int]) -> Iterator[Record]:
         take = self._budget.one_pass()
         for kind, at, end in self._top(frozenset(wanted)):
             if kind != CHUNK:
@@ -144,7 +129,7 @@ class Mcap:
                 raise ValueError("the checksum of a chunk is wrong")
             yield from ((data, *record) for record in _records(data, 0, size))
 
-    def _top(self, wanted: frozenset[int]) -> Iterator[Record]:
+    def _top(self, wanted: frozenset[int]) -> Iterator[Place]:
         """Yield the records of the file itself; with an index the chunks of the wanted channels alone, each once."""
         if not self._chunks:
             yield from _records(self._bytes, len(MAGIC), len(self._bytes))
@@ -152,7 +137,7 @@ class Mcap:
             yield from itertools.islice(_records(self._bytes, start, len(self._bytes)), 1)
 
 
-def _records(data: Any, at: int, size: int) -> Iterator[Record]:
+def _records(data: Any, at: int, size: int) -> Iterator[Place]:
     """Yield all whole records up to the end of the data, of the file or of its part with messages."""
     while at + 9 <= size:
         kind, length = struct.unpack_from("<BQ", data, at)

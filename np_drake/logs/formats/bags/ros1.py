@@ -6,40 +6,34 @@ first to the last whole one. Source: description of the bag format 2.0.
 """
 
 import itertools
-import mmap
 import struct
-from collections import Counter
 from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import Any
 
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.bags.budget import Budget, Channel, unpacked_exactly
+from np_drake.logs.formats.bags.mapped import MappedBag, Record
 
 MAGIC = b"#ROSBAG V"
 START = b"#ROSBAG V2.0\n"
 MESSAGE, HEADER, CHUNK, CHUNK_INFO, CONNECTION = b"\x02", b"\x03", b"\x05", b"\x06", b"\x07"  # values of `op`
 LONGEST_HEADER = 10**6  # [byte] of a record, own choice
 Fields = dict[bytes, bytes]
-Record = tuple[Fields, Any, int, int]  # fields of the header; where the data lie: in what, from, to
 
 
-class Ros1:
-    """Channels and messages of a bag. whole: its index is there."""
+class Ros1(MappedBag):
+    """Channels and messages of a bag, whose index is its end."""
 
     def __init__(self, path: Path, budget: Budget) -> None:
         """Find all connections and how many messages they have.
 
         Raises: ValueError: if there is no message; LogError: beyond the budget.
         """
-        with path.open("rb") as file:
-            self._bytes = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
+        super().__init__(path, budget)
         if self._bytes[: len(START)] != START:
             raise ValueError("it is no ROS bag of version 2.0")
-        self._budget = budget
         self._found: dict[int, tuple[str, str, str, str]] = {}  # topic, type, language, definition
-        self._counts: Counter[int] = Counter()
-        self._chunks: list[tuple[int, frozenset[int]]] = []  # start of the record, connections in it
         self.whole = self._read_index()
         if not self.whole:
             self._scan()
@@ -48,34 +42,25 @@ class Ros1:
         if not self.channels:
             raise ValueError("no whole message is in it")
 
-    def messages(self, channels: Collection[Channel]) -> Iterator[tuple[Channel, int, bytes]]:
-        """Yield channel, time of receipt [ns] and bytes of the messages, as they lie in the bag.
-
-        Raises: ValueError: at a damaged chunk; LogError: beyond the budget.
-        """
-        wanted = {c.number: c for c in channels}
-        for fields, data, at, end in self._records(wanted.keys()):
-            channel = wanted.get(_number(fields.get(b"conn", b"")))
-            time = fields.get(b"time", b"")
-            if channel and fields.get(b"op") == MESSAGE and len(time) == 8:
-                seconds, nanoseconds = struct.unpack("<II", time)
-                yield channel, seconds * 1_000_000_000 + nanoseconds, data[at:end]
-
-    def close(self) -> None:
-        """Close the file."""
-        self._bytes.close()
+    def _stamp(self, record: Record) -> tuple[int, int, int] | None:
+        _, fields, at, _ = record
+        time, number = fields.get(b"time", b""), fields.get(b"conn", b"")
+        if fields.get(b"op") != MESSAGE or len(time) != 8:
+            return None
+        seconds, nanoseconds = struct.unpack("<II", time)
+        return _number(number), seconds * 1_000_000_000 + nanoseconds, at
 
     def _read_index(self) -> bool:
         """Learn all from the records at the end of the bag; return whether they are there."""
         first = next(_records(self._bytes, len(START)), None)
-        if first is None or first[0].get(b"op") != HEADER:
+        if first is None or first[1].get(b"op") != HEADER:
             return False
-        header = first[0]
+        header = first[1]
         if header.get(b"encryptor"):
             raise ValueError("it is encrypted")
         start = int.from_bytes(header.get(b"index_pos", b""), "little")
         connections, chunks = 0, 0
-        for fields, data, at, end in _records(self._bytes, start) if start >= first[3] else ():
+        for data, fields, at, end in _records(self._bytes, start) if start >= first[3] else ():
             if fields.get(b"op") == CONNECTION:
                 connections += 1
                 self._learn(fields, data[at:end])
@@ -92,7 +77,7 @@ class Ros1:
     def _scan(self) -> None:
         """Learn all by a pass through the bag, up to the first damage."""
         try:
-            for fields, data, at, end in self._records(()):
+            for data, fields, at, end in self._records(()):
                 if fields.get(b"op") == MESSAGE:
                     self._counts[_number(fields.get(b"conn", b""))] += 1
                 elif fields.get(b"op") == CONNECTION:
@@ -123,10 +108,9 @@ class Ros1:
         self._chunks.append((int.from_bytes(fields.get(b"chunk_pos", b""), "little"), frozenset(counts)))
 
     def _records(self, wanted: Collection[int]) -> Iterator[Record]:
-        """Yield the records of the file, and of its chunks in place of them."""
         take = self._budget.one_pass()
         for record in self._top(frozenset(wanted)):
-            fields, data, at, end = record
+            data, fields, at, end = record
             if fields.get(b"op") != CHUNK:
                 yield record
                 continue
@@ -154,7 +138,7 @@ def _records(data: Any, at: int, size: int | None = None) -> Iterator[Record]:
         end = body + 4 + _number(data[body : body + 4])
         if end > size:
             return
-        yield _fields(data[at + 4 : body]), data, body + 4, end
+        yield data, _fields(data[at + 4 : body]), body + 4, end
         at = end
 
 
