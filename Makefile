@@ -46,6 +46,12 @@ GOLDEN := tests/golden/answers.json
 golden: venv
 	$(BIN)/np-drake challenge golden --against $(GOLDEN)
 
+# Every verb of many cases, small: one process, two, a cluster of two, and after a kill. More than an hour for all.
+# Real flights where NP_DRAKE_NEUROBEM and NP_DRAKE_REAL name them.
+VERBS ?=
+campaigns: venv
+	PYTHONPATH=. $(BIN)/python tests/campaigns/verbs_alike.py --out out/campaigns $(VERBS)
+
 format: venv
 	$(BIN)/ruff check --fix $(CODE)
 	$(BIN)/ruff format $(CODE)
