@@ -87,9 +87,7 @@ def fly(
     if mcap is not None:
         if sample is not None:
             raise ValueError("give either --mcap, which holds one flight, or --sample.")
-        require_mcap_output(
-            mcap, run.json, experiment, vehicle, reality, config.controller.predictor, config.reference.track
-        )
+        require_mcap_output(mcap)
     configs = [config] if sample is None else drawn(config, sample, run.seed)
     flights = [fly_live(config, run.seed)] if live else fly_all(configs, run.seed)
     if mcap is not None:
@@ -169,8 +167,8 @@ def _delay_found(flight: "FlightResult") -> list[str]:
     return [f"the controller takes commands to act {1e3 * flight.delay:.3g} ms late{more}"]
 
 
-def require_mcap_output(file: Path, *others: str | Path | None) -> None:
-    """Check before the flight that an MCAP file can be written and is none of the other files.
+def require_mcap_output(file: Path) -> None:
+    """Check before the flight that an MCAP file can be written.
 
     Raises: ValueError: if it is not so; OSError: if it cannot be written.
     """
@@ -181,10 +179,6 @@ def require_mcap_output(file: Path, *others: str | Path | None) -> None:
     require_writable(file)
     if file.suffix != ".mcap":
         raise ValueError(f"--mcap: must be a file whose name ends in .mcap; got {file}.")
-    if any(other and Path(other).resolve() == file.resolve() for other in others):
-        raise ValueError(
-            f"--mcap: must be a file of its own; {file} is another of this flight. Name a new one."
-        )
 
 
 def default_controller(config: "FlightConfig", predictor: Path | None) -> str:

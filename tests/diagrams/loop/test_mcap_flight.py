@@ -162,7 +162,7 @@ BAD = {  # further arguments: what the line says
     "folder": (["--mcap", "nowhere/a.mcap"], "nowhere must exist"),
     "suffix": (["--mcap", "a.csv"], "must be a file whose name ends in .mcap"),
     "model": (["--controller", "gp", "--predictor", "in.mcap", "--mcap", "in.mcap"], "in.mcap"),
-    "metrics": (["--json", "a.mcap", "--mcap", "./a.mcap"], "a.mcap is another of this flight"),
+    "metrics": (["--json", "a.mcap", "--mcap", "./a.mcap"], "a.mcap: must be named by one option alone"),
 }
 
 
@@ -179,13 +179,14 @@ def test_a_file_that_cannot_be_written_is_refused_before_the_flight(tmp_path, mo
     assert (tmp_path / "in.mcap").read_text() == "an input"
 
 
-def test_an_input_is_not_overwritten(tmp_path):
-    from diagrams.cli.fly import require_mcap_output
-
-    file = tmp_path / "vehicle.mcap"
-    file.write_text("name: mine\n")
-    with pytest.raises(ValueError, match="must be a file of its own"):
-        require_mcap_output(file, None, "", "circle", tmp_path / "x" / ".." / "vehicle.mcap")
+def test_an_input_is_not_overwritten(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "x").mkdir()
+    vehicle = tmp_path / "vehicle.mcap"
+    vehicle.write_text("name: mine\n")
+    assert run([*SHORT, "--vehicle", str(vehicle), "--mcap", "x/../vehicle.mcap"]) == 2
+    assert "vehicle.mcap" in capsys.readouterr().err.splitlines()[-1]
+    assert vehicle.read_text() == "name: mine\n"
 
 
 def test_without_the_extra_one_line_says_how_to_install_it(tmp_path, monkeypatch, capsys):
