@@ -48,7 +48,7 @@ VERBS: dict[str, Verb] = {
     "reproduce gap": Verb("--neurobem {neurobem}"),
     "reproduce mhe": Verb("--neurobem {arrays}", times=frozenset({"step_time", "exact", "program"})),
     "reproduce theorem": Verb("--neurobem {arrays} --spacing 1000"),
-    "reproduce estimation": Verb("--neurobem {arrays}"),
+    "reproduce estimation": Verb("--neurobem {neurobem}"),
     "reproduce sample-efficiency": Verb("--neurobem {arrays}"),
     "reproduce response": Verb("--neurobem {arrays}"),
     "reproduce payload-flights": Verb(

@@ -94,7 +94,7 @@ class Alike:
                     break
                 time.sleep(0.005)
             os.killpg(running.pid, signal.SIGKILL)
-        kept = {path: path.stat().st_mtime_ns for path in self._finished(KILLED)}
+        kept = {path: path.stat().st_mtime_ns for path in self._finished(KILLED) if has_result(path)}
         if running.returncode != -signal.SIGKILL or not 0 < len(kept) < every:
             raise RuntimeError(f"{self.name}: killed with {len(kept)} of {every} cases finished.")
         return kept
@@ -109,6 +109,11 @@ class Alike:
             if path.is_file()
             and not path.name.startswith(".")  # a killed writer's temporary file, never read
         }
+
+
+def has_result(path: Path) -> bool:
+    """Return whether a case is done; one whose worker the kill reached first has an error, and is worked on again."""
+    return path.suffix != ".json" or "error" not in json.loads(path.read_text())
 
 
 def read(path: Path, verb: Verb, out: str) -> Any:
