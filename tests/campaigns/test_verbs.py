@@ -38,3 +38,12 @@ def test_times_alone_are_left_out():
 def test_a_column_of_times_ends_with_its_table():
     text = "| row | s |\n|---|---|\n| a | 1 |\n\nbelow | 1"
     assert [row[-2:] for row in cells(text, ("s",)) if "1" in row] == [["below", "1"]]
+
+
+def test_a_row_of_times_keeps_its_name_and_its_neighbours():
+    text = "| line | seen |\n|---|---|\n| right | 6 |\n| seconds | 1 |\n| wrong | 0 |"
+    assert [row[1:-1] for row in cells(text, (), ("seconds",))][2:] == [
+        ["right", "6"],
+        ["seconds", TIME],
+        ["wrong", "0"],
+    ]

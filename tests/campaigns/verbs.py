@@ -13,7 +13,7 @@ class Verb:
     arguments, places: words of the command line; {out}, {neurobem}, {real}, {set} (of a challenge) and {arrays} (short
     made flights in the place of the real ones of {neurobem}) stand for folders.
     finished: pattern of the file that a case ends with, in {out}.   times: names of values in JSON files that are
-    wall or processor times, or count what lasts longer than a period.   columns: of the Markdown tables, that are.
+    wall or processor times, or count what lasts longer than a period.   columns, rows: of the Markdown tables, that are.
     """
 
     arguments: str
@@ -21,6 +21,7 @@ class Verb:
     finished: str = "cases/**/*.json"
     times: frozenset[str] = frozenset()
     columns: tuple[str, ...] = ()
+    rows: tuple[str, ...] = ()
 
     def needs(self, folder: str) -> bool:
         """Return whether the command line names the folder."""
@@ -65,7 +66,11 @@ VERBS: dict[str, Verb] = {
     "reproduce robustness": Verb("--seeds 1 --only np --axis loss --duration 10", times=FLIGHT),
     "reproduce margins": Verb("--seeds 1 --only hold", times=FLIGHT),
     "reproduce faults": Verb("--flights 4 --only nominal", times=FLIGHT),
-    "reproduce real": Verb("{real} --only wind"),
+    "reproduce real": Verb(
+        "{real} --only wind",
+        times=frozenset({"wall", "processor"}),
+        rows=("seconds a case, median", "seconds of the processor a case, median"),
+    ),
     "reproduce vehicles": Verb("--seeds 1 --vehicle 35g --track circle --duration 10 --only hold"),
     "reproduce closing": Verb("--seeds 2"),
     "reproduce replay": Verb("{real} --only wind"),

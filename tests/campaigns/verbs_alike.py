@@ -121,7 +121,7 @@ def read(path: Path, verb: Verb, out: str) -> Any:
     if path.suffix == ".json":
         return timeless(json.loads(path.read_text().replace(out, "OUT")), verb.times | SECONDS)
     if path.suffix == ".md":
-        return cells(path.read_text(), verb.columns)
+        return cells(path.read_text(), verb.columns, verb.rows)
     return path.read_bytes()
 
 
@@ -136,14 +136,15 @@ def timeless(value: Any, times: frozenset[str]) -> Any:
     return [timeless(item, times) for item in value] if isinstance(value, list) else value
 
 
-def cells(text: str, columns: tuple[str, ...]) -> list[list[str]]:
-    """Return the lines of Markdown as cells, without those in columns of times."""
+def cells(text: str, columns: tuple[str, ...], rows: tuple[str, ...] = ()) -> list[list[str]]:
+    """Return the lines of Markdown as cells, without those in columns and rows of times."""
     lines, left_out = [], set()
     for line in text.splitlines():
         row = [cell.strip() for cell in line.split("|")]
         found = {number for number, cell in enumerate(row) if cell in columns}
         left_out = found or (left_out if line.startswith("|") else set())
-        lines.append([TIME if number in left_out else cell for number, cell in enumerate(row)])
+        of_times = range(2, len(row)) if len(row) > 1 and row[1] in rows else left_out
+        lines.append([TIME if number in of_times else cell for number, cell in enumerate(row)])
     return lines
 
 
