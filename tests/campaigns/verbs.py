@@ -13,7 +13,7 @@ class Verb:
     arguments, places: words of the command line; {out}, {neurobem}, {real}, {set} (of a challenge) and {arrays} (short
     made flights in the place of the real ones of {neurobem}) stand for folders.
     finished: pattern of the file that a case ends with, in {out}.   times: names of values in JSON files that are
-    wall or processor times, or count what lasts longer than a period.   columns, rows: of the Markdown tables, that are.
+    wall or processor times, or count what lasts longer than a period.   columns, rows: of Markdown tables, that are.
     """
 
     arguments: str
@@ -68,7 +68,8 @@ VERBS: dict[str, Verb] = {
     "reproduce faults": Verb("--flights 4 --only nominal", times=FLIGHT),
     "reproduce real": Verb(
         "{real} --only wind",
-        times=frozenset({"wall", "processor"}),
+        times=frozenset({"wall", "processor", "processor_seconds"}),
+        columns=("s",),
         rows=("seconds a case, median", "seconds of the processor a case, median"),
     ),
     "reproduce vehicles": Verb("--seeds 1 --vehicle 35g --track circle --duration 10 --only hold"),
