@@ -2,6 +2,7 @@
 
 import dataclasses as dc
 import re
+import warnings
 from collections import deque
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
@@ -89,6 +90,8 @@ def _pool(
     """
     from joblib.externals.loky import ProcessPoolExecutor  # takes a while: not where one process is enough
 
+    # A process that has grown is replaced between two cases, which loses none.
+    warnings.filterwarnings("ignore", "A worker stopped while some jobs")
     pool = ProcessPoolExecutor(max_workers=min(jobs, len(waiting)), env=ONE_THREAD)
     running: dict[Future, Numbered] = {}
     suspects: list[Numbered] = []

@@ -4,7 +4,10 @@ import os
 import signal
 import subprocess
 import sys
+import time
+import warnings
 
+import numpy as np
 import pytest
 
 from diagrams.batch.processes import DeadProcess, as_they_finish, in_order
@@ -53,6 +56,19 @@ def test_processes_that_die_lose_their_own_cases_only(tmp_path):
     assert tries["1"] in (2, 3)  # once beside others, perhaps again as another died, once alone
     with pytest.raises(DeadProcess):
         dut[1].unwrap()
+
+
+def test_a_process_that_grew_is_replaced_without_a_word():
+    def work(case):
+        sys.grown = np.ones(50_000_000 if case else 0)  # 400 MB; loky lets a process grow by less
+        time.sleep(1.1)  # it looks at its size at most once a second
+        return case
+
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        dut = dict(as_they_finish(work, range(4), jobs=1, isolated=True))
+    assert {number: outcome.unwrap() for number, outcome in dut.items()} == {n: n for n in range(4)}
+    assert not told
 
 
 def test_isolated_work_never_runs_in_this_process():
