@@ -7,6 +7,7 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from importlib.metadata import version
+from os.path import lexists
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -137,9 +138,9 @@ def require_folder(path: Path) -> None:
 
     Raises: OSError: if it will not.
     """
-    there = next(folder for folder in (path.absolute(), *path.absolute().parents) if folder.exists())
+    there = next(folder for folder in (path.absolute(), *path.absolute().parents) if lexists(folder))
     if not there.is_dir():
-        raise NotADirectoryError(f"{there}: must be a folder; it is a file.")
+        raise NotADirectoryError(f"{there}: must be a folder; it is a file, or a link to nothing.")
     require_writable(there / "any")
 
 
