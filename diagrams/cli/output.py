@@ -45,7 +45,7 @@ def progress(description: str, total: float) -> Iterator[Advance]:
     """Show a progress bar on stderr and yield `advance(done, text)`.
 
     `done` counts up to `total`; `text` stands behind the bar. Where stderr is no terminal nothing moves: the
-    bar is printed once, at its end.
+    bar is printed once, at its end, and not at all where an error ends it.
     """
     columns = (
         TextColumn("{task.description}"),
@@ -62,7 +62,11 @@ def progress(description: str, total: float) -> Iterator[Advance]:
             raise_again()
             bar.update(task, completed=done, text=text)
 
-        yield advance
+        try:
+            yield advance
+        except BaseException:  # of which one line is said, where nobody watches the bar
+            bar.console.quiet = not bar.console.is_interactive
+            raise
 
 
 def counted(advance: Advance, what: str = "") -> Callable[[int, int], None]:

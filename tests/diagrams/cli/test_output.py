@@ -59,3 +59,14 @@ def test_a_link_to_nothing_is_no_folder(target, tmp_path):
     (tmp_path / "link").symlink_to(target)
     with pytest.raises(NotADirectoryError, match="must be a folder"):
         dut.require_folder(tmp_path / "link" / "sub")
+
+
+def test_progress_that_an_error_ends_leaves_no_line(capsys):
+    def work():
+        with dut.progress("work", 2.0) as advance:
+            advance(1.0)
+            raise ValueError("bad")
+
+    with pytest.raises(ValueError, match="bad"):
+        work()
+    assert capsys.readouterr().err == ""
