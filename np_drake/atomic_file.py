@@ -31,7 +31,7 @@ def require_writable(path: str | Path) -> Path:
         return path
     if path.is_dir():
         raise IsADirectoryError(f"{path}: must be a file to write; it is a folder.")
-    folder = path.resolve().parent  # of the file itself, where the path is a link
+    folder = _resolved(path).parent  # of the file itself, where the path is a link
     if not folder.is_dir():
         raise FileNotFoundError(f"{path}: the folder {folder} must exist; create it or choose another.")
     if path.exists() and not stat.S_ISREG(path.stat().st_mode):
@@ -118,6 +118,17 @@ def plain(value: Any) -> Any:
 def is_regular(path: Path) -> bool:
     """Return whether a path is that of an ordinary file, or of nothing yet."""
     return path.is_file() or not path.exists()
+
+
+def _resolved(path: Path) -> Path:
+    """Return where a path leads, through its links.
+
+    Raises: OSError: if they lead to themselves.
+    """
+    try:
+        return path.resolve()
+    except RuntimeError as error:
+        raise OSError(f"{path}: must not be symbolic links in a circle. Choose another.") from error
 
 
 def _is_sink(path: Path) -> bool:

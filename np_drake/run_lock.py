@@ -25,7 +25,7 @@ def lock_outputs(folders: Iterable[Path], files: Iterable[Path] = ()) -> Iterato
     Raises: Occupied: if another run holds one of them; OSError: if there is no place for the lock file.
     """
     with ExitStack() as held:
-        for folder in folders:
+        for folder in {folder.resolve(): folder for folder in folders}.values():
             held.enter_context(_made(folder))
             held.enter_context(_locked(folder / NAME, folder))
         for file in files:

@@ -8,6 +8,7 @@ import dataclasses as dc
 import math
 
 from np_drake.vehicle import Vehicle
+from np_drake.yaml_text import quoted
 
 AIR = 1.225  # density at sea level, 15 °C [kg/m³]
 GRAVITY = 9.81  # [m/s²]
@@ -103,8 +104,8 @@ def commented_file(measured: Measured, name: str = "mine") -> str:
     return f"""\
 # Vehicle file of an X quadrotor, estimated from mass, wheelbase, propeller and hover throttle. Replace an estimate
 # by a measured value where there is one; docs/reference/vehicle-file.md lists all fields.
-name: {name}
-mass: {m.mass:g} # given: with battery, without payload [kg]
+name: {quoted(name)}
+mass: {m.mass:.15g} # given: with battery, without payload [kg]
 {known[0]}
 # About the centre of mass, body axes [kg·m²]. Estimated: {100 * AT_ROTORS:g} % of the mass at the four rotors,
 # the rest a solid cylinder whose radius and height are half an arm.
@@ -139,8 +140,8 @@ def uncertainty_lines(measured: Measured) -> tuple[str, str]:
         "# rotor speed is off by as much. Thrust that is logged in newtons is known better: state its own."
     )
     return (
-        f"mass_uncertainty: {m.mass_uncertainty:g} # {scale}; standard deviation over the value [1]",
-        f"{thrust}\nthrust_uncertainty: {m.thrust_uncertainty:g}",
+        f"mass_uncertainty: {m.mass_uncertainty:.15g} # {scale}; standard deviation over the value [1]",
+        f"{thrust}\nthrust_uncertainty: {m.thrust_uncertainty:.15g}",
     )
 
 

@@ -41,6 +41,11 @@ def read_yaml(path: str | Path, *, longest: int = MAX_SCALAR) -> Any:
     return yaml.safe_load(read_yaml_text(path, longest=longest))
 
 
+def quoted(text: str) -> str:
+    """Return a text as a YAML value on one line, which any reader takes for that text."""
+    return yaml.safe_dump(text, default_style='"', allow_unicode=True, width=float("inf")).strip()
+
+
 def require_modest(text: str, *, longest: int = MAX_SCALAR) -> None:
     """Check a YAML text event by event, before anything is made of it.
 

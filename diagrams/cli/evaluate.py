@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 CONFIGURATIONS = ("paper", "default")  # that are trained unless some are named
 PENDULUM = "pendulum"  # trained where it is named
 HORIZONS = "1,5,10,20,40"
+FARTHEST = 10**6  # steps ahead, own choice; flights are shorter
 MOTIONS = ("held", "known")  # what a forecast knows of the coming zeta
 
 
@@ -115,11 +116,13 @@ def evaluate(
 def parse_horizons(text: str) -> list[int]:
     """Return the steps ahead, ascending.
 
-    Raises: ValueError: if one is no positive whole number.
+    Raises: ValueError: if one is no positive whole number, or beyond any flight.
     """
     parts = [part.strip() for part in text.split(",")]
-    if not all(part.isdecimal() and int(part) > 0 for part in parts):
-        raise ValueError(f"--horizons: must be positive whole numbers of steps, as {HORIZONS}; got {text!r}.")
+    if not all(part.isdecimal() and 0 < int(part) <= FARTHEST for part in parts):
+        raise ValueError(
+            f"--horizons: must be positive whole numbers of steps, at most {FARTHEST}, as {HORIZONS}; got {text!r}."
+        )
     return sorted({int(part) for part in parts})
 
 

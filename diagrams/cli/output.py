@@ -7,6 +7,7 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from importlib.metadata import version
+from os.path import lexists
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -44,7 +45,7 @@ def progress(description: str, total: float) -> Iterator[Advance]:
     """Show a progress bar on stderr and yield `advance(done, text)`.
 
     `done` counts up to `total`; `text` stands behind the bar. Where stderr is no terminal nothing moves: the
-    bar is printed once, at its end.
+    bar is printed once, at its end, and not at all where an error ends it.
     """
     columns = (
         TextColumn("{task.description}"),
@@ -61,7 +62,11 @@ def progress(description: str, total: float) -> Iterator[Advance]:
             raise_again()
             bar.update(task, completed=done, text=text)
 
-        yield advance
+        try:
+            yield advance
+        except BaseException:  # of which one line is said, where nobody watches the bar
+            bar.console.quiet = not bar.console.is_interactive
+            raise
 
 
 def counted(advance: Advance, what: str = "") -> Callable[[int, int], None]:
@@ -137,9 +142,9 @@ def require_folder(path: Path) -> None:
 
     Raises: OSError: if it will not.
     """
-    there = next(folder for folder in (path.absolute(), *path.absolute().parents) if folder.exists())
+    there = next(folder for folder in (path.absolute(), *path.absolute().parents) if lexists(folder))
     if not there.is_dir():
-        raise NotADirectoryError(f"{there}: must be a folder; it is a file.")
+        raise NotADirectoryError(f"{there}: must be a folder; it is a file, or a link to nothing.")
     require_writable(there / "any")
 
 

@@ -116,23 +116,23 @@ def copy_of(
     import dataclasses as dc
     import re
 
-    import yaml
-
     from np_drake.vehicle import load_vehicle, preset_names, vehicle_file
+    from np_drake.yaml_text import quoted
 
     if preset not in preset_names():
         raise ValueError(f"--preset: must be one of {', '.join(preset_names())}; got {preset!r}.")
     text, known = vehicle_file(preset).read_text(encoding="utf-8"), load_vehicle(preset)
     if name is not None:
-        text = re.sub(r"^name: .*$", f"name: {yaml.safe_dump(name).splitlines()[0]}", text, flags=re.M)
+        line = f"name: {quoted(name)}"
+        text = re.sub(r"^name: .*$", lambda _: line, text, flags=re.M)
     if mass is not None:
         known.with_mass(mass)
         text = re.sub(
-            r"^mass: .*$", f"mass: {mass:g} # given; the preset's is {known.mass:g} [kg]", text, flags=re.M
+            r"^mass: .*$", f"mass: {mass:.15g} # given; the preset's is {known.mass:g} [kg]", text, flags=re.M
         )
     dc.replace(known, **stated).check()  # type: ignore[arg-type]
     lines = [
-        f"{field}: {value:g} # given: standard deviation over the value [1]"
+        f"{field}: {value:.15g} # given: standard deviation over the value [1]"
         for field, value in stated.items()
     ]
     return "\n".join([text.rstrip("\n"), *lines, ""]) if lines else text

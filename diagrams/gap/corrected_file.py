@@ -12,6 +12,7 @@ from np_drake.atomic_file import write_text
 from np_drake.diagnosis.result import Diagnosis
 from np_drake.effects.effect_entry import EffectEntry
 from np_drake.effects.posterior import Posterior
+from np_drake.yaml_text import quoted
 
 FILE = "corrected.yaml"
 HEAD = """\
@@ -75,13 +76,9 @@ def _entry(entry: EffectEntry, posterior: Posterior) -> str:
         told = "" if half is None else f", 95 %: {value - half:.4g} to {value + half:.4g}"
         lines.append(f"      {p.name}: {value!r}  # [{p.unit}]{told}")
     if entry.onsets:
-        onsets = ", ".join(f"{_quoted(name)}: {_number(t)}" for name, t in entry.onsets.items())
+        onsets = ", ".join(f"{quoted(name)}: {_number(t)}" for name, t in entry.onsets.items())
         lines.append(f"    onsets: {{{onsets}}}  # by flight [s]")
     return "\n".join(lines) + "\n"
-
-
-def _quoted(name: str) -> str:
-    return yaml.safe_dump(name, default_style='"', width=1000).strip()
 
 
 def _number(value: float) -> str:

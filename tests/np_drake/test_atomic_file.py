@@ -133,3 +133,11 @@ def test_a_disk_that_is_really_full_is_said_to_be(tmp_path):
         assert list(folder.iterdir()) == []
     finally:
         subprocess.run(["umount", str(folder)], check=True)
+
+
+def test_a_link_to_itself_is_refused_as_bad_input(tmp_path):
+    loop = tmp_path / "loop"
+    loop.symlink_to(loop)
+    with pytest.raises(OSError, match="symbolic links"):
+        write_text(loop, "x")
+    assert os.listdir(tmp_path) == ["loop"]

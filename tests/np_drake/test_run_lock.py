@@ -99,3 +99,8 @@ def test_a_second_command_is_refused_before_it_begins(other):
     assert done.returncode == 2
     assert done.stderr.startswith(f"np-drake fly: {folder}: another run (process ")
     assert done.stderr.count("\n") == 1
+
+
+def test_a_run_that_names_a_folder_twice_does_not_wait_for_itself(tmp_path):
+    with lock_outputs([tmp_path / "out", tmp_path / "there" / ".." / "out"]):
+        assert (tmp_path / "out").is_dir()

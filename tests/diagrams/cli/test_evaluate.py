@@ -315,3 +315,9 @@ def test_the_first_seconds_of_a_real_flights_csv_are_scored(neurobem, tmp_path, 
         path.write_text("".join(line for _, line in zip(range(1500), stream, strict=False)))
     assert run(["evaluate", str(path), "--horizons", "1"]) == 0, capsys.readouterr().err
     assert "race: force RMSE [N]" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("text", ["1000001", "9" * 30])
+def test_a_horizon_longer_than_any_flight_is_refused_by_name(text):
+    with pytest.raises(ValueError, match=r"--horizons: must be .*; got '"):
+        parse_horizons(text)

@@ -52,3 +52,21 @@ def test_progress_ends_at_a_hundred_percent(capsys):
 def test_a_long_line_is_not_wrapped(capsys):
     dut.say("x" * 300, "[bold] is no markup")
     assert capsys.readouterr().out == "x" * 300 + "\n[bold] is no markup\n"
+
+
+@pytest.mark.parametrize("target", ["link", "nowhere"])
+def test_a_link_to_nothing_is_no_folder(target, tmp_path):
+    (tmp_path / "link").symlink_to(target)
+    with pytest.raises(NotADirectoryError, match="must be a folder"):
+        dut.require_folder(tmp_path / "link" / "sub")
+
+
+def test_progress_that_an_error_ends_leaves_no_line(capsys):
+    def work():
+        with dut.progress("work", 2.0) as advance:
+            advance(1.0)
+            raise ValueError("bad")
+
+    with pytest.raises(ValueError, match="bad"):
+        work()
+    assert capsys.readouterr().err == ""

@@ -69,3 +69,27 @@ def test_show_prints_source_and_default_flight(capsys):
     printed = capsys.readouterr().out
     assert "Förster" in printed
     assert "control period" in printed
+
+
+MEASURES = ("--mass", "20", "--wheelbase", "1.4", "--propeller", "0.72", "--hover-throttle", "0.5")
+
+
+@pytest.mark.parametrize("start", [MEASURES, ("--preset", "crazyflie")], ids=["measures", "preset"])
+@pytest.mark.parametrize(
+    "name",
+    [r"\1 \g<0>", "null", "1.5", "a: b # c", "a\ngravity: 1", "\abell", "飞机", "a\x85b", "long " * 60],
+)
+def test_new_writes_any_name_as_its_reader_reads_it(start, name, tmp_path):
+    out = tmp_path / "mine.yaml"
+    assert run(["vehicle", "new", *start, "--name", name, "--out", str(out)]) == 0
+    assert load_vehicle(out).name == name
+
+
+@pytest.mark.parametrize("start", [MEASURES[2:], ("--preset", "paper")], ids=["measures", "preset"])
+def test_new_writes_given_numbers_as_they_were_given(start, tmp_path):
+    out = tmp_path / "mine.yaml"
+    given = {"mass": 1.7712345678, "mass_uncertainty": 1e-5, "thrust_uncertainty": 0.4999999}
+    options = [f"--{key.replace('_', '-')}={value}" for key, value in given.items()]
+    assert run(["vehicle", "new", *start, *options, "--out", str(out)]) == 0
+    read = load_vehicle(out)
+    assert {key: getattr(read, key) for key in given} == given
