@@ -136,6 +136,7 @@ def choose_flights(
     if predictor and train:
         raise ValueError("--predictor is trained already; leave out --train.")
     if logs:
+        require_held_out(train, logs)
         return train, logs
     if predictor or train:
         raise ValueError("give the flights to score: np-drake evaluate LOG….")
@@ -147,6 +148,16 @@ def choose_flights(
 
     say("the paper prints 0.057 N and 0.006 N·m for race track 1 (one step ahead).")
     return [neurobem / "npy" / f"{TRAINING}.npy"], [neurobem / "npy" / f"{RACE_TRACK}.npy"]
+
+
+def require_held_out(train: list[Path], logs: list[Path]) -> None:
+    """Check that every flight is named once, so that none is scored which is trained on.
+
+    Raises: ValueError: where one is named twice.
+    """
+    named = [path.resolve() for path in (*train, *logs)]
+    if twice := [path for path in (*train, *logs) if named.count(path.resolve()) > 1]:
+        raise ValueError(f"{twice[0]}: must be given once; a flight to score must be held out of training.")
 
 
 def choose_configurations(only: list[str] | None) -> list[str]:

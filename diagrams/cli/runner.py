@@ -127,11 +127,18 @@ def reports(
             for folder in folders:
                 output.require_outputs(folder=folder)
             workers = _workers(files.pop("jobs", 1), files.pop("scheduler", ""), files.get("out"))
+            asked = {name: files[name] for name in ("json", "markdown") if files.get(name) is not None}
+            before = _versions(asked)
             held = lock_outputs(folders, [path for path in paths if is_regular(path)])
             with tempfile.TemporaryDirectory() as scratch, held:
                 this = run(files["seed"], files.get("out"), files["json"], Path(scratch), workers, **flown)
                 report = body(this, **given)
-                publish(dc.replace(report, notes=[*report.notes, *workers.cost()]), schema, **files)
+                _show(dc.replace(report, notes=[*report.notes, *workers.cost()]))
+                _write_folder(report, files.get("out"))
+                _require_unchanged(asked, before)
+                _write_asked(report, schema, files["seed"], **asked)
+                if report.failure is not None:
+                    raise report.failure
 
         _, *own = inspect.signature(body, eval_str=True).parameters.values()
         own_files = {parameter.name for parameter in own if _metavar(parameter) == "FILE"}
@@ -171,27 +178,48 @@ def _parameters(shared: Sequence[Shared]) -> list[inspect.Parameter]:
     return [inspect.Parameter(name, KEYWORD, default=value, annotation=kind) for name, kind, value in shared]
 
 
-def publish(report: Report, schema: str, seed: int, **files: Path | None) -> None:
-    """Write the metrics of a report, print it, and write its tables as Markdown and its figures.
-
-    Args: files: `json`, `markdown` and `out`, where they were given.
-    Raises: Exception: the failure that the report holds, last.
-    """
-    output.write_metrics(
-        files.get("json"), schema, **{"seed": seed, "config": report.config, **report.metrics}
-    )
+def _show(report: Report) -> None:
+    """Print a report."""
     output.say(*report.lines)
     for table in report.tables:
         output.print_table(*table)
     output.say(*report.summary, *report.notes)
-    output.write_markdown(files.get("markdown"), *report.tables, lines=report.summary)
-    if out := files.get("out"):
-        for name, draw in report.figures.items():
-            output.save_figure(draw(), output.make_folder(out) / name)
-        if report.write is not None:
-            report.write(output.make_folder(out))
-    if report.failure is not None:
-        raise report.failure
+
+
+def _write_folder(report: Report, out: Path | None) -> None:
+    """Write the figures of a report, and what it writes itself, to the folder of `--out`."""
+    if out is None:
+        return
+    for name, draw in report.figures.items():
+        output.save_figure(draw(), output.make_folder(out) / name)
+    if report.write is not None:
+        report.write(output.make_folder(out))
+
+
+def _write_asked(
+    report: Report, schema: str, seed: int, *, json: Path | None = None, markdown: Path | None = None
+) -> None:
+    """Write the metrics and the tables of a report to the files that were asked for."""
+    output.write_metrics(json, schema, **{"seed": seed, "config": report.config, **report.metrics})
+    output.write_markdown(markdown, *report.tables, lines=report.summary)
+
+
+def _versions(files: Mapping[str, Path]) -> dict[str, tuple[int, int] | None]:
+    """Return what tells a version of each file from the next; None where there is none, and for a device."""
+    found = {name: path.stat() if path.is_file() else None for name, path in files.items()}
+    return {name: None if stat is None else (stat.st_ino, stat.st_mtime_ns) for name, stat in found.items()}
+
+
+def _require_unchanged(files: Mapping[str, Path], before: Mapping[str, tuple[int, int] | None]) -> None:
+    """Check that a run has not written to a file that an option asks for.
+
+    Raises: ValueError: where it has; its own file stays.
+    """
+    for name, now in _versions(files).items():
+        if now != before[name]:
+            raise ValueError(
+                f"--{name}: {files[name]} is a file that this verb writes itself, and is kept as such; name another."
+            )
 
 
 @contextmanager

@@ -51,13 +51,15 @@ def train(
     from np_drake.figure_file import save
     from np_drake.lifting.model.model_file import save_model
     from np_drake.lifting.model.origin import rotor_lag_of
-    from np_drake.lifting.training.train import make_config
+    from np_drake.lifting.training.train import CONFIGURATIONS, make_config
     from np_drake.logs.training_segments import require_motion
     from np_drake.residual_models.motion_model import KNODE, REACTIONS
     from np_drake.residual_models.pendulum_model import PENDULUM
     from np_drake.residual_models.predictor_training import train_on_flights
     from np_drake.scaling import sampling_period
 
+    if configuration not in (known := (*CONFIGURATIONS, PENDULUM, *REACTIONS)):
+        raise ValueError(f"--configuration: must be one of {', '.join(known)}; got {configuration}.")
     if configuration in (PENDULUM, *REACTIONS) and checkpoint is not None:
         raise ValueError(f"--checkpoint: {configuration} has none; it trains in a minute or less.")
     flights = open_flights(logs, vehicle, repair=repair)

@@ -102,7 +102,7 @@ def limits_for(
     """
     if not (0 < speed < np.inf and 0 < tilt < 0.5 * np.pi):
         raise ValueError(
-            f"next-flight: speed [m/s] must be positive, tilt below pi/2 [rad]; got {speed:g}, {tilt:g}."
+            f"limits: speed [m/s] must be positive, tilt below pi/2 [rad]; got {speed:g}, {tilt:g}."
         )
     payloads = tuple(e.payload for x in explanations for e in x.effects if isinstance(e, SuspendedPayload))
     below = max((p.length - p.hook[2] + CLEAR for p in payloads), default=WALL)
@@ -112,14 +112,14 @@ def limits_for(
     if not np.all(upper - lower >= WALL):
         least = [3 * WALL, 3 * WALL, float(lower[2]) + 2 * WALL]
         raise ValueError(
-            f"next-flight: box must be at least {' '.join(f'{v:.2g}' for v in least)} m; got "
+            f"limits: box must be at least {' '.join(f'{v:.2g}' for v in least)} m; got "
             f"{' '.join(f'{v:g}' for v in box)}. Fly in a larger room."
         )
     loads = [1.0, *(load_of(vehicle, e) for e in explanations)]
     limits = Limits(vehicle, lower, upper, speed, tilt, (min(loads), max(loads)), payloads)
     hover = np.full((1, 4), 0.25 * vehicle.mass * vehicle.gravity)
     if limits.thrust(limits.load[1] * hover) > 0.5:
-        raise ValueError("next-flight: the rotors must have thrust left in hover in every explanation.")
+        raise ValueError("limits: the rotors must have thrust left in hover in every explanation.")
     return limits
 
 

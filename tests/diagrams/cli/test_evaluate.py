@@ -201,6 +201,8 @@ BAD = {  # arguments: what the line must say
     "no folder": (["--neurobem", "nowhere"], "nowhere"),
     "configuration": (["LOG", "--train", "LOG", "--only", "best"], "paper | default"),
     "alone": (["LOG", "--leave-one-out"], "two LOG or more"),
+    "trained on": (["LOG", "--train", "LOG"], "must be held out of training"),
+    "twice": (["LOG", "LOG", "--leave-one-out"], "must be given once"),
     "horizon": (["LOG", "--predictor", "MODEL", "--horizons", "1,-2"], "--horizons"),
     "too far": (["LOG", "--predictor", "MODEL", "--horizons", "5000"], "samples are needed"),
     "two kinds": (["LOG", "--train", "ARRAY"], "give one kind"),

@@ -88,6 +88,29 @@ def test_figures_are_drawn_and_files_written_only_where_a_folder_is_asked_for(tm
     assert "figure: " in capsys.readouterr().out
 
 
+@pytest.mark.parametrize("option", ["--json", "--markdown"])
+@pytest.mark.parametrize("written_by", ["body", "report"])
+def test_a_file_that_the_verb_writes_itself_is_no_place_for_what_an_option_asks(
+    option, written_by, tmp_path, capsys
+):
+    def write(folder):
+        (folder / "log.csv").write_text("the log")
+
+    def content(run):
+        if written_by == "report":
+            return {"write": write}
+        write(run.folder)
+        return {}
+
+    app, _ = made(content)
+    (tmp_path / "out").mkdir()
+    assert call(app, "--out", tmp_path / "out", option, tmp_path / "out" / ".." / "out" / "log.csv") == 2
+    said = capsys.readouterr().err
+    assert "a file that this verb writes itself" in said
+    assert len(said.splitlines()) == 1
+    assert (tmp_path / "out" / "log.csv").read_text() == "the log"
+
+
 def test_without_a_folder_a_run_has_a_scratch_folder_that_ends_with_it(tmp_path):
     there = []
     app, seen = made(lambda run: there.append(run.folder.is_dir()) or {})

@@ -81,7 +81,10 @@ def test_the_same_seed_trains_the_same_model(logs, tmp_path):
 
 BAD = {  # extra arguments: what the line must say
     "no file": (["missing.csv"], "missing.csv: No such file"),
-    "configuration": (["LOG", "--configuration", "papier"], "configuration must be"),
+    "configuration": (
+        ["LOG", "--configuration", "papier"],
+        "delay-dmdc, ridge, pendulum, gp, knode; got papier",
+    ),
     "checkpoint": (["LOG", "--configuration", "gp", "--checkpoint", "run"], "gp has none"),
     "folder": (["LOG", "--json", "nowhere/x.json"], "nowhere must exist"),
     "vehicle": (["LOG", "--vehicle", "missing.yaml"], "missing.yaml"),

@@ -58,6 +58,6 @@ def test_without_explanations_the_flight_is_blind(answered):
 
 @pytest.mark.parametrize("wrong", [{"box": (0.5, 4.0, 2.5)}, {"speed": 0.0}, {"tilt": 2.0}])
 def test_an_impossible_room_is_refused(wrong):
-    with pytest.raises(ValueError, match=r"next-flight: (box|speed)"):
+    with pytest.raises(ValueError, match=r"limits: (box|speed)"):
         Room(**wrong).check()
     assert Room().check() == Room()
