@@ -165,6 +165,6 @@ def keep_limits(
             candidate = designer.shrunk(candidate, max(0.5, ROOM / worst.worst))
     why = worst.lost or f"{max(worst.usage, key=lambda n: worst.usage[n])} is {worst.worst:.2f} of its limit"
     raise ValueError(
-        f"limits: no motion keeps the limits with controller {controller}: {why} under "
+        f"limits: no motion keeps them with controller {controller}: {why} under "
         f"{worst.explanation.label}. Name another controller, or wider limits."
     )

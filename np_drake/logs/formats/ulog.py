@@ -6,26 +6,20 @@ Streams bear the message's name (`vehicle_attitude`, a further instance `vehicle
 
 import contextlib
 import dataclasses as dc
-import io
-import itertools
 import re
-import struct
-from array import array
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import numpy as np
 
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.format import Format
 from np_drake.logs.formats.ulog_map import ROTOR_COLUMN, default_map
+from np_drake.logs.formats.ulog_parser import Guarded, parse, silent, stream_name
 from np_drake.logs.recording import Contents, Progress, Recording, Stream
 
 MAGIC = b"\x55\x4c\x6f\x67\x01\x12\x35"
-LARGEST_MESSAGE = 65_535  # [bytes], its size is a uint16
-DEEPEST = 16  # messages in messages
-MOST_FIELDS = 200_000  # of all subscriptions together
 LONGEST_DELAY = (
     1_000_000  # between a quantity and its message; beyond, timestamp_sample means something else [us]
 )
@@ -46,11 +40,6 @@ HEADER_FACTS = {
 }
 VALID = ("xy_valid", "z_valid", "v_xy_valid", "v_z_valid")  # of a local position
 RESETS = "_reset_counter"  # end of the names of its counters
-REMEDY = "copy it again from the vehicle"
-
-
-class _Circles(Exception):
-    """A damaged file sends its reader back and forth."""
 
 
 class _Scanned(dict[str, tuple[str, ...]]):
@@ -59,16 +48,6 @@ class _Scanned(dict[str, tuple[str, ...]]):
     def __init__(self, streams: Mapping[str, tuple[str, ...]], rates: Mapping[str, float]) -> None:
         super().__init__(streams)
         self.rates = dict(rates)
-
-
-@dc.dataclass
-class _Subscription:
-    """One stream of a log: its fields, the size of a row [bytes], and the number of its rows."""
-
-    name: str
-    columns: tuple[str, ...]
-    size: int
-    rows: int = 0
 
 
 @dc.dataclass
@@ -83,53 +62,6 @@ class _Said:
     notes: list[str]
 
 
-class _Guarded:
-    """A file that counts what is read of it, so that a damaged one comes to an end, and says how far it is.
-
-    cut: the last read wanted more than there was, and was not that of a message's three bytes at the end.
-    """
-
-    def __init__(self, file: BinaryIO, size: int, progress: Progress) -> None:
-        self._file = file
-        self._size = max(size, 1)
-        self._progress = progress
-        self._calls = 8 * size + 1000
-        self._bytes = 100 * size + (256 << 20)
-        self.cut = False
-
-    def read(self, count: int) -> bytes:
-        """Read bytes.
-
-        Raises: _Circles: if far more was read than a file of this size takes.
-        """
-        data = self._file.read(count)
-        self.cut = len(data) < count and (count != 3 or bool(data))
-        self._calls -= 1
-        self._bytes -= len(data)
-        if self._calls < 0 or self._bytes < 0:
-            raise _Circles("its messages lead in circles")
-        if not self._calls & 0x3FFF:
-            self._progress(min(self._file.tell() / self._size, 1.0))
-        return data
-
-    def seek(self, offset: int, whence: int = 0) -> int:
-        """Go to a place.
-
-        Raises: _Circles: if it is before the file.
-        """
-        try:
-            return self._file.seek(offset, whence)
-        except OSError as error:
-            raise _Circles("its messages lead out of it") from error
-
-    def tell(self) -> int:
-        """Return the place."""
-        return self._file.tell()
-
-    def close(self) -> None:
-        """Leave the file open: its owner closes it."""
-
-
 def recognises(path: Path, start: bytes) -> bool:
     """Return whether the first bytes are those of a ULog file."""
     return start.startswith(MAGIC)
@@ -142,11 +74,11 @@ def contents(path: Path) -> Contents:
     Raises: LogError: if it is no ULog file, or pyulog is not installed.
     """
     path = Path(path)
-    log, subscriptions, _ = _parse(path, PROBED, _silent)
+    log, subscriptions, _ = parse(path, PROBED, silent)
     unused: dict[str, set[str]] = {}
     rates: dict[str, float] = {}
     for data in log.data_list:
-        name = _stream_name(data.name, data.multi_id)
+        name = stream_name(data.name, data.multi_id)
         unused[name] = {c for c, v in data.data.items() if ROTOR_COLUMN.fullmatch(c) and not _changes(v)}
         span = float(data.data["timestamp"].max() - data.data["timestamp"].min())
         rates[name] = (len(data.data["timestamp"]) - 1) * 1e6 / span if span else 0.0
@@ -164,10 +96,10 @@ def read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Rec
     Raises: LogError: if it is no ULog file, a field is not there, or pyulog is not installed.
     """
     path = Path(path)
-    log, _, guarded = _parse(path, sorted({name.split(".")[0] for name in wanted}), progress)
+    log, _, guarded = parse(path, sorted({name.split(".")[0] for name in wanted}), progress)
     streams, said = {}, []
     for name, columns in wanted.items():
-        parts = [d for d in log.data_list if _stream_name(d.name, d.multi_id) == name]
+        parts = [d for d in log.data_list if stream_name(d.name, d.multi_id) == name]
         if not parts:
             raise LogError(f"{path}: must hold rows of {name}; it has none. Name another stream in the map.")
         streams[name], told = _stream(path, name, parts, columns, log)
@@ -179,107 +111,6 @@ def read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Rec
         *(note for s in said for note in s.notes),
     ]
     return Recording(str(path), ULOG.name, streams, _facts(log), tuple(notes))
-
-
-def _parse(path: Path, names: Sequence[str], progress: Progress) -> tuple[Any, list[_Subscription], _Guarded]:
-    """Return pyulog's log with the rows of the named messages alone, and all streams of the file."""
-    pyulog = _pyulog(path)
-    subscriptions: list[_Subscription] = []
-    with path.open("rb") as file:
-        size = file.seek(0, 2)
-        try:
-            with contextlib.redirect_stdout(io.StringIO()):  # pyulog prints its warnings
-                file.seek(0)
-                head = pyulog.ULog(_Guarded(file, size, _silent), parse_header_only=True)
-                _require_onward(head)
-                fields = _field_counts(head.message_formats)
-                file.seek(0)
-                guarded = _Guarded(file, size, progress)
-                log = _scanner(pyulog, fields, subscriptions)(guarded, message_name_filter_list=list(names))
-        except Exception as error:  # pyulog says what is wrong with a file in many ways
-            reason = (str(error).splitlines() or [type(error).__name__])[0].rstrip(".")
-            raise LogError(f"{path}: must be a whole ULog file; {reason}; {REMEDY}.") from error
-    progress(1.0)
-    return log, subscriptions, guarded
-
-
-def _scanner(pyulog: Any, fields: Mapping[str, int], found: list[_Subscription]) -> Any:
-    """Return pyulog's parser, made to note every subscription and whether it has rows, also of what is not loaded."""
-    by_id: dict[bytes, _Subscription] = {}
-    left = [MOST_FIELDS]
-
-    class Added(pyulog.ULog._MessageAddLogged):  # type: ignore[misc]
-        def __init__(self, data: bytes, header: Any, formats: Any) -> None:
-            left[0] -= fields.get(data[3:].decode("utf-8", "ignore"), 0)
-            if left[0] < 0:
-                raise ValueError("more fields than a log has")  # pyulog leaves the message out
-            super().__init__(data, header, formats)
-            if self.timestamp_idx < 0 or self.field_data[self.timestamp_idx].type_str != "uint64_t":
-                raise ValueError("a message without a time")
-            name = _stream_name(self.message_name, self.multi_id)
-            columns = tuple(f.field_name for f in self.field_data if _is_column(f.field_name, f.type_str))
-            subscription = next((s for s in found if s.name == name), None)
-            if subscription is None:
-                subscription = _Subscription(name, columns, self.dtype.itemsize)
-                found.append(subscription)
-            by_id[bytes(data[1:3])] = subscription
-
-    class Row(pyulog.ULog._MessageData):  # type: ignore[misc]
-        def initialize(self, data: bytes, header: Any, subscriptions: Any, log: Any) -> bool:
-            subscription = by_id.get(bytes(data[:2]))
-            if subscription is not None and len(data) - 2 >= subscription.size:
-                subscription.rows += 1
-            return bool(super().initialize(data, header, subscriptions, log))
-
-    lost = array("H")  # [ms]
-
-    class Dropout:
-        """Notes a duration in place of an object; damaged logs have millions."""
-
-        def __new__(cls, data: bytes, header: Any, timestamp: int) -> None:  # type: ignore[misc]
-            lost.append(struct.unpack("<H", data)[0])
-
-    class Scanner(pyulog.ULog):  # type: ignore[misc]
-        _MessageAddLogged = Added
-        _MessageData = Row
-        MessageDropout = Dropout
-        durations_lost = lost
-
-    return Scanner
-
-
-def _require_onward(head: Any) -> None:
-    """Check that data which are appended follow each other, so that nothing is read twice.
-
-    Raises: ValueError: if they do not.
-    """
-    offsets = head._appended_offsets
-    if any(b <= a for a, b in itertools.pairwise(offsets)):
-        raise ValueError("its appended data lead back")
-
-
-def _is_column(name: str, kind: str) -> bool:
-    return name != "timestamp" and kind != "char" and not name.rpartition(".")[2].startswith("_padding")
-
-
-def _field_counts(formats: Mapping[str, Any]) -> dict[str, int]:
-    """Return the number of scalars in every message.
-
-    Raises: ValueError: if a message holds itself, or more than a message can.
-    """
-    counts: dict[str, int] = {}
-
-    def count(name: str, depth: int) -> int:
-        if depth > DEEPEST:
-            raise ValueError(f"the message {name[:40]!r} holds itself")
-        if name not in counts and name in formats:
-            fields = formats[name].fields
-            counts[name] = sum(max(size, 1) * count(kind, depth + 1) for kind, size, _ in fields)
-            if counts[name] > LARGEST_MESSAGE:
-                raise ValueError(f"the message {name[:40]!r} is larger than a message can be")
-        return counts.get(name, 1)
-
-    return {name: count(name, 0) for name in formats}
 
 
 def _stream(
@@ -346,7 +177,7 @@ def _timing(streams: Sequence[_Said]) -> Iterator[str]:
         yield f"times are those at which a command was published: {', '.join(commands)}."
 
 
-def _damage(log: Any, guarded: _Guarded) -> Iterator[str]:
+def _damage(log: Any, guarded: Guarded) -> Iterator[str]:
     if log.file_corruption:
         yield "the log is damaged; messages that could not be read are left out."
     if guarded.cut:
@@ -387,24 +218,6 @@ def _changes(values: np.ndarray) -> bool:
     """Return whether there are two different numbers in a column."""
     finite = values[np.isfinite(values)]
     return bool(len(finite)) and bool(finite.min() != finite.max())
-
-
-def _stream_name(message: str, instance: int) -> str:
-    return f"{message}.{instance}" if instance else message
-
-
-def _silent(share: float) -> None:
-    """Say nothing of the progress."""
-
-
-def _pyulog(path: Path) -> Any:
-    try:
-        import pyulog
-    except ImportError as error:
-        raise LogError(
-            f"{path}: ULog needs pyulog; pip install 'np_drake[ulog]', or convert to CSV."
-        ) from error
-    return pyulog
 
 
 ULOG = Format("ulog", "PX4 ULog", "ulog", recognises, contents, default_map, read)

@@ -48,7 +48,7 @@ def test_a_motion_that_is_too_fast_is_made_smaller_or_refused(answer, designed, 
         return dc.replace(found, usage={name: 100 * used for name, used in found.usage.items()})
 
     monkeypatch.setattr(InChallenge, "__call__", thrice)
-    with pytest.raises(ValueError, match="no motion keeps the limits with controller cascade"):
+    with pytest.raises(ValueError, match="no motion keeps them with controller cascade"):
         next_motion(DESIGNED, answer, ROOM, 1)
 
 
