@@ -1,6 +1,6 @@
 """`python -m np_drake`: the command line `np-drake`, found by its entry point."""
 
-from np_drake.interruption import end_at_once
+from np_drake.files.interruption import end_at_once
 
 
 def main() -> None:

@@ -8,8 +8,8 @@ from scipy.optimize import minimize_scalar
 
 from np_drake import attitude
 from np_drake.command_delay import believed_before
+from np_drake.flight_log import FlightLog
 from np_drake.labels import raw_labels
-from np_drake.logs.flight_log import FlightLog
 from np_drake.scaling import ratios
 from np_drake.vehicle import Vehicle
 

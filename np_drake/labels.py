@@ -15,9 +15,9 @@ from scipy import signal
 from np_drake import rigid_body
 from np_drake.compiled import compiled
 from np_drake.finite import finite
-from np_drake.logs.flight_log import FlightLog
-from np_drake.logs.rotor_input import acting_command, rotor_decay, rotor_speed, rotor_wrench
-from np_drake.residual_models.base import KnowsRotorLag, Memory
+from np_drake.flight_log import FlightLog
+from np_drake.residual_model import KnowsRotorLag, Memory
+from np_drake.rotor_input import acting_command, rotor_decay, rotor_speed, rotor_wrench
 from np_drake.scaling import ratios
 from np_drake.vehicle import Vehicle
 

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from np_drake.yaml_file import load_checked
-from np_drake.yaml_text import read_yaml
+from np_drake.files.yaml_file import load_checked
+from np_drake.files.yaml_text import read_yaml
 
 PRESETS = Path(__file__).parent / "vehicles"  # vehicle files by name
 SLOWEST_ROTOR = 1.0  # time constant beyond which the file's is in another unit than seconds [s]

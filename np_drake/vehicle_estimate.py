@@ -7,8 +7,8 @@ with; measured values should take its place.
 import dataclasses as dc
 import math
 
+from np_drake.files.yaml_text import quoted
 from np_drake.vehicle import Vehicle
-from np_drake.yaml_text import quoted
 
 AIR = 1.225  # density at sea level, 15 °C [kg/m³]
 GRAVITY = 9.81  # [m/s²]

@@ -7,7 +7,7 @@ import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector, CacheEntry, LeafSystem, ValueProducer
 
-from np_drake.residual_models.base import Memory
+from np_drake.residual_model import Memory
 
 
 class MemorySystem(LeafSystem):

@@ -4,7 +4,7 @@ import numpy as np
 
 from np_drake.mpc.plan import shift
 from np_drake.mpc.problem import MpcSolution, MpcStatus
-from np_drake.residual_models.base import Plan
+from np_drake.residual_model import Plan
 
 
 class PlanPorts:

@@ -7,8 +7,8 @@ from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector
 
 from np_drake.command_delay import KEPT
-from np_drake.residual_models.base import Memory, ReadsPlan, ResidualModel, Sample, WrenchForecast
-from np_drake.residual_models.look_ahead import LookAhead
+from np_drake.mpc.look_ahead import LookAhead
+from np_drake.residual_model import Memory, ReadsPlan, ResidualModel, Sample, WrenchForecast
 from np_drake.vehicle import Vehicle
 from systems.memory import MemorySystem
 from systems.plan_ports import PlanPorts

@@ -10,7 +10,7 @@ from np_drake import attitude
 from np_drake.command_delay import FINE, KEPT, commands_under_way
 from np_drake.mpc.dynamics import DiscreteDynamics
 from np_drake.mpc.problem import MpcConfig
-from np_drake.residual_models.base import Plan, WrenchForecast, constant_forecast
+from np_drake.residual_model import Plan, WrenchForecast, constant_forecast
 from np_drake.residual_models.oracle import TrueModel
 from np_drake.rigid_body import Q
 from systems.plan_ports import PlanPorts

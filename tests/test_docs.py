@@ -51,7 +51,7 @@ def test_the_readmes_diagnosis_is_ten_lines_and_finds_what_it_says(tmp_path, mon
 def test_the_experiment_of_the_docs_flies_well(tmp_path):
     from diagrams.loop.flight import FlightConfig
     from diagrams.loop.flight_result import fly
-    from np_drake.yaml_file import load_checked
+    from np_drake.files.yaml_file import load_checked
 
     block = re.search(r"^```yaml\n(.*?)^```", (GUIDE / "extend.md").read_text(), re.S | re.M).group(1)
     (tmp_path / "mine.yaml").write_text(block)

@@ -11,10 +11,10 @@ from pydrake.systems.analysis import SimulatorConfig
 
 from diagrams.loop.flight import FlightConfig
 from np_drake.effects.library import LIBRARY, effects_for
+from np_drake.files.yaml_kinds import fields_of
 from np_drake.logs.columns import NAMES
 from np_drake.logs.importing.log_map import UNITS, LogMap, Source, load_map
 from np_drake.vehicle import Vehicle
-from np_drake.yaml_kinds import fields_of
 
 ROOT = Path(__file__).parents[1]
 REFERENCE = ROOT / "docs" / "reference"

@@ -16,8 +16,8 @@ from typing import Any
 from diagrams.batch.cluster import on_cluster
 from diagrams.batch.failed_run import FailedRun, one_line
 from diagrams.batch.processes import Outcome, as_they_finish
-from np_drake.atomic_file import plain, write_text
-from np_drake.input_file import kept_json
+from np_drake.files.atomic_file import plain, write_text
+from np_drake.files.input_file import kept_json
 
 SCHEMA = "np_drake.campaign/1"  # format of the file and its version
 Case = dict[str, Any]

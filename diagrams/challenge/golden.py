@@ -18,10 +18,10 @@ from diagrams.challenge.generate.make import make_case
 from diagrams.challenge.score.schema import SchemaValidator, object_of, record, violation
 from diagrams.challenge.solve import diagnose_folder
 from diagrams.gap.real_flights import agile_flights
-from np_drake.atomic_file import write_text
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.effects.library import LIBRARY
-from np_drake.input_file import read_json
+from np_drake.files.atomic_file import write_text
+from np_drake.files.input_file import read_json
 from np_drake.logs.neurobem import published_vehicle
 
 SEED, SECONDS = 36, 10.0

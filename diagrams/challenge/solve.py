@@ -12,9 +12,9 @@ from typing import Any
 from diagrams.batch.campaign import Case
 from diagrams.batch.workers import Workers
 from diagrams.challenge.score.answered_case import ANSWER_FILE
-from np_drake.atomic_file import write_json
 from np_drake.diagnosis.diagnose import diagnose
-from np_drake.input_file import kept_json
+from np_drake.files.atomic_file import write_json
+from np_drake.files.input_file import kept_json
 from np_drake.logs.case_folder import TRAIN, VEHICLE, open_case
 
 COST = "cost.json"

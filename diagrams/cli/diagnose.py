@@ -11,8 +11,8 @@ from diagrams.cli.runner import Report, Run, reports
 
 if TYPE_CHECKING:
     from np_drake.diagnosis.result import Diagnosis
+    from np_drake.flight_log import FlightLog
     from np_drake.logs.case_folder import CaseFiles
-    from np_drake.logs.flight_log import FlightLog
     from np_drake.vehicle import Vehicle
 
 Out = Annotated[Path | None, Option("--out", metavar="DIR", help="Folder for report, figures and JSON.")]

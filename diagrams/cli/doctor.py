@@ -11,7 +11,7 @@ from diagrams.cli.output import progress, say
 from diagrams.cli.runner import Report, Run, reports
 
 if TYPE_CHECKING:
-    from np_drake.logs.flight_log import FlightLog
+    from np_drake.flight_log import FlightLog
     from np_drake.logs.importing.log_map import MapFile
     from np_drake.vehicle import Vehicle
 

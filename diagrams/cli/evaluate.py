@@ -14,9 +14,9 @@ from diagrams.cli.runner import Report, Run, counting, reports
 from diagrams.cli.train import LOG_HELP, Force, behind_bar, train_reaction
 
 if TYPE_CHECKING:
-    from np_drake.logs.training_segments import Flight
-    from np_drake.residual_models.base import ResidualModel
-    from np_drake.residual_models.flight_skill import Model
+    from np_drake.residual_model import ResidualModel
+    from np_drake.skill.flight_skill import Model
+    from np_drake.training_data.training_segments import Flight
 
 CONFIGURATIONS = ("paper", "default")  # that are trained unless some are named
 PENDULUM = "pendulum"  # trained where it is named
@@ -71,14 +71,14 @@ def evaluate(
     training = open_flights(train, vehicle, repair=repair)
     require_one_frame([*training, *tests])
     from diagrams.cli.scoring import distance_text, stability_text, tables
-    from np_drake.logs.training_segments import require_motion
-    from np_drake.residual_models.flight_skill import (
+    from np_drake.scaling import sampling_period
+    from np_drake.skill.flight_skill import (
         diverged,
         flight_stability,
         label_distances,
         score_flights,
     )
-    from np_drake.scaling import sampling_period
+    from np_drake.training_data.training_segments import require_motion
 
     step = step or sampling_period(tests[0].vehicle)
 
@@ -228,7 +228,7 @@ def load(path: Path) -> dict[str, "Model"]:
     Raises: ValueError: on a bad file.
     """
     from np_drake.lifting.model.model_file import load_model, schema_of
-    from np_drake.residual_models.pendulum_model import PENDULUM, SCHEMA, PendulumModel
+    from np_drake.payload_filter.model_file import PENDULUM, SCHEMA, PendulumModel
 
     if schema_of(path) == SCHEMA:
         return {PENDULUM: PendulumModel.load(path)}
@@ -249,7 +249,7 @@ def train_all(
     Raises: ValueError: if `pendulum` is among them and a flight is an array.
     """
     from np_drake.lifting.training.train import make_config, train
-    from np_drake.residual_models.pendulum_training import opened_logs, train_pendulum
+    from np_drake.payload_filter.training import opened_logs, train_pendulum
 
     segments = [segment for flight in flights for segment in flight.segments(step)]
     models: dict[str, Model] = {}

@@ -57,7 +57,7 @@ def read_corrected(file: str) -> tuple["Vehicle", list[Any]]:
 
 def _is_scenario(path: Path) -> bool:
     """Return whether a file names a part that a vehicle file has not; what is wrong in it is left to its reader."""
-    from np_drake.yaml_text import read_yaml
+    from np_drake.files.yaml_text import read_yaml
 
     try:
         content = read_yaml(path)

@@ -4,11 +4,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from diagrams.cli.output import progress, say
-from np_drake.logs.accelerations import with_accelerations
-from np_drake.logs.flight_log import FlightLog
+from np_drake.flight_log import FlightLog
 from np_drake.logs.neurobem import published_vehicle
 from np_drake.logs.open_log import is_neurobem, open_segments
-from np_drake.logs.training_segments import Flight, require_torque
+from np_drake.training_data.accelerations import with_accelerations
+from np_drake.training_data.training_segments import Flight, require_torque
 from np_drake.vehicle import Vehicle, load_vehicle
 
 if TYPE_CHECKING:

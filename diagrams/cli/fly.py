@@ -172,7 +172,7 @@ def require_mcap_output(file: Path) -> None:
 
     Raises: ValueError: if it is not so; OSError: if it cannot be written.
     """
-    from np_drake.atomic_file import require_writable
+    from np_drake.files.atomic_file import require_writable
     from np_drake.logs.mcap_file import require_mcap
 
     require_mcap(file)
@@ -204,7 +204,7 @@ def default_controller(config: "FlightConfig", predictor: Path | None) -> str:
 def named_solver(experiment: str) -> str | None:
     """Return the solver that a scenario names; None where it names none."""
     from diagrams.loop.experiments import EXPERIMENTS, FOLDER
-    from np_drake.yaml_text import read_yaml
+    from np_drake.files.yaml_text import read_yaml
 
     file = FOLDER / f"{experiment}.yaml" if experiment in EXPERIMENTS else experiment
     return (read_yaml(file).get("controller") or {}).get("solver")
@@ -239,7 +239,7 @@ def write_flight(flight: "FlightResult", folder: Path) -> None:
     """Write flight log, track, errors, wrench and replay page, named by experiment and controller."""
     from diagrams.loop.replay.flight_page import write_replay
     from diagrams.tracking import figures
-    from np_drake.figure_file import save
+    from np_drake.files.figure_file import save
     from np_drake.logs.log_file import write_log
 
     stem = f"{flight.config.name}_{flight.label.replace(' + ', '_').replace(' ', '_')}"

@@ -8,7 +8,7 @@ import os
 import sys
 from collections.abc import Sequence
 
-from np_drake.interruption import end_at_once, end_in_order
+from np_drake.files.interruption import end_at_once, end_in_order
 
 # Before NumPy is loaded: its threads cost more than they bring on matrices of this size.
 os.environ.setdefault("OMP_NUM_THREADS", "1")

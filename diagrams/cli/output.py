@@ -1,6 +1,6 @@
 """Console, progress bars, tables, `--json` files, figures and folders of every verb.
 
-Only the command line prints. Files appear whole or not at all (`np_drake.atomic_file`).
+Only the command line prints. Files appear whole or not at all (`np_drake.files.atomic_file`).
 """
 
 import sys
@@ -16,8 +16,8 @@ from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table as Grid
 
-from np_drake.atomic_file import is_regular, require_writable, write_json, write_text
-from np_drake.interruption import raise_again
+from np_drake.files.atomic_file import is_regular, require_writable, write_json, write_text
+from np_drake.files.interruption import raise_again
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -116,7 +116,7 @@ def write_metrics(path: Path | None, verb: str, *, seed: int, config: dict, **co
 
 def save_figure(figure: "Figure", path: Path) -> None:
     """Write a figure and print where it is."""
-    from np_drake.figure_file import save
+    from np_drake.files.figure_file import save
 
     save(figure, path)
     say(f"figure: {path}")

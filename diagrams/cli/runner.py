@@ -19,8 +19,8 @@ from typing import TYPE_CHECKING, Any
 from diagrams.batch.workers import Workers
 from diagrams.cli import options, output
 from diagrams.cli.output import Table
-from np_drake.atomic_file import is_regular
-from np_drake.run_lock import lock_outputs
+from np_drake.files.atomic_file import is_regular
+from np_drake.files.run_lock import lock_outputs
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

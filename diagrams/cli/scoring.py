@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 
 from diagrams.cli.output import Table
-from np_drake.lifting.metrics.skill_interval import mean_interval
-from np_drake.residual_models.flight_skill import diverged
+from np_drake.skill.flight_skill import diverged
+from np_drake.skill.skill_interval import mean_interval
 
 
 def tables(rows: list[dict[str, Any]], zeta: str, *, mean: bool) -> list[Table]:

@@ -16,8 +16,8 @@ from diagrams.cli.runner import Report, Run, reports
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from np_drake.logs.training_segments import Flight
     from np_drake.residual_models.motion_model import MotionModel
+    from np_drake.training_data.training_segments import Flight
 
 T = TypeVar("T")
 LOG_HELP = "Flight logs (CSV, .csv.gz, Parquet), NeuroBEM CSV, or NeuroBEM arrays (.npy)."
@@ -48,15 +48,15 @@ def train(
         raise ValueError("--out, its loss curve, --json and --checkpoint must be different files.")
     require_outputs(*places)
     from diagrams.cli.flights import open_flights
-    from np_drake.figure_file import save
+    from np_drake.files.figure_file import save
     from np_drake.lifting.model.model_file import save_model
     from np_drake.lifting.model.origin import rotor_lag_of
     from np_drake.lifting.training.train import CONFIGURATIONS, make_config
-    from np_drake.logs.training_segments import require_motion
+    from np_drake.payload_filter.model_file import PENDULUM
     from np_drake.residual_models.motion_model import KNODE, REACTIONS
-    from np_drake.residual_models.pendulum_model import PENDULUM
     from np_drake.residual_models.predictor_training import train_on_flights
     from np_drake.scaling import sampling_period
+    from np_drake.training_data.training_segments import require_motion
 
     if configuration not in (known := (*CONFIGURATIONS, PENDULUM, *REACTIONS)):
         raise ValueError(f"--configuration: must be one of {', '.join(known)}; got {configuration}.")
@@ -107,7 +107,7 @@ def pendulum_report(flights: "Sequence[Flight]", out: Path, *, step: float) -> R
 
     Raises: ValueError: if `flights` do not serve.
     """
-    from np_drake.residual_models.pendulum_training import opened_logs, train_pendulum
+    from np_drake.payload_filter.training import opened_logs, train_pendulum
 
     logs = opened_logs(flights)
     start = time.perf_counter()
@@ -171,7 +171,7 @@ def loss_table(summary: dict[str, Any], wall: float) -> Table:
 
 def loss_figure(loss: list[float]) -> "Figure":
     """Plot loss against epoch."""
-    from np_drake.figure_file import new_figure
+    from np_drake.files.figure_file import new_figure
 
     figure, grid = new_figure(1, 1, width=6.0, height=3.5)
     axes = grid[0, 0]

@@ -72,7 +72,7 @@ def new(
 
 def write_or_print(text: str, out: Path | None) -> None:
     """Write a vehicle file, while no other run writes it; print it where no file is named."""
-    from np_drake.atomic_file import write_text
+    from np_drake.files.atomic_file import write_text
 
     if out is None:
         say(text.rstrip("\n"))
@@ -116,8 +116,8 @@ def copy_of(
     import dataclasses as dc
     import re
 
+    from np_drake.files.yaml_text import quoted
     from np_drake.vehicle import load_vehicle, preset_names, vehicle_file
-    from np_drake.yaml_text import quoted
 
     if preset not in preset_names():
         raise ValueError(f"--preset: must be one of {', '.join(preset_names())}; got {preset!r}.")

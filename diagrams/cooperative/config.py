@@ -12,10 +12,10 @@ from pydrake.systems.analysis import SimulatorConfig
 from diagrams.loop.controllers import ControllerConfig
 from diagrams.loop.flight import ARENA, MOST_ROWS, hook_mobility
 from diagrams.loop.reality import RealityConfig
+from np_drake.files.yaml_file import load_checked
 from np_drake.references.formation import payload_drop, polygon
 from np_drake.residual_models.failing import FAULTS
 from np_drake.vehicle import Vehicle
-from np_drake.yaml_file import load_checked
 from systems.tethered_quadrotor import PayloadConfig
 
 SCENARIO = Path(__file__).with_name("cooperative.yaml")

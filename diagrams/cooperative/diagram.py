@@ -15,7 +15,7 @@ from np_drake.effects.sensor_noise import SensorNoise
 from np_drake.references.base import Reference
 from np_drake.references.formation import closest_approach, fly_at
 from np_drake.references.stops import Stops
-from np_drake.residual_models.base import ResidualModel
+from np_drake.residual_model import ResidualModel
 from np_drake.residual_models.failing import Failing
 from systems.cooperative_quadrotors import make_cooperative_quadrotors
 from systems.initial_state import set_formation

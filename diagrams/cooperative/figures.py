@@ -3,7 +3,7 @@
 from matplotlib.figure import Figure
 
 from diagrams.cooperative.result import CooperativeResult
-from np_drake.figure_file import DASHES, PALETTE, new_figure
+from np_drake.files.figure_file import DASHES, PALETTE, new_figure
 
 
 def paths(flight: CooperativeResult, title: str = "") -> Figure:

@@ -18,7 +18,7 @@ from diagrams.loop.replay.scene import (
     new_scene,
     tether_pose,
 )
-from np_drake.atomic_file import require_writable
+from np_drake.files.atomic_file import require_writable
 
 
 def write_cooperative_replay(flight: CooperativeResult, path: str | Path) -> None:

@@ -5,7 +5,7 @@ from matplotlib.figure import Figure
 
 from diagrams.demo.story import FORETOLD, HELD_OUT, SIMULATED, SIMULATORS, Demo, until
 from diagrams.loop.flight_result import FlightResult
-from np_drake.figure_file import DASHES, PALETTE, new_figure
+from np_drake.files.figure_file import DASHES, PALETTE, new_figure
 
 LABELS = {"nominal": "nominal MPC", "hold": "hold", "np": "NP-MPC"}
 COLOURS = dict(zip(SIMULATORS, (PALETTE[1], PALETTE[0]), strict=True))

@@ -10,9 +10,9 @@ from diagrams.gap.corrected import corrected_simulator
 from diagrams.loop.replay.flight_page import write_replay
 from diagrams.tracking import figures
 from diagrams.tracking.tracking import TRACKS
-from np_drake.atomic_file import write_bytes
 from np_drake.diagnosis.report.write import write_report
-from np_drake.figure_file import png
+from np_drake.files.atomic_file import write_bytes
+from np_drake.files.figure_file import png
 from np_drake.logs.log_file import write_log
 
 

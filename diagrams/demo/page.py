@@ -10,11 +10,11 @@ from jinja2 import Environment, StrictUndefined
 from diagrams.demo.figures import LABELS
 from diagrams.demo.story import HELD_OUT, SIMULATED, SIMULATORS, Demo
 from diagrams.tracking.tracking import TRACKS
-from np_drake.atomic_file import write_text
 from np_drake.diagnosis.report import words
 from np_drake.diagnosis.report.page import embedded, style
 from np_drake.diagnosis.report.summary import named_causes
 from np_drake.diagnosis.result import UNKNOWN, Estimate
+from np_drake.files.atomic_file import write_text
 
 FILE, TEMPLATE = "index.html", Path(__file__).with_name("index.html.j2")
 FARTHEST = -1  # horizon of the replay that the page states: the last

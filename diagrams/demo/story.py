@@ -20,7 +20,7 @@ from diagrams.tracking.tracking import TRACKS, Row, configure, training_config
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.diagnosis.result import Diagnosis
 from np_drake.effects.base import Effect
-from np_drake.logs.flight_log import FlightLog
+from np_drake.flight_log import FlightLog
 from np_drake.vehicle import Vehicle
 
 NOMINAL, HOLD, LEARNED = Row("nominal", "nominal"), Row("hold", "hold"), Row("np", "np")

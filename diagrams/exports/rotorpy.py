@@ -13,7 +13,7 @@ import numpy as np
 
 from diagrams.exports.carried import APPROXIMATE, EXACT, LEFT_OUT, Carried, Law, carried
 from diagrams.exports.corrected import Corrected, corrected
-from np_drake.atomic_file import write_json
+from np_drake.files.atomic_file import write_json
 from np_drake.vehicle import Vehicle
 
 GRAVITY = 9.81  # RotorPy's, which is no parameter [m/s²]

@@ -7,7 +7,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from np_drake.atomic_file import write_text
+from np_drake.files.atomic_file import write_text
 
 Element = ElementTree.Element
 

@@ -8,11 +8,11 @@ import numpy as np
 import yaml
 
 from diagrams.loop.flight import FlightConfig
-from np_drake.atomic_file import write_text
 from np_drake.diagnosis.result import Diagnosis
 from np_drake.effects.effect_entry import EffectEntry
 from np_drake.effects.posterior import Posterior
-from np_drake.yaml_text import quoted
+from np_drake.files.atomic_file import write_text
+from np_drake.files.yaml_text import quoted
 
 FILE = "corrected.yaml"
 HEAD = """\

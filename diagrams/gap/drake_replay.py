@@ -18,7 +18,7 @@ from np_drake.diagnosis.gap.replay_error import replay_gap, state_error
 from np_drake.diagnosis.result import HORIZONS, ReplayGap
 from np_drake.effects.base import Effect, SensorEffect
 from np_drake.effects.combine import EffectsByPlace, mass_properties, split_effects
-from np_drake.logs.flight_log import FlightLog
+from np_drake.flight_log import FlightLog
 from np_drake.rigid_body import P, Q
 from np_drake.vehicle import Vehicle
 

@@ -10,10 +10,10 @@ import yaml
 from diagrams.gap.corrected_file import FILE as CORRECTED
 from diagrams.gap.flown_design import FILE as TRACK
 from diagrams.loop.flight import FlightConfig, load_flight
-from np_drake.atomic_file import plain, write_text
 from np_drake.diagnosis.numerics import Readings
 from np_drake.effects.explanation import Explanation
-from np_drake.input_file import read_json
+from np_drake.files.atomic_file import plain, write_text
+from np_drake.files.input_file import read_json
 
 REPORT = "diagnosis.json"
 SCENARIO = "next_flight.yaml"

@@ -13,7 +13,7 @@ from diagrams.batch.campaign import Case
 from diagrams.batch.workers import Workers, every_result
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.diagnosis.residuals.flight_residuals import make_flight_residuals
-from np_drake.logs.flight_log import FlightLog
+from np_drake.flight_log import FlightLog
 from np_drake.logs.neurobem import AGILE, published_vehicle, read_neurobem
 from np_drake.vehicle import Vehicle
 

@@ -11,7 +11,7 @@ from diagrams.loop.replay.film import FRAME_RATE, frames
 from np_drake.diagnosis.gap.gap_reduction import LEAD
 from np_drake.diagnosis.result import HORIZONS, Diagnosis
 from np_drake.effects.base import Effect
-from np_drake.logs.flight_log import FlightLog
+from np_drake.flight_log import FlightLog
 from np_drake.vehicle import Vehicle
 
 RESTART = HORIZONS[-1]  # time after which a simulator starts anew from the flight, as in the replay error [s]

@@ -16,16 +16,16 @@ from np_drake.lifting.model.origin import Trained, origin_of, require_origin
 from np_drake.mpc.controller import MpcController
 from np_drake.mpc.problem import MpcConfig
 from np_drake.mpc.solvers import make_solver, require_solver
+from np_drake.payload_filter.model_file import SCHEMA as PENDULUM_SCHEMA
+from np_drake.payload_filter.predictor import PendulumPredictor
 from np_drake.references.base import Reference
-from np_drake.residual_models.base import KnowsDelay, ReadsPlan, ResidualModel
+from np_drake.residual_model import KnowsDelay, ReadsPlan, ResidualModel
 from np_drake.residual_models.disturbance_observer import DisturbanceObserver
 from np_drake.residual_models.hold import Hold
 from np_drake.residual_models.motion_model import REACTIONS, MotionModel
 from np_drake.residual_models.neural_predictor import NeuralPredictor as NeuralPredictorModel
 from np_drake.residual_models.no_residual import NoResidual
 from np_drake.residual_models.oracle import TrueModel
-from np_drake.residual_models.pendulum_model import SCHEMA as PENDULUM_SCHEMA
-from np_drake.residual_models.pendulum_predictor import PendulumPredictor
 from np_drake.scaling import ratios
 from np_drake.vehicle import Vehicle
 from systems.cascade_target import FlatTarget

@@ -23,10 +23,10 @@ from diagrams.loop.track_limits import require_flyable
 from np_drake.command_delay import LONGEST_DELAY
 from np_drake.effects.combine import mass_properties
 from np_drake.effects.pendulum import Payload
+from np_drake.files.yaml_file import Read, load_checked
 from np_drake.references.config import ReferenceConfig, make_reference
 from np_drake.residual_models.oracle import TrueModel
 from np_drake.vehicle import Vehicle
-from np_drake.yaml_file import Read, load_checked
 from systems.recorder import Recorder, add_recorder
 from systems.sensor_faults import add_sensor_faults
 from systems.sensor_rig import add_sensor_rig

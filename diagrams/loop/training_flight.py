@@ -5,7 +5,7 @@ from pathlib import Path
 
 from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight import FlightConfig
-from np_drake.yaml_text import read_yaml
+from np_drake.files.yaml_text import read_yaml
 
 SOLVER = "sqp"  # where the scenario names none: the fast one
 

@@ -27,7 +27,7 @@ from diagrams.tracking.tracking import Row, configure, training_config
 from np_drake import attitude
 from np_drake.labels import FORCE
 from np_drake.lifting.model.lifted_model import LiftedModel
-from np_drake.residual_models.pendulum_model import PENDULUM
+from np_drake.payload_filter.model_file import PENDULUM
 from np_drake.swing_metrics import half_width
 from systems.payload_config import PayloadConfig
 

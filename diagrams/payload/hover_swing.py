@@ -24,8 +24,8 @@ from diagrams.tracking.model_files import (
 )
 from diagrams.tracking.tracking import Row, configure, training_config
 from np_drake import metrics, swing_metrics
+from np_drake.payload_filter.model_file import PENDULUM
 from np_drake.residual_models.motion_model import GP, KNODE
-from np_drake.residual_models.pendulum_model import PENDULUM
 
 IMPULSE = 0.3  # on the payload, along x [N·s]
 TRAINING = "training_circle"  # experiment that predictors are trained on

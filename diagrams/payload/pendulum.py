@@ -6,8 +6,8 @@ from diagrams.batch.campaign import Case
 from diagrams.batch.workers import Workers, results
 from diagrams.loop.experiments import load_experiment, settings_of
 from diagrams.loop.flight_result import fly
-from np_drake.lifting.metrics.tether_length import Pendulum, pendulum_length
-from np_drake.logs.training_segments import training_segments
+from np_drake.skill.tether_length import Pendulum, pendulum_length
+from np_drake.training_data.training_segments import training_segments
 
 LENGTHS = (0.5, 0.8, 1.2)  # [m]
 EXPERIMENTS = ("training_circle", "plain_circle")  # that are flown

@@ -12,7 +12,7 @@ from diagrams.loop.flight import FlightConfig, initialise, make_flight_diagram
 from diagrams.prediction.learning import train_predictor
 from diagrams.tracking.tracking import training_flight
 from np_drake.mpc.problem import MpcProblem, MpcSolution, MpcSolver
-from np_drake.residual_models.base import Sample
+from np_drake.residual_model import Sample
 from np_drake.residual_models.neural_predictor import NeuralPredictor
 from systems.initial_state import set_hover
 from systems.tethered_quadrotor import make_tethered_quadrotor

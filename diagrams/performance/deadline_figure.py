@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from matplotlib.figure import Figure
 
 from diagrams.performance.deadlines import COLLECTORS, EDGES
-from np_drake.figure_file import DASHES, PALETTE, new_figure
+from np_drake.files.figure_file import DASHES, PALETTE, new_figure
 
 
 def response_histogram(lines: Sequence[dict]) -> Figure:

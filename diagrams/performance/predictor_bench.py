@@ -10,10 +10,10 @@ from np_drake.lifting.model.encoders import Phi
 from np_drake.lifting.model.lifted_model import PAPER, LiftedModel
 from np_drake.lifting.model.stabilized import stabilized
 from np_drake.lifting.model.window_refit import RADIUS
-from np_drake.lifting.training.segments import Segment
 from np_drake.lifting.training.train import make_config, train
-from np_drake.residual_models.base import Sample, WrenchForecast
+from np_drake.residual_model import Sample, WrenchForecast
 from np_drake.residual_models.neural_predictor import NeuralPredictor
+from np_drake.training_data.segments import Segment
 
 HORIZON = 20  # steps that are predicted [1]
 STEP = 0.0025  # of the synthetic flight [s]

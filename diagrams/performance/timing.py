@@ -19,7 +19,7 @@ from np_drake.mpc.controller import MpcController
 from np_drake.mpc.problem import MpcStatus
 from np_drake.mpc.solvers import make_solver
 from np_drake.references.config import make_reference
-from np_drake.residual_models.base import Memory, Sample, WrenchForecast
+from np_drake.residual_model import Memory, Sample, WrenchForecast
 
 TRACK = "lemniscate"  # experiment that is flown
 TRAINING = "training_circle"  # experiment that predictors are trained on

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import numpy as np
 
-from np_drake.lifting.metrics.response import jerk
-from np_drake.lifting.training.segments import Segment
 from np_drake.logs.neurobem import TESTS, TRAINING, read_neurobem_npy
+from np_drake.skill.response import jerk
+from np_drake.training_data.segments import Segment
 
 MASS, GRAVITY = 0.752, np.array([0.0, 0.0, 9.8])  # with which the arrays were made, in body axes [kg, m/s²]
 

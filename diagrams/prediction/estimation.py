@@ -9,11 +9,11 @@ from diagrams.batch.campaign import Case
 from diagrams.batch.workers import Workers, every_result
 from diagrams.prediction.array_flights import Flight
 from np_drake.estimation.wrench_table import COLUMNS, PUBLISHED, column_rmse
-from np_drake.lifting.metrics.skill import naive_predictions
 from np_drake.lifting.model.lifted_model import DEFAULT, PAPER, LiftedModel
-from np_drake.residual_models.base import FlightForecasts
+from np_drake.residual_model import FlightForecasts
 from np_drake.residual_models.neural_predictor import NeuralPredictor, PredictorOptions
-from np_drake.residual_models.window_stability import WindowStability, stability_of
+from np_drake.skill.skill import naive_predictions
+from np_drake.skill.window_stability import WindowStability, stability_of
 
 METHODS = ("NeuroBEM", "NeuroMHE", "NP")  # as published
 OURS = {PAPER: "ours, paper", DEFAULT: "ours, default"}  # configuration: row

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from diagrams.prediction.array_flights import Flight
 from diagrams.prediction.estimation import forecasts
-from np_drake.figure_file import DASHES, PALETTE, new_figure
+from np_drake.files.figure_file import DASHES, PALETTE, new_figure
 from np_drake.lifting.model.lifted_model import LiftedModel
 
 FAR = 40  # steps ahead of the far forecast [1]

@@ -6,15 +6,15 @@ from pathlib import Path
 import numpy as np
 
 from diagrams.loop.flight_result import FlightResult
+from np_drake.flight_log import FlightLog
 from np_drake.lifting.model.model_file import save_model
 from np_drake.lifting.training.train import TrainingResult, make_config
-from np_drake.logs.flight_log import FlightLog
-from np_drake.logs.training_segments import Flight
+from np_drake.payload_filter.model_file import PendulumModel
+from np_drake.payload_filter.training import train_pendulum
 from np_drake.residual_models.motion_model import MotionModel
 from np_drake.residual_models.motion_training import train_motion_model
-from np_drake.residual_models.pendulum_model import PendulumModel
-from np_drake.residual_models.pendulum_training import train_pendulum
 from np_drake.residual_models.predictor_training import train_on_flights
+from np_drake.training_data.training_segments import Flight
 
 
 def train_predictor(

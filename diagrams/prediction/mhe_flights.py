@@ -17,7 +17,7 @@ from np_drake.estimation.moving_horizon_program import ProgramWindow
 from np_drake.estimation.wrench_table import COLUMNS, PUBLISHED, column_rmse
 from np_drake.logs.errors import LogError
 from np_drake.logs.neurobem import TESTS, TRAINING, published_vehicle, read_neurobem, read_neurobem_npy
-from np_drake.logs.wrench_sequence import WrenchSequence
+from np_drake.training_data.wrench_sequence import WrenchSequence
 
 PUBLISHED_ROW = "NeuroMHE"  # name of its row
 NAIVE_ROW = "persistence"  # name of its row

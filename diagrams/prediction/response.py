@@ -9,12 +9,12 @@ from diagrams.batch.campaign import Case
 from diagrams.batch.workers import Workers, every_result
 from diagrams.prediction.array_flights import Flight
 from diagrams.prediction.estimation import NAIVE, OURS, forecasts
-from np_drake.lifting.metrics.response import aggressive, lag
-from np_drake.lifting.metrics.skill import naive_predictions
-from np_drake.lifting.metrics.skill_interval import mean_interval
 from np_drake.lifting.model.lifted_model import LiftedModel
 from np_drake.lifting.training.train import Config, train
-from np_drake.residual_models.base import FlightForecasts
+from np_drake.residual_model import FlightForecasts
+from np_drake.skill.response import aggressive, lag
+from np_drake.skill.skill import naive_predictions
+from np_drake.skill.skill_interval import mean_interval
 
 HORIZONS = (20, 40)  # [steps]
 UNSEEN = "ours, default, other flights"  # trained on every flight but the evaluated one

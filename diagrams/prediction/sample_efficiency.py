@@ -11,14 +11,14 @@ from matplotlib.ticker import LogLocator, NullFormatter
 from diagrams.batch.campaign import Case
 from diagrams.batch.workers import Workers, every_result
 from diagrams.prediction.array_flights import Flight
-from np_drake.figure_file import DASHES, PALETTE, new_figure
-from np_drake.lifting.metrics.skill import model_predictions, naive_predictions
+from np_drake.files.figure_file import DASHES, PALETTE, new_figure
 from np_drake.lifting.model.lifted_model import DEFAULT, PAPER
-from np_drake.lifting.training.segments import Segment
 from np_drake.lifting.training.train import Config, train
-from np_drake.residual_models.base import ResidualModel
+from np_drake.residual_model import ResidualModel
 from np_drake.residual_models.linear_baselines import fit_dmdc
 from np_drake.residual_models.neural_predictor import NeuralPredictor, PredictorOptions
+from np_drake.skill.skill import model_predictions, naive_predictions
+from np_drake.training_data.segments import Segment
 
 SIZES = (1000, 2000, 3000, 4000)  # samples; the paper goes on to 6000, which this segment does not have [1]
 HORIZONS = (1, 20, 100)  # [steps]

@@ -8,7 +8,7 @@ from matplotlib.ticker import LogLocator, NullFormatter
 from diagrams.robustness.axes import Axis
 from diagrams.robustness.cells import ERRORS
 from diagrams.robustness.table import NOMINAL, axes_of
-from np_drake.figure_file import DASHES, PALETTE, new_figure
+from np_drake.files.figure_file import DASHES, PALETTE, new_figure
 
 COLUMNS = 5  # axes side by side
 COLOURS = (*PALETTE[:6], "0.55")  # nominal alone is black

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from diagrams.robustness.axes import Grid
 from diagrams.robustness.grid_table import NEAR
-from np_drake.figure_file import new_figure
+from np_drake.files.figure_file import new_figure
 
 # Key of the ratio, what it is divided by, and the ratio that is drawn white.
 RATIOS = (("over_oracle", "oracle", NEAR), ("over_naive", "best naive", 1.0))

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from diagrams.loop.flight_result import FlightResult
-from np_drake.figure_file import DASHES, PALETTE, new_figure
+from np_drake.files.figure_file import DASHES, PALETTE, new_figure
 
 _AXES = ("x", "y", "z")
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from diagrams.batch.campaign import Case, Record
 from diagrams.batch.workers import Workers
 from diagrams.tracking.tracking import Row, train_models
-from np_drake.atomic_file import atomic_path
+from np_drake.files.atomic_file import atomic_path
 from np_drake.vehicle import Vehicle
 
 Key = tuple[str, str]  # training experiment and configuration

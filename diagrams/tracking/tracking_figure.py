@@ -4,7 +4,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from diagrams.tracking.tracking import TRACKS
-from np_drake.figure_file import DASHES, PALETTE, new_figure
+from np_drake.files.figure_file import DASHES, PALETTE, new_figure
 
 
 def plane_tracks(laps: dict[tuple[str, str], dict[str, np.ndarray]], title: str = "") -> Figure:

@@ -15,7 +15,7 @@ from diagrams.loop.reality import RealityConfig
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.effects.base import Parameter, WrenchEffect
 from np_drake.effects.library import register
-from np_drake.logs.flight_log import FlightLog
+from np_drake.flight_log import FlightLog
 from np_drake.references.config import ReferenceConfig
 from systems.payload_config import PayloadConfig
 

@@ -6,12 +6,12 @@ error against holding the last label. `np-drake train` and `np-drake evaluate` d
 
 from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight_result import fly
-from np_drake.lifting.metrics.skill import skill_table
-from np_drake.lifting.training.segments import Segment
 from np_drake.lifting.training.train import make_config, train
-from np_drake.logs.training_segments import training_segments
-from np_drake.residual_models.base import ResidualModel
+from np_drake.residual_model import ResidualModel
 from np_drake.residual_models.neural_predictor import NeuralPredictor
+from np_drake.skill.skill import skill_table
+from np_drake.training_data.segments import Segment
+from np_drake.training_data.training_segments import training_segments
 
 HORIZONS = [5, 20, 40]  # steps of 0.02 s
 

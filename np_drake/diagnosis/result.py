@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from np_drake.atomic_file import plain
 from np_drake.diagnosis.numerics import Readings
 from np_drake.effects.base import Effect
 from np_drake.effects.explanation import Explanation
 from np_drake.effects.posterior import Posterior
-from np_drake.logs.flight_log import FlightLog
+from np_drake.files.atomic_file import plain
+from np_drake.flight_log import FlightLog
 
 CHANNELS = ("force x", "force y", "force z", "torque x", "torque y", "torque z")  # body axes
 HORIZONS = (0.1, 0.25, 0.5, 1.0)  # horizons of the replay [s]

@@ -3,7 +3,7 @@
 import numpy as np
 
 from np_drake.diagnosis.residuals import FlightResiduals, make_flight_residuals
-from np_drake.logs.flight_log import FlightLog
+from np_drake.flight_log import FlightLog
 from np_drake.references.flatness import targets
 from np_drake.rigid_body import P, Q, V, W
 from np_drake.vehicle import Vehicle

@@ -1,1 +1,1 @@
-"""Lifted linear systems: the model, its training, error bounds and prediction metrics."""
+"""Lifted linear systems: the model, its training and error bounds."""

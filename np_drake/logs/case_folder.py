@@ -3,7 +3,7 @@
 import dataclasses as dc
 from pathlib import Path
 
-from np_drake.logs.flight_log import FlightLog
+from np_drake.flight_log import FlightLog
 from np_drake.logs.log_file import SUFFIXES
 from np_drake.logs.open_log import open_segments
 from np_drake.vehicle import Vehicle, load_vehicle

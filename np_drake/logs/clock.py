@@ -3,7 +3,7 @@
 import numpy as np
 
 from np_drake import attitude
-from np_drake.logs.flight_log import FlightLog
+from np_drake.flight_log import FlightLog
 
 _STATE = ("p", "q", "v", "w", "a", "al")  # fields that are shifted
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from np_drake.logs.flight_log import FlightLog
+from np_drake.flight_log import FlightLog
 from np_drake.logs.table import Table
 
 COLUMNS: dict[str, tuple[str, ...]] = {  # field of FlightLog: columns of the file

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from np_drake.atomic_file import atomic_path
+from np_drake.files.atomic_file import atomic_path
 from np_drake.logs.errors import LogError
 from np_drake.logs.growing_columns import GrowingColumns
 from np_drake.logs.table import Table

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from np_drake.input_file import cell_budget
+from np_drake.files.input_file import cell_budget
 from np_drake.logs.text_lines import too_many_cells
 
 

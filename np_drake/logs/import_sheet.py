@@ -6,9 +6,9 @@ from typing import Any
 
 import yaml
 
-from np_drake.atomic_file import write_text
+from np_drake.files.atomic_file import write_text
+from np_drake.files.yaml_text import read_yaml
 from np_drake.logs.errors import LogError
-from np_drake.yaml_text import read_yaml
 
 SUFFIX = ".import.yaml"
 HEAD = "# Sheet beside a flight log, as of np-drake import. `timing` is read with the log; the rest is for people.\n"

@@ -5,17 +5,17 @@ from pathlib import Path
 
 import numpy as np
 
+from np_drake.flight_log import FlightLog
 from np_drake.logs import columns, csv_file, parquet_file
 from np_drake.logs.checks import check_table
 from np_drake.logs.errors import LogError
-from np_drake.logs.flight_log import FlightLog
 from np_drake.logs.gaps import LONGEST, bridge_gaps, split_at_gaps, without_long_gaps
 from np_drake.logs.import_sheet import read_sheet
 from np_drake.logs.repair import repair as repair_table
-from np_drake.logs.rotor_input import with_rotor_input
 from np_drake.logs.table import Table
 from np_drake.logs.throttle_input import with_throttle_input
 from np_drake.logs.units import check_units
+from np_drake.rotor_input import with_rotor_input
 from np_drake.vehicle import Vehicle
 
 SUFFIXES = (".csv", ".csv.gz", ".parquet")  # of the formats

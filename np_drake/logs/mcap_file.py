@@ -6,7 +6,7 @@ import json
 from collections.abc import Iterable
 from pathlib import Path
 
-from np_drake.atomic_file import atomic_path, plain
+from np_drake.files.atomic_file import atomic_path, plain
 from np_drake.logs.errors import LogError
 from np_drake.logs.foxglove import Json
 

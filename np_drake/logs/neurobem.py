@@ -10,18 +10,18 @@ from pathlib import Path
 import numpy as np
 
 from np_drake import attitude
+from np_drake.flight_log import FlightLog
 from np_drake.logs.checks import check_table
 from np_drake.logs.columns import COLUMNS
 from np_drake.logs.csv_file import read_csv
 from np_drake.logs.errors import LogError, place
-from np_drake.logs.flight_log import FlightLog
 from np_drake.logs.gaps import bridge_gaps, without_long_gaps
 from np_drake.logs.npy_file import read_array
 from np_drake.logs.repair import repair as repair_table
-from np_drake.logs.rotor_input import with_rotor_input
 from np_drake.logs.table import Table
 from np_drake.logs.units import check_units
-from np_drake.logs.wrench_sequence import WrenchSequence
+from np_drake.rotor_input import with_rotor_input
+from np_drake.training_data.wrench_sequence import WrenchSequence
 from np_drake.vehicle import Vehicle, load_vehicle
 
 GRAVITY = 9.81  # [m/s²]; the CSV's hover reading of specific force

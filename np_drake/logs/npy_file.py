@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from np_drake.input_guard import note_input
+from np_drake.files.input_guard import note_input
 from np_drake.logs.errors import LogError
 
 # What NumPy's reader raises on a damaged header, which is Python text, or on one that announces too much.

@@ -3,8 +3,8 @@
 from collections.abc import Callable
 from pathlib import Path
 
+from np_drake.flight_log import FlightLog
 from np_drake.logs.columns import COLUMNS, STATE
-from np_drake.logs.flight_log import FlightLog
 from np_drake.logs.formats import table
 from np_drake.logs.import_sheet import Sheet
 from np_drake.logs.importing.import_log import import_log
@@ -12,8 +12,8 @@ from np_drake.logs.importing.log_map import LogMap, MapFile
 from np_drake.logs.log_file import SUFFIXES, read_segments
 from np_drake.logs.neurobem import read_neurobem
 from np_drake.logs.open_log import is_neurobem
-from np_drake.logs.rotor_input import with_rotor_input
 from np_drake.logs.throttle_input import with_throttle_input
+from np_drake.rotor_input import with_rotor_input
 from np_drake.vehicle import Vehicle
 
 

@@ -3,11 +3,11 @@
 import gzip
 from pathlib import Path
 
-from np_drake.logs.flight_log import FlightLog
+from np_drake.flight_log import FlightLog
 from np_drake.logs.log_file import read_log, read_segments
 from np_drake.logs.neurobem import FIRST_COLUMNS, read_neurobem, read_neurobem_npy
 from np_drake.logs.text_lines import BAD_GZIP
-from np_drake.logs.wrench_sequence import WrenchSequence
+from np_drake.training_data.wrench_sequence import WrenchSequence
 from np_drake.vehicle import Vehicle
 
 

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from np_drake.atomic_file import atomic_path
-from np_drake.input_file import cell_budget, text_budget
-from np_drake.input_guard import note_input
+from np_drake.files.atomic_file import atomic_path
+from np_drake.files.input_file import cell_budget, text_budget
+from np_drake.files.input_guard import note_input
 from np_drake.logs.errors import LogError
 from np_drake.logs.growing_columns import GrowingColumns
 from np_drake.logs.table import Table

@@ -7,8 +7,8 @@ from collections.abc import Callable, Generator
 from pathlib import Path
 from typing import IO, Any
 
-from np_drake.input_file import cell_budget, text_budget
-from np_drake.input_guard import note_input
+from np_drake.files.input_file import cell_budget, text_budget
+from np_drake.files.input_guard import note_input
 from np_drake.logs.errors import LogError
 from np_drake.logs.recording import Progress
 

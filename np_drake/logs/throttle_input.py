@@ -7,9 +7,9 @@ import numpy as np
 from scipy import optimize
 
 from np_drake import attitude
-from np_drake.logs.accelerations import smooth_derivative
+from np_drake.flight_log import FlightLog
 from np_drake.logs.errors import LogError
-from np_drake.logs.flight_log import FlightLog
+from np_drake.training_data.accelerations import smooth_derivative
 from np_drake.vehicle import Vehicle
 
 EXPONENTS = (0.5, 2.5)  # of thrust over throttle: from a linearised to a bare motor [1]

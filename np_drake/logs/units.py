@@ -10,9 +10,9 @@ every effect of the library and many that it does not have.
 import numpy as np
 
 from np_drake import attitude
+from np_drake.flight_log import FlightLog
 from np_drake.logs.errors import LogError, place
-from np_drake.logs.flight_log import FlightLog
-from np_drake.logs.rotor_input import rotor_wrench
+from np_drake.rotor_input import rotor_wrench
 from np_drake.vehicle import Vehicle
 
 WINDOW = 0.5  # [s]

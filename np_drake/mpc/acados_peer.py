@@ -20,7 +20,7 @@ from np_drake.mpc.initial_guess import initial_trajectory
 from np_drake.mpc.problem import MpcConfig, MpcProblem, MpcSolution, MpcStatus, SolverFailure
 from np_drake.mpc.split_sqp import PhaseTimes
 from np_drake.mpc.sqp import as_solution
-from np_drake.residual_models.base import WrenchForecast
+from np_drake.residual_model import WrenchForecast
 from np_drake.vehicle import Vehicle
 
 _COLD_STEPS = 8  # iterations after a cold start, as `SqpSolver` takes at most [1]

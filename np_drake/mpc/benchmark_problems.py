@@ -9,7 +9,7 @@ from np_drake.mpc.dynamics import DiscreteDynamics
 from np_drake.mpc.plan import shift
 from np_drake.mpc.problem import MpcConfig, MpcProblem, MpcSolution
 from np_drake.mpc.sqp import SqpSolver
-from np_drake.residual_models.base import WrenchForecast
+from np_drake.residual_model import WrenchForecast
 from np_drake.vehicle import Vehicle
 
 _TRUE_WRENCH = np.array([0.4, -0.3, -2.0, 0.01, -0.01, 0.002])  # that pulls at the vehicle [N, N·m]

@@ -18,7 +18,7 @@ from np_drake.mpc.kernels import condensing
 from np_drake.mpc.objective import Objective, SoftRows, penalty
 from np_drake.mpc.problem import MpcConfig, MpcProblem
 from np_drake.mpc.swing import LATERAL, lateral_response
-from np_drake.residual_models.base import Reaction
+from np_drake.residual_model import Reaction
 from np_drake.rigid_body import INPUT_SIZE, STATE_SIZE, WRENCH_SIZE
 from np_drake.vehicle import Vehicle
 

@@ -8,7 +8,7 @@ import numpy as np
 from np_drake.mpc.plan import shift
 from np_drake.mpc.problem import MpcConfig, MpcProblem, MpcSolution, MpcSolver, MpcStatus, SolverFailure
 from np_drake.references.flatness import body_rates, targets
-from np_drake.residual_models.base import WrenchForecast, no_forecast
+from np_drake.residual_model import WrenchForecast, no_forecast
 from np_drake.vehicle import Vehicle
 
 

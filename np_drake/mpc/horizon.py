@@ -8,7 +8,7 @@ from np_drake.finite import finite
 from np_drake.mpc.kernels import horizon as kernel
 from np_drake.mpc.problem import MpcConfig, MpcProblem, SolverFailure
 from np_drake.mpc.terminal import TerminalWeight
-from np_drake.residual_models.base import Reaction, WrenchForecast
+from np_drake.residual_model import Reaction, WrenchForecast
 from np_drake.rigid_body import INPUT_SIZE, STATE_SIZE, WRENCH_SIZE
 from np_drake.vehicle import Vehicle
 

@@ -6,7 +6,7 @@ from typing import Protocol
 
 import numpy as np
 
-from np_drake.residual_models.base import WrenchForecast
+from np_drake.residual_model import WrenchForecast
 
 LONGEST_HORIZON = 200  # [1]; own choice: ten times the usual one, and 100 MB of matrices
 LONGEST_STEP = 10.0  # [s]; own choice

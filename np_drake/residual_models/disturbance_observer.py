@@ -3,7 +3,7 @@
 import numpy as np
 
 from np_drake import rigid_body
-from np_drake.residual_models.base import Memory, Sample, WrenchForecast, constant_forecast
+from np_drake.residual_model import Memory, Sample, WrenchForecast, constant_forecast
 from np_drake.vehicle import Vehicle
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from np_drake.labels import ReadsLabels
-from np_drake.residual_models.base import (
+from np_drake.residual_model import (
     KnowsDelay,
     KnowsRotorLag,
     Memory,

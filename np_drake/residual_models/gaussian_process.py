@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from np_drake.lifting.training.segments import Segment, check_segments, group_scale
+from np_drake.training_data.segments import Segment, check_segments, group_scale
 
 
 @dc.dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from np_drake.residual_models.base import Memory, Sample, WrenchForecast, constant_forecast
+from np_drake.residual_model import Memory, Sample, WrenchForecast, constant_forecast
 
 
 class Hold:

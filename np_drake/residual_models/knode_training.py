@@ -12,10 +12,10 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import torch
 
-from np_drake.lifting.training.segments import group_scale
-from np_drake.logs.flight_log import FlightLog
-from np_drake.logs.rotor_input import acting_command
+from np_drake.flight_log import FlightLog
 from np_drake.residual_models.wrench_network import WrenchNetwork
+from np_drake.rotor_input import acting_command
+from np_drake.training_data.segments import group_scale
 from np_drake.vehicle import Vehicle
 
 

@@ -13,14 +13,14 @@ from np_drake.lifting.model.encoders import DelayEncoder
 from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
 from np_drake.lifting.training.dmdc import fit_dmdc_system, sample_scale
 from np_drake.lifting.training.horizon_ridge import flight_moments, horizon_ridge
-from np_drake.lifting.training.segments import Segment, check_segments
-from np_drake.residual_models.base import (
+from np_drake.residual_model import (
     FlightForecasts,
     Memory,
     Sample,
     WrenchForecast,
     constant_forecast,
 )
+from np_drake.training_data.segments import Segment, check_segments
 
 DELAYS = 10  # samples that delay DMDc and the ridge see [1]
 NOISE = 1e-3  # of the ridge's samples, in units of their scale [1]

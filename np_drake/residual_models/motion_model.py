@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from np_drake import rigid_body
-from np_drake.input_file import parse_json
+from np_drake.files.input_file import parse_json
 from np_drake.lifting.model.model_file import DAMAGED, read_tensors, summary_in, unusable, write_tensors
-from np_drake.residual_models.base import Memory, Sample, WrenchForecast, constant_forecast
+from np_drake.residual_model import Memory, Sample, WrenchForecast, constant_forecast
 from np_drake.residual_models.gaussian_process import GaussianProcess
 from np_drake.residual_models.wrench_network import WrenchNetwork
 

@@ -6,15 +6,15 @@ from typing import Any
 
 import numpy as np
 
+from np_drake.flight_log import FlightLog
 from np_drake.labels import LabelConfig, default_labels
 from np_drake.lifting.model.origin import origin_of, with_origin
 from np_drake.lifting.training.excitation import measure_excitation
-from np_drake.logs.flight_log import FlightLog
-from np_drake.logs.training_segments import training_segments
-from np_drake.logs.wrench_sequence import WrenchSequence
 from np_drake.residual_models.gaussian_process import GaussianProcessConfig, fit_gaussian_process
 from np_drake.residual_models.knode_training import KnodeConfig, fit_knode, flown_pieces
 from np_drake.residual_models.motion_model import GP, KNODE, MotionModel
+from np_drake.training_data.training_segments import training_segments
+from np_drake.training_data.wrench_sequence import WrenchSequence
 from np_drake.vehicle import Vehicle
 
 CONFIGURATIONS: dict[str, GaussianProcessConfig | KnodeConfig] = {

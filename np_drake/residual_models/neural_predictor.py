@@ -12,7 +12,7 @@ from np_drake.lifting.model.lifted_model import DEFAULT, LiftedModel
 from np_drake.lifting.model.model_file import load_model
 from np_drake.lifting.model.origin import rotor_lag_of
 from np_drake.lifting.model.window_refit import WindowRefit
-from np_drake.residual_models.base import FlightForecasts, Memory, Sample, WrenchForecast
+from np_drake.residual_model import FlightForecasts, Memory, Sample, WrenchForecast
 from np_drake.residual_models.refit_forecasts import RefitForecasts
 
 

@@ -1,6 +1,6 @@
 """Residual model of the nominal controller: there is nothing that the nominal dynamics lack."""
 
-from np_drake.residual_models.base import Memory, Sample, WrenchForecast, no_forecast
+from np_drake.residual_model import Memory, Sample, WrenchForecast, no_forecast
 
 
 class NoResidual:

@@ -5,12 +5,12 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from np_drake.actuator_timing import learned_rotor_lag
+from np_drake.flight_log import FlightLog
 from np_drake.labels import LabelConfig, default_labels
 from np_drake.lifting.model.lifted_model import DEFAULT
 from np_drake.lifting.model.origin import origin_of, with_origin, with_rotor_lag
 from np_drake.lifting.training.train import Config, TrainingResult, train
-from np_drake.logs.flight_log import FlightLog
-from np_drake.logs.training_segments import Flight
+from np_drake.training_data.training_segments import Flight
 
 
 def train_on_flights(

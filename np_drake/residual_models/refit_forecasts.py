@@ -4,7 +4,7 @@ import dataclasses as dc
 
 import numpy as np
 
-from np_drake.residual_models.base import FlightForecasts
+from np_drake.residual_model import FlightForecasts
 
 
 @dc.dataclass

@@ -16,16 +16,16 @@ from pydrake.common.yaml import yaml_dump
 from diagrams.batch.campaign import read_record
 from diagrams.gap.next_flight import read_report
 from diagrams.loop.experiments import load_experiment
-from np_drake.input_file import read_json
+from np_drake.files.input_file import read_json
 from np_drake.lifting.model.model_file import load_model
 from np_drake.logs.importing.log_map import load_map_file
 from np_drake.logs.neurobem import FIRST_COLUMNS
 from np_drake.logs.open_any import open_any
 from np_drake.logs.open_log import open_log
 from np_drake.logs.recording import Stream
+from np_drake.payload_filter.model_file import PendulumModel
 from np_drake.references.track_file import read_track
 from np_drake.residual_models.motion_model import MotionModel
-from np_drake.residual_models.pendulum_model import PendulumModel
 from np_drake.vehicle import Vehicle, load_vehicle
 
 TESTS = Path(__file__).parents[1]

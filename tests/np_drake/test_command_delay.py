@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from np_drake.command_delay import FINE, KEPT, LONGEST_DELAY, DelayFilter, acting_command, commands_under_way
-from np_drake.logs.rotor_input import rotor_decay, rotor_speed, rotor_wrench
 from np_drake.rigid_body import state_derivative
+from np_drake.rotor_input import rotor_decay, rotor_speed, rotor_wrench
 from np_drake.vehicle import Vehicle
 
 STEP, LAGGED = 0.02, Vehicle(rotor_time_constant=0.03)

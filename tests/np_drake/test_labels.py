@@ -5,7 +5,7 @@ import pytest
 
 from np_drake import labels as lb
 from np_drake import rigid_body
-from np_drake.logs.flight_log import FlightLog
+from np_drake.flight_log import FlightLog
 from np_drake.vehicle import Vehicle
 
 STEP = 0.01  # [s]

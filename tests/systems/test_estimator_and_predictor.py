@@ -5,7 +5,7 @@ import pytest
 
 from np_drake import rigid_body
 from np_drake.labels import LabelConfig, LabelFilter
-from np_drake.residual_models.base import Sample
+from np_drake.residual_model import Sample
 from np_drake.residual_models.hold import Hold
 from np_drake.residual_models.neural_predictor import NeuralPredictor as NeuralPredictorModel
 from np_drake.vehicle import Vehicle

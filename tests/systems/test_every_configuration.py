@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from np_drake.lifting.training.segments import Segment
 from np_drake.lifting.training.train import CONFIGURATIONS, make_config, train
 from np_drake.mpc.horizon import eliminate
-from np_drake.residual_models.base import Sample
+from np_drake.residual_model import Sample
 from np_drake.residual_models.neural_predictor import NeuralPredictor as NeuralPredictorModel
+from np_drake.training_data.segments import Segment
 from np_drake.vehicle import Vehicle
 from systems.neural_predictor import NeuralPredictor
 

@@ -8,7 +8,7 @@ from np_drake.mpc.controller import MpcController
 from np_drake.mpc.problem import MpcConfig, MpcStatus, SolverFailure
 from np_drake.mpc.sqp import SqpSolver
 from np_drake.references.base import Hover
-from np_drake.residual_models.base import constant_forecast
+from np_drake.residual_model import constant_forecast
 from np_drake.vehicle import Vehicle
 from systems.np_mpc import NpMpc
 from systems.reference_source import ReferenceSource

@@ -5,7 +5,7 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.residual_models.base import constant_forecast
+from np_drake.residual_model import constant_forecast
 from systems.residual_predictor import ResidualPredictor
 
 N, STEP, STRIDE = 4, 0.02, 2

@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from diagrams.challenge.active.tables import Result, answer_after, left_open
-from np_drake.figure_file import DASHES, PALETTE, new_figure
+from np_drake.files.figure_file import DASHES, PALETTE, new_figure
 
 MARKERS = "osD^vP"
 APART = 0.35  # of the arms, so that their bars do not hide each other [s]

@@ -9,7 +9,7 @@ from diagrams.challenge.simulators.drake.simulator import fly_true, sensed
 from diagrams.challenge.simulators.flight_plan import Plan
 from diagrams.gap.flown_design import usage_of
 from np_drake.flight_design.limits import Limits
-from np_drake.logs.flight_log import FlightLog
+from np_drake.flight_log import FlightLog
 
 FITTED, HELD_OUT = 0, len(FILES) - 1  # numbers of the first flights of a case
 FURTHER = len(FILES)  # number of the first flight after them

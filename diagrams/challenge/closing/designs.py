@@ -12,12 +12,12 @@ from diagrams.loop.flight_result import fly
 from diagrams.loop.real_vehicle import DRAKE, RealVehicle
 from diagrams.loop.reality import RealityConfig
 from np_drake.command_delay import LONGEST_DELAY
+from np_drake.flight_log import FlightLog
 from np_drake.lifting.model.model_file import save_model
 from np_drake.lifting.training.train import make_config
-from np_drake.logs.flight_log import FlightLog
-from np_drake.logs.training_segments import Flight
-from np_drake.residual_models.pendulum_training import opened_logs, train_pendulum
+from np_drake.payload_filter.training import opened_logs, train_pendulum
 from np_drake.residual_models.predictor_training import train_on_flights
+from np_drake.training_data.training_segments import Flight
 from np_drake.vehicle import Vehicle
 
 TRACK, SCORED = "circle", 15.0  # flight that is scored, and its length after the ramp [s]

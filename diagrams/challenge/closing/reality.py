@@ -12,7 +12,7 @@ from diagrams.loop.flight_result import fly
 from diagrams.loop.real_vehicle import DRAKE, RealVehicle
 from diagrams.loop.reality import RealityConfig
 from np_drake.effects.effect_entry import EffectEntry
-from np_drake.logs.flight_log import FlightLog
+from np_drake.flight_log import FlightLog
 from np_drake.vehicle import Vehicle
 
 # Effects that a controller feels and that a flight of 20 s can hold; sensor errors are left to the challenge.

@@ -7,15 +7,15 @@ from typing import Any
 import numpy as np
 
 from diagrams.challenge.generate.case import FILES, Case
-from diagrams.challenge.generate.logged_input import best_known
-from np_drake.diagnosis.forward_model.prediction import gate, predicted_residual
-from np_drake.diagnosis.forward_model.term import Term
-from np_drake.diagnosis.localisation.collinearity import (
+from diagrams.challenge.generate.collinearity import (
     collinear_effects,
     effects_of_trace,
     is_calibration,
     is_calibration_trace,
 )
+from diagrams.challenge.generate.logged_input import best_known
+from np_drake.diagnosis.forward_model.prediction import gate, predicted_residual
+from np_drake.diagnosis.forward_model.term import Term
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel, fit_noise
 from np_drake.diagnosis.options import Options, Priors
 from np_drake.diagnosis.regressors import with_input
@@ -23,7 +23,7 @@ from np_drake.diagnosis.regressors.nuisance import tolerance_of
 from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals, make_flight_residuals
 from np_drake.diagnosis.tolerance import Tolerance
 from np_drake.effects.base import Effect
-from np_drake.logs.flight_log import FlightLog
+from np_drake.flight_log import FlightLog
 
 AROUND = 4.0  # of the true onset, in which others are weighed [s]
 SPAN = 0.4  # that is to hold the onset as likely as may be: twice the tolerance of the score [s]

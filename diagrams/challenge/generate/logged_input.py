@@ -7,9 +7,9 @@ import numpy as np
 
 from diagrams.challenge.generate.sensor_quality import rows_of
 from np_drake.effects.library import unobservable
-from np_drake.logs.flight_log import FlightLog
+from np_drake.flight_log import FlightLog
 from np_drake.logs.import_sheet import Sheet
-from np_drake.logs.rotor_input import with_rotor_input
+from np_drake.rotor_input import with_rotor_input
 from np_drake.vehicle import INPUTS, Vehicle
 
 SEMANTICS = ("held_after", "held_before", "averaged", "sampled")  # of a row's command

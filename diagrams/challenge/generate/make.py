@@ -25,9 +25,9 @@ from diagrams.challenge.generate.logged_input import as_logged, per_row, with_in
 from diagrams.challenge.generate.sensor_quality import kept_rows, rows_of, with_sensor_noise
 from diagrams.challenge.generate.vehicles import vehicle_file
 from diagrams.challenge.simulators.rotorpy import optional_import
-from np_drake.atomic_file import write_json, write_text
+from np_drake.files.atomic_file import write_json, write_text
+from np_drake.flight_log import FlightLog
 from np_drake.logs.case_folder import VEHICLE
-from np_drake.logs.flight_log import FlightLog
 from np_drake.logs.import_sheet import write_sheet
 from np_drake.logs.log_file import write_log
 

@@ -15,7 +15,7 @@ from np_drake import attitude
 from np_drake.effects.base import Effect
 from np_drake.effects.mass_error import MassError
 from np_drake.effects.thrust_scale import ThrustScale
-from np_drake.logs.flight_log import FlightLog
+from np_drake.flight_log import FlightLog
 from np_drake.vehicle import MeasurementNoise, Vehicle
 
 JITTER = 0.05  # of the instants, of the interval [1]

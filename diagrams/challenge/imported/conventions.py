@@ -18,8 +18,8 @@ from diagrams.challenge.generate.vehicles import draw_vehicle
 from diagrams.challenge.imported.written import columns_in, default_map, quantities_of, write_table
 from diagrams.challenge.simulators.drake.simulator import fly
 from np_drake.effects.library import LIBRARY
+from np_drake.flight_log import FlightLog
 from np_drake.logs.errors import LogError
-from np_drake.logs.flight_log import FlightLog
 from np_drake.logs.importing.conventions import Change, WrongConventions, changed
 from np_drake.logs.importing.convert import convert
 from np_drake.logs.importing.import_log import import_log

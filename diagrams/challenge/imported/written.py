@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 
 from np_drake import attitude
-from np_drake.atomic_file import write_text
-from np_drake.logs.flight_log import FlightLog
+from np_drake.files.atomic_file import write_text
+from np_drake.flight_log import FlightLog
 from np_drake.logs.importing.convert import (
     FRD_TO_FLU,
     GRAVITY,

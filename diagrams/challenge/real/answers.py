@@ -13,7 +13,7 @@ from diagrams.batch.processes import ONE_THREAD
 from diagrams.challenge.real import worker
 from diagrams.challenge.real.cases import Case
 from diagrams.challenge.real.flights import open_case
-from np_drake.input_file import read_json
+from np_drake.files.input_file import read_json
 
 HERE = Path(np_drake.__file__).resolve().parents[1]  # the folder that holds this version of the packages
 

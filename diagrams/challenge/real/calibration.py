@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from diagrams.challenge.score.answered_case import read_answered_cases
 from diagrams.challenge.score.binomial_intervals import binned
-from np_drake.figure_file import DASHES, PALETTE, new_figure
+from np_drake.files.figure_file import DASHES, PALETTE, new_figure
 
 EDGES = (0.0, 0.3, 0.5, 0.7, 0.9, 0.97, 1.0001)  # of the bins of probability [1]
 MARKERS = ("o", "s", "^", "D")

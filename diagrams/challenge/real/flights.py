@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from diagrams.challenge.real.cases import Case
+from np_drake.flight_log import FlightLog
 from np_drake.logs.errors import LogError
-from np_drake.logs.flight_log import FlightLog
 from np_drake.logs.formats import crazyflie
 from np_drake.logs.importing.log_map import LogMap
 from np_drake.logs.neurobem import published_vehicle, read_neurobem

@@ -12,7 +12,7 @@ from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals, make_
 from np_drake.effects.base import Motion
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.pendulum import hanging, swing_many
-from np_drake.logs.flight_log import FlightLog
+from np_drake.flight_log import FlightLog
 from np_drake.rigid_body import V
 from np_drake.vehicle import Vehicle
 

@@ -11,7 +11,7 @@ from np_drake.diagnosis.residuals.flight_residuals import make_flight_residuals
 from np_drake.effects.base import Motion, WrenchEffect
 from np_drake.effects.combine import total_wrench
 from np_drake.effects.pendulum import Path, Payload, hanging, hook_velocity, path_many
-from np_drake.logs.flight_log import FlightLog
+from np_drake.flight_log import FlightLog
 from np_drake.vehicle import Vehicle
 
 START = 2.0  # of the flight, to which the start state is fitted [s]

@@ -17,8 +17,8 @@ from np_drake.diagnosis.result import Diagnosis, ReplayGap
 from np_drake.effects.base import WrenchEffect
 from np_drake.effects.pendulum import Payload
 from np_drake.effects.suspended_payload import SuspendedPayload
+from np_drake.flight_log import FlightLog
 from np_drake.logs.errors import LogError
-from np_drake.logs.flight_log import FlightLog
 from np_drake.vehicle import Vehicle
 
 QUANTITIES = ("position", "velocity", "attitude")

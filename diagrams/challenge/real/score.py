@@ -32,10 +32,10 @@ from diagrams.challenge.real.wind_force import (
     told_wind_force,
     wrench_effects,
 )
-from np_drake.atomic_file import write_json
 from np_drake.effects.pendulum import Payload
-from np_drake.input_file import kept_json
-from np_drake.logs.flight_log import FlightLog
+from np_drake.files.atomic_file import write_json
+from np_drake.files.input_file import kept_json
+from np_drake.flight_log import FlightLog
 from np_drake.vehicle import Vehicle
 
 THIS, BESIDE, BIC, TOLD = "this", "beside", "BIC", "told"

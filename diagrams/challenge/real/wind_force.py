@@ -11,7 +11,7 @@ from np_drake.diagnosis.residuals.flight_residuals import make_flight_residuals
 from np_drake.effects.base import WrenchEffect
 from np_drake.effects.constant_wind import ConstantWind
 from np_drake.effects.library import LIBRARY
-from np_drake.logs.flight_log import FlightLog
+from np_drake.flight_log import FlightLog
 from np_drake.vehicle import Vehicle
 
 Values = Mapping[str, float]

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from np_drake.diagnosis.diagnose import diagnose
-from np_drake.logs.flight_log import FlightLog
+from np_drake.flight_log import FlightLog
 from np_drake.vehicle import MeasurementNoise, Vehicle
 
 ROLES = ("train", "held_out")

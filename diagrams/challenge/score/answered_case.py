@@ -8,7 +8,7 @@ from typing import Any
 from diagrams.challenge.score.schema import SchemaValidator, list_of, object_of, or_null, record, violation
 from np_drake.diagnosis.result import UNKNOWN
 from np_drake.effects.library import LIBRARY, MEASURED_ROTORS
-from np_drake.input_file import read_json
+from np_drake.files.input_file import read_json
 
 OUT_OF_LIBRARY, CLEAN = "foreign", "clean"
 KINDS = ("single", "pair", "triple", "onset", CLEAN, OUT_OF_LIBRARY)

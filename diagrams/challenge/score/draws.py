@@ -7,7 +7,7 @@ from typing import Any
 
 from diagrams.challenge.score.schema import SchemaValidator, list_of, object_of, or_null, record, violation
 from diagrams.challenge.score.tables import NOTHING, Table
-from np_drake.input_file import read_json
+from np_drake.files.input_file import read_json
 
 QUALITIES = ("clean", "real", "wild")
 SCORE, DRAWS = "np_drake.challenge_score/1", "np_drake.challenge_compare/1"

@@ -12,7 +12,7 @@ from scipy.special import expit
 
 from diagrams.challenge.score.detection import FAINTEST, abscissa
 from np_drake.effects.library import LIBRARY
-from np_drake.figure_file import PALETTE, new_figure, save
+from np_drake.files.figure_file import PALETTE, new_figure, save
 
 BLUE, ORANGE = PALETTE[0], PALETTE[1]
 GREY = "0.45"

@@ -99,7 +99,7 @@ def _write(flights: "list[CooperativeResult]", folder: Path) -> None:
     """Write paths and replay page of every flight, named by fleet and controller."""
     from diagrams.cooperative.figures import paths
     from diagrams.cooperative.replay_page import write_cooperative_replay
-    from np_drake.figure_file import save
+    from np_drake.files.figure_file import save
 
     for flight in flights:
         config = flight.config

@@ -99,9 +99,9 @@ def _notes(
 def _settings(name: str, seed: int) -> Any:
     """Return the settings of a configuration, a dataclass: of the training, or what a pendulum believes before it."""
     from np_drake.lifting.training.train import make_config
+    from np_drake.payload_filter.model_file import PENDULUM
+    from np_drake.payload_filter.predictor import DEFAULT_BANK
     from np_drake.residual_models.motion_training import CONFIGURATIONS
-    from np_drake.residual_models.pendulum_model import PENDULUM
-    from np_drake.residual_models.pendulum_predictor import DEFAULT_BANK
 
     if name == PENDULUM:
         return DEFAULT_BANK

@@ -10,7 +10,7 @@ from pydrake.geometry import Meshcat, Rgba
 
 from diagrams.loop.replay.film import FRAME_RATE
 from diagrams.loop.replay.scene import SIDES
-from np_drake.atomic_file import write_text
+from np_drake.files.atomic_file import write_text
 
 TEMPLATE = Path(__file__).with_name("over.html.j2")
 # A browser then refuses every address: what the page needs is in it.

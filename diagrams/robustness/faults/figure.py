@@ -8,7 +8,7 @@ from diagrams.robustness.faults.campaign import DURATION, RAMP
 from diagrams.robustness.faults.kinds import FIRST
 from diagrams.robustness.faults.measures import BACK
 from diagrams.robustness.faults.table import OURS, PHYSICS
-from np_drake.figure_file import PALETTE, new_figure
+from np_drake.files.figure_file import PALETTE, new_figure
 
 _EDGE = RAMP + DURATION - FIRST[0]  # longest time after an onset [s]
 SHADES = {PHYSICS: ("0.6", "", "the oracle loses it too"), OURS: (PALETTE[1], "////", "the oracle survives")}

@@ -15,7 +15,7 @@ from np_drake.diagnosis.doctor.swing_test import swing_test
 from np_drake.diagnosis.doctor.traces import PAYLOAD, nearest_usual, payload_at, traces
 from np_drake.diagnosis.localisation import excitation, excited
 from np_drake.diagnosis.residuals import FORCE, FlightResiduals, make_flight_residuals, natural_step
-from np_drake.logs.flight_log import FlightLog
+from np_drake.flight_log import FlightLog
 from np_drake.vehicle import Vehicle
 
 Progress = Callable[[float, str], None]

@@ -8,7 +8,7 @@ from np_drake import attitude
 from np_drake.diagnosis.doctor.lags import lags
 from np_drake.diagnosis.doctor.log_report import FlightFacts, SignalFacts
 from np_drake.diagnosis.residuals import smooth_attitude
-from np_drake.logs.flight_log import FlightLog
+from np_drake.flight_log import FlightLog
 from np_drake.logs.importing.consistency import misfits
 from np_drake.vehicle import MeasurementNoise, Vehicle
 

@@ -5,7 +5,7 @@ import numpy as np
 from np_drake import attitude
 from np_drake.diagnosis.doctor.log_report import Lag
 from np_drake.diagnosis.residuals import low_pass
-from np_drake.logs.flight_log import FlightLog
+from np_drake.flight_log import FlightLog
 from np_drake.vehicle import Vehicle
 
 LONGEST = 0.2  # lag that is looked for [s]; own choice

@@ -3,7 +3,7 @@
 import dataclasses as dc
 from typing import Any
 
-from np_drake.atomic_file import plain
+from np_drake.files.atomic_file import plain
 
 YES, NO, NEVER = "yes", "no", "never"
 

@@ -10,7 +10,7 @@ from np_drake.diagnosis.held_out import HeldOut, pooled, remaining_residual, sco
 from np_drake.diagnosis.numerics import NoiseModel
 from np_drake.diagnosis.residuals import WRENCH, FlightResiduals
 from np_drake.diagnosis.result import Cause, GapReduction, Replay, ReplayGap, Rung
-from np_drake.logs.flight_log import FlightLog
+from np_drake.flight_log import FlightLog
 
 BLOCK = 1.0  # length of a bootstrap block [s]
 FEWEST = 8  # least number of blocks; they are shorter in short flights; own choice

@@ -10,7 +10,7 @@ from scipy.integrate import cumulative_trapezoid
 from np_drake import attitude
 from np_drake.diagnosis.residuals import smooth_attitude
 from np_drake.effects.base import Measurement, SensorEffect
-from np_drake.logs.flight_log import FlightLog
+from np_drake.flight_log import FlightLog
 from np_drake.rigid_body import P, Q, V, W
 from np_drake.vehicle import Vehicle
 

@@ -9,7 +9,7 @@ from np_drake.diagnosis.gap.initial_states import States, local_polynomial
 from np_drake.effects.base import Motion
 from np_drake.effects.combine import EffectsByPlace, mass_properties, total_wrench
 from np_drake.effects.suspended_payload import SuspendedPayload
-from np_drake.logs.flight_log import FlightLog
+from np_drake.flight_log import FlightLog
 from np_drake.rigid_body import Q, V
 from np_drake.vehicle import Vehicle
 

@@ -6,7 +6,7 @@ from matplotlib.ticker import FuncFormatter
 
 from np_drake.diagnosis.report.words import bare_name, number
 from np_drake.diagnosis.result import GapReduction, ReplayGap
-from np_drake.figure_file import PALETTE, new_figure
+from np_drake.files.figure_file import PALETTE, new_figure
 
 BEFORE, AFTER, NOISE = PALETTE[1], PALETTE[0], "0.25"
 NOMINAL, WITH = "nominal simulator", "with the causes"  # in every legend

@@ -10,7 +10,7 @@ from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator
 from np_drake.diagnosis.report.gap_figures import AFTER, BEFORE, NOISE, NOMINAL, WITH, legend, plain_ticks
 from np_drake.diagnosis.report.words import fixed, number, plain_name, suited
 from np_drake.diagnosis.result import CHANNELS, Band, Localisation, Regime
-from np_drake.figure_file import PALETTE, new_figure
+from np_drake.files.figure_file import PALETTE, new_figure
 
 FLIGHTS = 4  # largest number of flights in the timeline
 _WINDOW = 0.25  # window of the running RMS in the timeline [s]

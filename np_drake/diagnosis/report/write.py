@@ -9,12 +9,12 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-from np_drake.atomic_file import require_writable, write_bytes, write_json, write_text
 from np_drake.diagnosis.report.gap_figures import ladder_figure, replay_figure
 from np_drake.diagnosis.report.localisation_figures import regime_figure, spectrum_figure, timeline_figure
 from np_drake.diagnosis.report.page import render
 from np_drake.diagnosis.result import Diagnosis, as_json
-from np_drake.figure_file import png
+from np_drake.files.atomic_file import require_writable, write_bytes, write_json, write_text
+from np_drake.files.figure_file import png
 
 PAGE, DATA = "report.html", "diagnosis.json"
 PICTURES = ("ladder", "regimes", "timeline", "spectrum", "replay")

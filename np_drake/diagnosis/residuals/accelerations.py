@@ -8,7 +8,7 @@ from scipy import signal
 
 from np_drake import attitude
 from np_drake.diagnosis.residuals.path_smoothing import corrected_acceleration
-from np_drake.logs.flight_log import FlightLog
+from np_drake.flight_log import FlightLog
 from np_drake.rigid_body import P, Q, W
 
 REGRESSOR_BAND = 8.0  # low-pass on accelerations that enter as regressors [Hz]; own choice

@@ -23,7 +23,7 @@ from np_drake.diagnosis.residuals.outliers import bridge
 from np_drake.diagnosis.residuals.resampling import STEP, TAPS, Grid, Resampler, make_grid, to_grid
 from np_drake.diagnosis.residuals.rotor_thrust import Rotors
 from np_drake.diagnosis.residuals.velocity_before import velocity_before
-from np_drake.logs.flight_log import FlightLog
+from np_drake.flight_log import FlightLog
 from np_drake.rigid_body import Q, V
 from np_drake.vehicle import Vehicle
 

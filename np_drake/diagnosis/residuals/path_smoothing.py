@@ -9,7 +9,7 @@ import numpy as np
 from scipy import linalg, signal
 from scipy.integrate import cumulative_trapezoid
 
-from np_drake.lifting.training.segments import white_noise
+from np_drake.training_data.segments import white_noise
 
 RINGING = (0.5, 1.5)  # band in which payloads resonate [Hz]
 REDDER = 3.0  # initial ratio of accelerometer error to white noise in that band [1]: flicker of a MEMS sensor

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from np_drake.logs.flight_log import FlightLog
+from np_drake.flight_log import FlightLog
 
 
 def require_flights(train: Sequence[FlightLog], held_out: Sequence[FlightLog]) -> None:

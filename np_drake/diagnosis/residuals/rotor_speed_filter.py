@@ -10,8 +10,8 @@ import itertools
 import numpy as np
 
 from np_drake import attitude
-from np_drake.lifting.training.segments import white_noise
-from np_drake.logs.flight_log import FlightLog
+from np_drake.flight_log import FlightLog
+from np_drake.training_data.segments import white_noise
 from np_drake.vehicle import Vehicle
 
 BAND = 1.0  # least bandwidth over which spectra are averaged [Hz]; own choice

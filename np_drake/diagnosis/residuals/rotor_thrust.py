@@ -8,7 +8,7 @@ import numpy as np
 from np_drake.diagnosis.residuals.rotor_speed_filter import read_thrust
 from np_drake.effects.base import ActuatorEffect
 from np_drake.effects.motor_lag import MotorLag
-from np_drake.logs.flight_log import FlightLog
+from np_drake.flight_log import FlightLog
 from np_drake.vehicle import Vehicle
 
 SUBSTEPS = 4  # substeps in an interval of the log; own choice

@@ -11,7 +11,7 @@ came by its matrices does not matter, so that it holds for an estimator that ada
 
 import numpy as np
 
-from np_drake.residual_models.base import WrenchForecast
+from np_drake.residual_model import WrenchForecast
 
 
 def forecast_bound(

@@ -9,8 +9,8 @@ import numpy as np
 from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save
 
-from np_drake.atomic_file import write_bytes
-from np_drake.input_file import parse_json
+from np_drake.files.atomic_file import write_bytes
+from np_drake.files.input_file import parse_json
 from np_drake.lifting.model.encoders import DelayEncoder, Phi
 from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
 from np_drake.lifting.model.lifted_model import ENCODERS, LiftedModel, require_configuration

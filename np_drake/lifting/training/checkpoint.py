@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from np_drake.lifting.model.model_file import read_tensors, write_tensors
-from np_drake.lifting.training.segments import Segment
+from np_drake.training_data.segments import Segment
 
 SCHEMA = "np_drake.training/1"  # format of the file and its version
 REMEDY = "Remove it to train from the start, or name another --checkpoint."

@@ -16,7 +16,7 @@ from np_drake.lifting.training.delay_regression import Regularisation, compress
 from np_drake.lifting.training.excitation import Excitation, measure_excitation
 from np_drake.lifting.training.modal_fit import BlockMatrices, ModalBlock, descend
 from np_drake.lifting.training.onset_fit import BlockOnsets, fit_onsets, label_lag, stack_onsets
-from np_drake.lifting.training.segments import Segment, check_segments, group_scale
+from np_drake.training_data.segments import Segment, check_segments, group_scale
 
 OnEpoch = Callable[[int, int, float], None]
 SETTLED = 10  # steps after which a label no longer shows how it began [1]

@@ -11,7 +11,7 @@ import dataclasses as dc
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from np_drake.lifting.training.segments import white_noise
+from np_drake.training_data.segments import white_noise
 
 Piece = tuple[np.ndarray, np.ndarray, np.ndarray]  # labels (n, l), inputs (n, p), goals (n, m), scaled
 

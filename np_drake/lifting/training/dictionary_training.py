@@ -23,8 +23,8 @@ from np_drake.lifting.training.horizon_ridge import (
 )
 from np_drake.lifting.training.joint_response import JointPiece, fit_jointly
 from np_drake.lifting.training.mode_dictionary import ModeDictionary, time_constants
-from np_drake.lifting.training.segments import Segment, check_segments, group_scale
 from np_drake.lifting.training.zeta_response import coupled, fit_response
+from np_drake.training_data.segments import Segment, check_segments, group_scale
 
 LEVEL_MEMORY = 200.0  # time constant of what is held [s]
 

@@ -11,7 +11,7 @@ import numpy as np
 from np_drake.lifting.model.delay_taps import DelayTaps
 from np_drake.lifting.model.encoders import DelayEncoder
 from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
-from np_drake.lifting.training.segments import Segment, check_segments, group_scale
+from np_drake.training_data.segments import Segment, check_segments, group_scale
 
 
 def fit_dmdc_system(segments: Sequence[Segment], delays: int = 1) -> tuple[LiftedLinearSystem, DelayEncoder]:

@@ -10,7 +10,7 @@ import dataclasses as dc
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
-from np_drake.lifting.training.segments import group_scale, white_noise
+from np_drake.training_data.segments import group_scale, white_noise
 
 CHANNELS = ("vx", "vy", "vz", "wx", "wy", "wz")
 AVERAGE = 8  # samples averaged before motion is compared with noise: dynamics are slower than noise [1]

@@ -17,7 +17,7 @@ from np_drake.lifting.training.checkpoint import Checkpoint
 from np_drake.lifting.training.dmdc import fit_dmdc_system, sample_scale
 from np_drake.lifting.training.excitation import measure_excitation
 from np_drake.lifting.training.horizon_ridge import flight_moments, horizon_ridge, relative_error
-from np_drake.lifting.training.segments import Segment, check_segments
+from np_drake.training_data.segments import Segment, check_segments
 
 OnEpoch = Callable[[int, int, float], None]
 

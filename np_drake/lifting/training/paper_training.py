@@ -27,7 +27,7 @@ from np_drake.lifting.model.window_refit import RADIUS
 from np_drake.lifting.training.checkpoint import Checkpoint
 from np_drake.lifting.training.excitation import measure_excitation
 from np_drake.lifting.training.phi_module import PhiModule
-from np_drake.lifting.training.segments import Segment, check_segments, group_scale
+from np_drake.training_data.segments import Segment, check_segments, group_scale
 
 OnEpoch = Callable[[int, int, float], None]
 

@@ -22,7 +22,7 @@ from np_drake.lifting.training.dictionary_training import (
 )
 from np_drake.lifting.training.linear_training import DmdcConfig, RidgeConfig, train_dmdc, train_ridge
 from np_drake.lifting.training.paper_training import PaperConfig, train_paper
-from np_drake.lifting.training.segments import Segment
+from np_drake.training_data.segments import Segment
 
 Config = DefaultConfig | DictionaryConfig | PaperConfig | DmdcConfig | RidgeConfig
 DEFAULT_CONFIG = DefaultConfig()

@@ -19,7 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
-from np_drake.input_file import cell_budget
+from np_drake.files.input_file import cell_budget
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.dataflash_map import default_map
 from np_drake.logs.formats.format import Format

@@ -20,8 +20,8 @@ from typing import Any
 
 import numpy as np
 
-from np_drake.input_file import cell_budget
-from np_drake.input_guard import note_input
+from np_drake.files.input_file import cell_budget
+from np_drake.files.input_guard import note_input
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.bags.budget import Budget, Channel, unpacked
 from np_drake.logs.formats.bags.folder import described, unpack

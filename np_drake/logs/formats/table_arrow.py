@@ -8,7 +8,7 @@ from typing import IO, Any
 
 import numpy as np
 
-from np_drake.input_file import text_budget
+from np_drake.files.input_file import text_budget
 from np_drake.logs.growing_columns import GrowingColumns
 from np_drake.logs.recording import Progress
 from np_drake.logs.text_lines import BAD_GZIP, MAX_ROWS, is_gzip, too_large, too_long

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
+from np_drake.flight_log import FlightLog
 from np_drake.logs.errors import LogError
-from np_drake.logs.flight_log import FlightLog
 from np_drake.logs.formats import Format, format_named, format_of
 from np_drake.logs.gaps import LONGEST as LONGEST_GAP
 from np_drake.logs.import_sheet import Sheet

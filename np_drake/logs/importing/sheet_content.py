@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from np_drake.effects.library import unobservable
-from np_drake.logs.flight_log import FlightLog
+from np_drake.flight_log import FlightLog
 from np_drake.logs.importing.alignment import Aligned
 from np_drake.logs.importing.conventions import Verdict, as_text
 from np_drake.logs.importing.log_map import UNITS, LogMap

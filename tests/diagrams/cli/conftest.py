@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from np_drake.logs.flight_log import FlightLog
+from np_drake.flight_log import FlightLog
 from np_drake.logs.log_file import write_log
 
 

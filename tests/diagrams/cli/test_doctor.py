@@ -9,9 +9,9 @@ import pytest
 from diagrams.cli.doctor_screen import screen
 from diagrams.cli.main import run
 from np_drake.diagnosis.doctor.log_report import Answer, FlightFacts, Lag, LogReport, SignalFacts, SwingTest
-from np_drake.logs.flight_log import FlightLog
+from np_drake.flight_log import FlightLog
 from np_drake.logs.log_file import read_log, write_log
-from np_drake.logs.rotor_input import rotor_speed
+from np_drake.rotor_input import rotor_speed
 from np_drake.vehicle import Vehicle
 
 MOTION = {

@@ -10,10 +10,10 @@ import pytest
 from diagrams.cli.evaluate import parse_horizons
 from diagrams.cli.main import run
 from diagrams.loop.controllers import DEFAULT_MODEL
-from np_drake.lifting.metrics.skill import NAIVE, UNTRAINED
 from np_drake.lifting.model.model_file import load_model
 from np_drake.logs.log_file import read_log, write_log
 from np_drake.logs.neurobem import RACE_TRACK, TRAINING
+from np_drake.skill.skill import NAIVE, UNTRAINED
 
 TRAINED = ("DMDc", "delay DMDc", "ridge by horizon")
 

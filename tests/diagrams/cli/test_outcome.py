@@ -6,7 +6,7 @@ import typer
 from diagrams.batch.failed_run import FailedRun
 from diagrams.cli import outcome as dut
 from diagrams.cli.main import run
-from np_drake.interruption import Ended
+from np_drake.files.interruption import Ended
 from np_drake.logs import case_folder
 
 

@@ -11,7 +11,7 @@ from diagrams.batch.failed_run import FailedRun
 from diagrams.cli import options
 from diagrams.cli.outcome import run_app
 from diagrams.cli.runner import Report, Run, counting, reports
-from np_drake.figure_file import new_figure
+from np_drake.files.figure_file import new_figure
 
 TABLE = ("a title", ["what", "value"], [("one | two", 1.23456)])
 

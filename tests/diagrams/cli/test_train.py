@@ -10,8 +10,8 @@ import pytest
 from diagrams.cli.main import run
 from np_drake.lifting.model.model_file import load_model
 from np_drake.logs.log_file import read_log, write_log
+from np_drake.payload_filter.model_file import PendulumModel
 from np_drake.residual_models.motion_model import MotionModel
-from np_drake.residual_models.pendulum_model import PendulumModel
 
 
 def test_training_leaves_a_model_a_curve_and_figures(logs, tmp_path, capsys):

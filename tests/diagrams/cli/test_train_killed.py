@@ -16,7 +16,8 @@ import sys
 from pathlib import Path
 
 from diagrams.cli.main import run
-from np_drake.residual_models import motion_training, pendulum_training, predictor_training
+from np_drake.residual_models import motion_training, predictor_training
+from np_drake.payload_filter import training as pendulum_training
 
 Path(sys.argv[1]).touch()
 sys.exit(run(sys.argv[2:]))

@@ -28,8 +28,8 @@ from np_drake.effects.motor_lag import MotorLag
 from np_drake.effects.posterior import Posterior
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.effects.thrust_scale import ThrustScale
+from np_drake.flight_log import FlightLog
 from np_drake.logs.clock import shift_state
-from np_drake.logs.flight_log import FlightLog
 from np_drake.rigid_body import residual_wrench
 from np_drake.vehicle import Vehicle, load_vehicle
 from systems.payload_config import PayloadConfig, as_light, payload_config

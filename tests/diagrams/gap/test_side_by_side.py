@@ -15,7 +15,7 @@ from np_drake.diagnosis import result as an
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
 from np_drake.effects.suspended_payload import SuspendedPayload
-from np_drake.logs.flight_log import FlightLog
+from np_drake.flight_log import FlightLog
 from np_drake.vehicle import MeasurementNoise, Vehicle
 from systems.payload_config import PayloadConfig
 

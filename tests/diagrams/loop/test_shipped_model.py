@@ -7,10 +7,10 @@ from diagrams.loop.controllers import DEFAULT_MODEL
 from diagrams.loop.flight_result import fly
 from diagrams.tracking.tracking import Row, configure
 from np_drake.labels import smooth_labels
-from np_drake.lifting.metrics.skill import skill_table
 from np_drake.lifting.model.model_file import load_model
 from np_drake.residual_models.neural_predictor import NeuralPredictor
 from np_drake.rigid_body import zeta
+from np_drake.skill.skill import skill_table
 
 
 @pytest.fixture(scope="module")

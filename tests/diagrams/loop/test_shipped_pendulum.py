@@ -9,8 +9,8 @@ from diagrams.loop.controllers import DEFAULT_MODEL, FLYING_MODEL, ControllerCon
 from diagrams.loop.flight_result import fly
 from diagrams.tracking.packaged import difference
 from diagrams.tracking.tracking import Row, configure, train_models
-from np_drake.residual_models.pendulum_model import NUMBERS, PENDULUM, PendulumModel
-from np_drake.residual_models.pendulum_predictor import PendulumPredictor
+from np_drake.payload_filter.model_file import NUMBERS, PENDULUM, PendulumModel
+from np_drake.payload_filter.predictor import PendulumPredictor
 from np_drake.vehicle import Vehicle
 
 TRAINED = Row("np: pendulum", "np", training="training_circle", configuration=PENDULUM)

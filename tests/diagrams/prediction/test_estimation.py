@@ -7,7 +7,7 @@ from diagrams.performance.predictor_bench import synthetic_flight
 from diagrams.prediction import array_flights, estimation
 from diagrams.prediction.estimation_figures import FAR, window, window_figure
 from np_drake.estimation.wrench_table import COLUMNS, PUBLISHED
-from np_drake.figure_file import png
+from np_drake.files.figure_file import png
 from np_drake.lifting.training.train import make_config, train
 
 

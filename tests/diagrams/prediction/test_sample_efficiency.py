@@ -6,7 +6,7 @@ import pytest
 from diagrams.performance.predictor_bench import synthetic_flight
 from diagrams.prediction import sample_efficiency as dut
 from diagrams.prediction.array_flights import Flight
-from np_drake.figure_file import png
+from np_drake.files.figure_file import png
 from np_drake.lifting.training.train import make_config
 
 SIZES = (600, 1200)

@@ -10,8 +10,8 @@ from diagrams.loop.experiments import load_experiment
 from diagrams.tracking import configurations, tracking
 from np_drake.lifting.model.model_file import save_model
 from np_drake.lifting.model.origin import with_origin
-from np_drake.lifting.training.segments import Segment
 from np_drake.lifting.training.train import CONFIGURATIONS, make_config, train
+from np_drake.training_data.segments import Segment
 
 
 def flown(row: str, seed: int, e_xy: float, e_z: float, track: str = "circle") -> dict:

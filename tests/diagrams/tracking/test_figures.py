@@ -4,7 +4,7 @@ from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight_result import fly
 from diagrams.loop.replay.flight_page import write_replay
 from diagrams.tracking import figures
-from np_drake.figure_file import save
+from np_drake.files.figure_file import save
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,7 @@ import pytest
 
 from diagrams.loop.controllers import DEFAULT_MODEL, FLYING_MODEL
 from diagrams.tracking.packaged import Difference, difference, tensor_difference
-from np_drake.residual_models.pendulum_model import PendulumModel
+from np_drake.payload_filter.model_file import PendulumModel
 
 
 @pytest.mark.parametrize("packaged", [DEFAULT_MODEL, FLYING_MODEL])

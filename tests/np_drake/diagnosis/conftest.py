@@ -27,7 +27,7 @@ from np_drake.diagnosis.selection.ranking import ranked as ranked_from
 from np_drake.effects.base import Effect
 from np_drake.effects.library import LIBRARY
 from np_drake.effects.suspended_payload import SuspendedPayload
-from np_drake.logs.flight_log import FlightLog
+from np_drake.flight_log import FlightLog
 from np_drake.vehicle import Vehicle
 
 VEHICLE = Vehicle()

@@ -17,7 +17,7 @@ from np_drake.effects.base import MassProperties, Measurement, Motion
 from np_drake.effects.combine import EffectsByPlace, split_effects
 from np_drake.effects.motor_lag import MotorLag
 from np_drake.effects.sensor_noise import SensorNoise
-from np_drake.logs.flight_log import FlightLog
+from np_drake.flight_log import FlightLog
 from np_drake.rigid_body import P, Q, V, W
 from np_drake.vehicle import MeasurementNoise, Vehicle
 

@@ -8,7 +8,7 @@ import pytest
 from np_drake.faults.solver import FaultySolver, LateSolves, SolverFault
 from np_drake.mpc.problem import MpcConfig, MpcProblem, SolverFailure
 from np_drake.mpc.sqp import SqpSolver
-from np_drake.residual_models.base import no_forecast
+from np_drake.residual_model import no_forecast
 from np_drake.vehicle import Vehicle
 
 VEHICLE, CONFIG = Vehicle(), MpcConfig(horizon=5)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from np_drake.lifting.training.default_training import DefaultConfig
-from np_drake.lifting.training.segments import Segment
 from np_drake.lifting.training.train import TrainingResult, train
+from np_drake.training_data.segments import Segment
 
 STEP, MASS, LOAD, LENGTH, HOOK, G = 0.02, 2.0, 0.26, 0.8, 0.025, 9.81
 DRAG, THRUST, LAG = 0.25, 0.96, 0.08  # [N·s/m], real over nominal [1], of the attitude loop [s]

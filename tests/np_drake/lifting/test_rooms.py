@@ -10,7 +10,6 @@ ALLOWED = {
     "model": {"model"},
     "training": {"model", "training"},
     "bounds": {"model", "bounds"},
-    "metrics": {"model", "training", "metrics"},
 }
 
 

@@ -110,7 +110,7 @@ def test_a_log_that_unpacks_to_gigabytes_is_refused_within_one(tmp_path, bomb):
 
 def test_a_log_of_plain_text_is_always_within_its_budget(flight, tmp_path, monkeypatch):
     """Whoever is refused wrongly has a way: a cell of text has two bytes."""
-    monkeypatch.setattr("np_drake.input_file.LEAST_CELLS", 0)
+    monkeypatch.setattr("np_drake.files.input_file.LEAST_CELLS", 0)
     table = columns.disassemble(flight)
     table |= {name: np.zeros(len(flight)) for name in table if name.startswith(("a", "rotor"))}
     csv_file.write_csv(tmp_path / "made.csv", table)

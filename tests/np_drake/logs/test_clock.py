@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from np_drake import attitude
+from np_drake.flight_log import FlightLog
 from np_drake.logs.clock import shift_state
-from np_drake.logs.flight_log import FlightLog
 
 
 def turning_flight(n=200, step=0.01, **more):

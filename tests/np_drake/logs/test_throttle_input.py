@@ -5,8 +5,8 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
+from np_drake.flight_log import FlightLog
 from np_drake.logs.errors import LogError
-from np_drake.logs.flight_log import FlightLog
 from np_drake.logs.throttle_input import with_one_exponent, with_throttle_input
 from np_drake.vehicle import Vehicle
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from np_drake.mpc.horizon import Preparation, eliminate
 from np_drake.mpc.problem import SolverFailure
-from np_drake.residual_models.base import WrenchForecast
+from np_drake.residual_model import WrenchForecast
 
 
 @settings(max_examples=30, deadline=None)

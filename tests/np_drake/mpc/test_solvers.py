@@ -11,7 +11,7 @@ from np_drake.mpc.ipopt import IpoptCondensedSolver
 from np_drake.mpc.ipopt_multiple_shooting import IpoptMultipleShootingSolver
 from np_drake.mpc.problem import MpcConfig, MpcStatus, SolverFailure
 from np_drake.mpc.sqp import SqpSolver
-from np_drake.residual_models.base import no_forecast
+from np_drake.residual_model import no_forecast
 from np_drake.vehicle import Vehicle
 
 

@@ -13,7 +13,7 @@ from np_drake.mpc.plan import shift
 from np_drake.mpc.problem import MpcConfig, MpcProblem, MpcStatus
 from np_drake.mpc.qp import Step
 from np_drake.mpc.sqp import SqpSolver
-from np_drake.residual_models.base import no_forecast
+from np_drake.residual_model import no_forecast
 from np_drake.vehicle import Vehicle
 
 VEHICLE = Vehicle().check()

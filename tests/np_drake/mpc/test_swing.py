@@ -10,7 +10,7 @@ from np_drake.mpc.ipopt_multiple_shooting import IpoptMultipleShootingSolver
 from np_drake.mpc.problem import MpcConfig, MpcProblem
 from np_drake.mpc.sqp import SqpSolver
 from np_drake.mpc.swing import lateral_response, swing_cost
-from np_drake.residual_models.base import WrenchForecast, constant_forecast
+from np_drake.residual_model import WrenchForecast, constant_forecast
 
 
 @pytest.fixture

@@ -1,11 +1,9 @@
 import numpy as np
 import pytest
 
-from np_drake.labels import ReadsLabels
-from np_drake.residual_models.base import Plan, ReadsPlan, Sample
+from np_drake.residual_model import Sample
 from np_drake.residual_models.failing import Failing
 from np_drake.residual_models.hold import Hold
-from np_drake.residual_models.pendulum_predictor import PendulumPredictor
 
 STEP, ONSET = 0.02, 0.2  # [s]
 
@@ -50,19 +48,3 @@ def test_two_memories_of_one_model_do_not_meet():
 def test_an_unknown_fault_is_refused(bad):
     with pytest.raises(ValueError, match="Failing: "):
         Failing(Hold(step=STEP), **bad)
-
-
-def test_a_model_that_reads_a_plan_and_raw_labels_goes_on_doing_so_until_it_fails(model, flown):
-    inner = PendulumPredictor(model())
-    dut = Failing(inner, fault="zero", onset=1.0)
-    assert isinstance(dut, ReadsPlan)
-    assert isinstance(dut, ReadsLabels)
-    assert dut.label == inner.label
-    plain, wrapped = inner.initial_memory(), dut.initial_memory()
-    flight = flown(seconds=2.0)
-    plan = Plan(flight.x[:21], flight.u[:20])
-    for k, sample in enumerate(flight.samples):
-        plain, wrapped = inner.update(plain, sample), dut.update(wrapped, sample)
-        along = dut.forecast_along(wrapped, plan, horizon=20, stride=1).first
-        expected = inner.forecast_along(plain, plan, horizon=20, stride=1).first if k < 50 else np.zeros(6)
-        np.testing.assert_array_equal(along, expected)

@@ -1,7 +1,6 @@
 import numpy as np
 import pytest
 
-from np_drake.lifting.training.segments import Segment
 from np_drake.residual_models.gaussian_process import (
     GaussianProcess,
     GaussianProcessConfig,
@@ -9,6 +8,7 @@ from np_drake.residual_models.gaussian_process import (
     fit_gaussian_process,
     regressors,
 )
+from np_drake.training_data.segments import Segment
 
 QUICK = GaussianProcessConfig(restarts=0)
 RNG = np.random.default_rng(0)

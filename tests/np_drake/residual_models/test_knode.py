@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 import torch
 
-from np_drake.logs.flight_log import FlightLog
+from np_drake.flight_log import FlightLog
 from np_drake.mpc.dynamics import DiscreteDynamics
 from np_drake.residual_models.knode_training import KnodeConfig, Piece, _Nominal, fit_knode, flown_pieces
 from np_drake.vehicle import Vehicle

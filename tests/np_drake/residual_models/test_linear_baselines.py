@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
-from np_drake.lifting.metrics.skill import model_predictions
-from np_drake.lifting.training.segments import Segment
-from np_drake.residual_models.base import Sample
+from np_drake.residual_model import Sample
 from np_drake.residual_models.linear_baselines import fit_all, fit_dmdc, fit_ridge
+from np_drake.skill.skill import model_predictions
+from np_drake.training_data.segments import Segment
 
 STEP, HORIZONS = 0.01, np.array([1, 2, 5, 10])
 A = 0.9 * np.linalg.qr(np.random.default_rng(0).standard_normal((6, 6)))[0]

@@ -10,7 +10,7 @@ from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
 from np_drake.lifting.model.lifted_model import DEFAULT, PAPER, LiftedModel
 from np_drake.lifting.model.model_file import save_model
 from np_drake.lifting.model.onsets import Onsets
-from np_drake.residual_models.base import Sample
+from np_drake.residual_model import Sample
 from np_drake.residual_models.neural_predictor import NeuralPredictor, PredictorOptions
 
 D, STEP = 4, 0.02

@@ -5,12 +5,12 @@ from typing import Any
 
 import numpy as np
 
+from np_drake.flight_log import FlightLog
 from np_drake.lifting.bounds.forecast_bound import forecast_bound
-from np_drake.logs.flight_log import FlightLog
-from np_drake.logs.sampled_flight import SampledFlight, sampled_flight
-from np_drake.residual_models.base import ReadsPlan
-from np_drake.residual_models.flight_walk import held_plan, walk
-from np_drake.residual_models.pendulum_predictor import PendulumPredictor
+from np_drake.payload_filter.predictor import PendulumPredictor
+from np_drake.residual_model import ReadsPlan
+from np_drake.skill.flight_walk import held_plan, walk
+from np_drake.training_data.sampled_flight import SampledFlight, sampled_flight
 from np_drake.vehicle import Vehicle
 
 SHARE = 1e-9  # by which round-off may exceed the bound [1]

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from diagrams.challenge.real.forecast.rows import PERSISTENCE
 from diagrams.challenge.real.forecast.tables import ASKED, ASKED_KIND, marked
-from np_drake.figure_file import DASHES, PALETTE, new_figure
+from np_drake.files.figure_file import DASHES, PALETTE, new_figure
 
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 SHOWN = (0.1, 3.0)  # ratios [1]

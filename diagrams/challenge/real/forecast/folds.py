@@ -11,15 +11,15 @@ from diagrams.challenge.real.flights import open_flights, vehicle_of
 from diagrams.challenge.real.logged_payload import logged_payload
 from diagrams.challenge.real.truth import TRUTHS
 from np_drake.effects.pendulum import Payload
-from np_drake.logs.flight_log import FlightLog
-from np_drake.logs.sampled_flight import SampledFlight, sampled_flight
-from np_drake.residual_models.pendulum_payload import Estimate, PayloadEstimate
-from np_drake.residual_models.yardsticks.told_pendulum import (
+from np_drake.flight_log import FlightLog
+from np_drake.payload_filter.payload_estimate import Estimate, PayloadEstimate
+from np_drake.skill.told_pendulum import (
     Rest,
     ToldPendulum,
     remaining_drag,
     told_pendulum,
 )
+from np_drake.training_data.sampled_flight import SampledFlight, sampled_flight
 from np_drake.vehicle import Vehicle
 
 DAMPING = 0.13  # of the payload's logged path, driven by the vehicle's motion; middle of 0.09 to 0.17 [1/s]

@@ -4,23 +4,23 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
+from np_drake.flight_log import FlightLog
 from np_drake.lifting.model.lifted_model import DEFAULT, PAPER
-from np_drake.lifting.training.segments import Segment
 from np_drake.lifting.training.train import make_config, train
-from np_drake.logs.flight_log import FlightLog
-from np_drake.logs.sampled_flight import SampledFlight, sampled_flight
-from np_drake.residual_models.base import ResidualModel
+from np_drake.payload_filter.model_file import PENDULUM
+from np_drake.payload_filter.predictor import PendulumPredictor
+from np_drake.payload_filter.training import train_pendulum
+from np_drake.residual_model import ResidualModel
 from np_drake.residual_models.gaussian_process import fit_gaussian_process
 from np_drake.residual_models.hold import Hold
 from np_drake.residual_models.knode_training import Piece, fit_knode
 from np_drake.residual_models.linear_baselines import fit_dmdc
 from np_drake.residual_models.motion_model import GP, KNODE, MotionModel
 from np_drake.residual_models.neural_predictor import NeuralPredictor, PredictorOptions
-from np_drake.residual_models.pendulum_model import PENDULUM
-from np_drake.residual_models.pendulum_predictor import PendulumPredictor
-from np_drake.residual_models.pendulum_training import train_pendulum
-from np_drake.residual_models.yardsticks.force_ridge import RidgeConfig, fit_force_ridge
-from np_drake.residual_models.yardsticks.naive import LinearExtrapolation, TrainingMean
+from np_drake.skill.force_ridge import RidgeConfig, fit_force_ridge
+from np_drake.skill.naive import LinearExtrapolation, TrainingMean
+from np_drake.training_data.sampled_flight import SampledFlight, sampled_flight
+from np_drake.training_data.segments import Segment
 from np_drake.vehicle import Vehicle
 
 Opened = tuple[FlightLog, Vehicle]

@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 
 from diagrams.challenge.real.forecast.rows import PERSISTENCE
+from np_drake.flight_log import FlightLog
 from np_drake.labels import ReadsLabels
-from np_drake.logs.flight_log import FlightLog
-from np_drake.logs.sampled_flight import sampled_flight
-from np_drake.residual_models.base import ResidualModel
-from np_drake.residual_models.flight_skill import DIVERGED
-from np_drake.residual_models.flight_walk import MOTIONS, flight_forecasts
+from np_drake.residual_model import ResidualModel
+from np_drake.skill.flight_skill import DIVERGED
+from np_drake.skill.flight_walk import MOTIONS, flight_forecasts
+from np_drake.training_data.sampled_flight import sampled_flight
 from np_drake.vehicle import Vehicle
 
 KINDS = {

@@ -21,9 +21,9 @@ from diagrams.challenge.real.forecast.swing import (
     swing_of,
     swing_of_flights,
 )
-from np_drake.residual_models.base import ResidualModel
-from np_drake.residual_models.flight_walk import MOTIONS
-from np_drake.residual_models.pendulum_payload import Estimate, PayloadEstimate
+from np_drake.payload_filter.payload_estimate import Estimate, PayloadEstimate
+from np_drake.residual_model import ResidualModel
+from np_drake.skill.flight_walk import MOTIONS
 
 HORIZONS = (0.02, 0.1, 0.2, 0.4, 0.6, 0.8, 1.0)  # [s]
 SCORED = ("square", "count", "peak")  # arrays of a `Score`

@@ -8,14 +8,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from np_drake.effects.pendulum import Payload
-from np_drake.lifting.metrics.tether_length import GRAVITY, pendulum_length, pendulum_mode
+from np_drake.flight_log import FlightLog
 from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem, Mode
-from np_drake.lifting.training.segments import Segment
-from np_drake.logs.flight_log import FlightLog
-from np_drake.logs.sampled_flight import sampled_flight
-from np_drake.residual_models.flight_walk import walk
-from np_drake.residual_models.pendulum_payload import PayloadEstimate, payload_estimate
-from np_drake.residual_models.pendulum_predictor import PendulumPredictor
+from np_drake.payload_filter.payload_estimate import PayloadEstimate, payload_estimate
+from np_drake.payload_filter.predictor import PendulumPredictor
+from np_drake.skill.flight_walk import walk
+from np_drake.skill.tether_length import GRAVITY, pendulum_length, pendulum_mode
+from np_drake.training_data.sampled_flight import sampled_flight
+from np_drake.training_data.segments import Segment
 from np_drake.vehicle import Vehicle
 
 VELOCITY_ALONE = "velocity alone"

@@ -8,7 +8,7 @@ import numpy as np
 from diagrams.challenge.real.forecast.rows import TOLD_ROWS
 from diagrams.challenge.real.forecast.scores import KINDS
 from diagrams.challenge.real.forecast.study import FlownPayload
-from np_drake.residual_models.pendulum_payload import Estimate, PayloadEstimate
+from np_drake.payload_filter.payload_estimate import Estimate, PayloadEstimate
 
 Table = tuple[str, list[str], list[tuple]]
 # Ratio of the lateral force that is asked for, by horizon [s].

@@ -7,8 +7,8 @@ import numpy as np
 from diagrams.challenge.simulators.drake.closed_loop import DrakeLoop, joined
 from diagrams.challenge.simulators.flight_plan import Plan
 from np_drake.effects.base import Effect, Measurement, SensorEffect
+from np_drake.flight_log import FlightLog
 from np_drake.logs.clock import shift_state
-from np_drake.logs.flight_log import FlightLog
 from np_drake.vehicle import Vehicle
 
 WARM_UP = 4.0  # hovering before the first row, in which integrators settle [s]

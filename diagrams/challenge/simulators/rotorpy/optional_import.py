@@ -3,7 +3,7 @@
 from importlib.util import find_spec
 
 from diagrams.loop.real_vehicle import RealVehicle
-from np_drake.logs.flight_log import FlightLog
+from np_drake.flight_log import FlightLog
 
 
 def require_rotorpy() -> None:

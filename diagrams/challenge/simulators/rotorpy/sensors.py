@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from diagrams.challenge.simulators.rotorpy.library_effects import ActiveEffect, Values
-from np_drake.logs.flight_log import FlightLog
+from np_drake.flight_log import FlightLog
 
 Error = Callable[[FlightLog, Rotation, Values], None]
 

@@ -14,7 +14,7 @@ from diagrams.challenge.simulators.rotorpy.closed_loop import Flight
 from diagrams.challenge.simulators.rotorpy.library_effects import ActiveEffect, read_effect
 from diagrams.challenge.simulators.rotorpy.sensors import ERRORS, with_sensor_errors
 from diagrams.challenge.simulators.rotorpy.vehicle import GAINS, LAWS, STATEFUL, RealMultirotor
-from np_drake.logs.flight_log import FlightLog
+from np_drake.flight_log import FlightLog
 from np_drake.vehicle import Vehicle
 
 WARM_UP = 4.0  # hovering before the first row, in which integrators settle [s]

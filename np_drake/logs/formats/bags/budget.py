@@ -10,7 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from np_drake.input_file import block_budget, size_of, text_budget
+from np_drake.files.input_file import block_budget, size_of, text_budget
 from np_drake.logs.errors import LogError
 
 # Budgets, own choice.

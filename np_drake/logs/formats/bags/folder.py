@@ -3,8 +3,8 @@
 from collections.abc import Callable
 from pathlib import Path, PurePath
 
+from np_drake.files.yaml_text import read_yaml
 from np_drake.logs.formats.bags.budget import zstd
-from np_drake.yaml_text import read_yaml
 
 NAME = "metadata.yaml"
 LONGEST = 10**6  # characters of a value; the quality of service of many publishers is one text

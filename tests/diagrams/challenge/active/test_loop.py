@@ -9,8 +9,8 @@ from diagrams.challenge.active import loop
 from diagrams.challenge.active.loop import ActiveDiagnosis, Begun, begin
 from diagrams.challenge.active.next_motion import Room
 from diagrams.challenge.active.start import Start
-from np_drake.atomic_file import plain
-from np_drake.logs.flight_log import FlightLog
+from np_drake.files.atomic_file import plain
+from np_drake.flight_log import FlightLog
 
 ROOM = Room(seconds=5.0, evaluations=5)
 BRIEF = Start(("slow_multisine",), 5.0, 5.0)

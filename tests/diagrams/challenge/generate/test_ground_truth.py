@@ -21,7 +21,7 @@ from np_drake.diagnosis.residuals.flight_residuals import make_flight_residuals
 from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.thrust_scale import ThrustScale
-from np_drake.logs.flight_log import FlightLog
+from np_drake.flight_log import FlightLog
 
 ONSET = 7.0
 

@@ -10,7 +10,7 @@ from diagrams.challenge.generate.sensor_quality import (
 )
 from diagrams.challenge.simulators.coloured_noise import flicker, gauss_markov
 from np_drake import attitude
-from np_drake.logs.flight_log import FlightLog
+from np_drake.flight_log import FlightLog
 from np_drake.vehicle import MeasurementNoise, Vehicle
 
 N = 40000

@@ -45,8 +45,8 @@ from np_drake.effects.command_delay import CommandDelay
 from np_drake.effects.library import LIBRARY, unobservable
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.thrust_scale import ThrustScale
+from np_drake.flight_log import FlightLog
 from np_drake.logs.case_folder import open_case
-from np_drake.logs.flight_log import FlightLog
 from np_drake.logs.gaps import LONGEST
 from np_drake.logs.import_sheet import SUFFIX, read_sheet, write_sheet
 from np_drake.logs.log_file import read_log, write_log

@@ -8,7 +8,7 @@ import pytest
 from diagrams.challenge.generate.logged_input import as_logged
 from diagrams.challenge.imported import conventions, round_trip, thinned
 from diagrams.challenge.imported.written import columns_in, default_map, quantities_of, write_table
-from np_drake.logs.flight_log import FlightLog
+from np_drake.flight_log import FlightLog
 from np_drake.logs.importing.conventions import changed
 from np_drake.logs.importing.convert import convert
 

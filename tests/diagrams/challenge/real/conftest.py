@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from np_drake import attitude
-from np_drake.logs.flight_log import FlightLog
+from np_drake.flight_log import FlightLog
 from np_drake.vehicle import Vehicle
 
 STEP = 0.01  # s

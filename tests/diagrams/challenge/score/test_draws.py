@@ -20,7 +20,7 @@ from diagrams.challenge.score.draws import (
 )
 from diagrams.challenge.score.score import score
 from diagrams.cli.main import run
-from np_drake.atomic_file import plain
+from np_drake.files.atomic_file import plain
 
 STUDIES = Path(__file__).parents[4] / "docs" / "studies"
 

@@ -7,8 +7,8 @@ from diagrams.challenge.score.answered_case import fault_of_truth
 from diagrams.challenge.score.identification import exact, is_true, name_counts, right_class
 from diagrams.challenge.score.score import score
 from diagrams.challenge.score.tables import tables
-from np_drake.atomic_file import plain
 from np_drake.effects.library import LIBRARY
+from np_drake.files.atomic_file import plain
 
 
 def felt(case, most):

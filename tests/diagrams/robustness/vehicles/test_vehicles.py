@@ -23,7 +23,7 @@ from diagrams.robustness.vehicles.study import (
 )
 from diagrams.robustness.vehicles.table import vehicle_table
 from diagrams.tracking import tracking
-from np_drake.atomic_file import plain
+from np_drake.files.atomic_file import plain
 from np_drake.scaling import numbers, ratios
 
 ROOT = Path(__file__).parents[4]

@@ -11,7 +11,7 @@ from np_drake.diagnosis.doctor import examine
 from np_drake.effects.library import LIBRARY, effects_for, unobservable
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.logs.open_any import open_any
-from np_drake.logs.rotor_input import rotor_speed, with_rotor_input
+from np_drake.rotor_input import rotor_speed, with_rotor_input
 from np_drake.vehicle import Vehicle
 
 ARM = 0.0325  # of a Crazyflie 2.1 brushless along x and y [m]

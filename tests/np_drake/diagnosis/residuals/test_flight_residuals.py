@@ -17,7 +17,7 @@ from np_drake.diagnosis.residuals.rotor_thrust import Rotors
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.motor_lag import MotorLag
 from np_drake.effects.velocity_bias import VelocityBias
-from np_drake.logs.flight_log import FlightLog
+from np_drake.flight_log import FlightLog
 from np_drake.logs.log_file import read_log, write_log
 from np_drake.vehicle import Vehicle
 

@@ -11,8 +11,8 @@ from np_drake.diagnosis.residuals.accelerations import low_pass
 from np_drake.diagnosis.residuals.flight_residuals import make_flight_residuals
 from np_drake.diagnosis.residuals.rotor_speed_filter import most_likely, read_thrust
 from np_drake.effects.linear_drag import LinearDrag
-from np_drake.logs.flight_log import FlightLog
-from np_drake.logs.rotor_input import rotor_speed, rotor_wrench
+from np_drake.flight_log import FlightLog
+from np_drake.rotor_input import rotor_speed, rotor_wrench
 from np_drake.vehicle import Vehicle
 
 REAL, IDEAL = Options.for_sensors(True), Options.for_sensors(False)

@@ -12,7 +12,7 @@ from np_drake.effects.command_delay import CommandDelay
 from np_drake.effects.motor_lag import MotorLag
 from np_drake.effects.thrust_drift import ThrustDrift
 from np_drake.effects.thrust_scale import ThrustScale
-from np_drake.logs.flight_log import FlightLog
+from np_drake.flight_log import FlightLog
 from np_drake.vehicle import Vehicle
 
 VEHICLE = Vehicle()

@@ -24,7 +24,7 @@ from np_drake.effects.motor_lag import MotorLag
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.effects.thrust_drift import ThrustDrift
 from np_drake.effects.weak_rotor import WeakRotor
-from np_drake.logs.flight_log import FlightLog
+from np_drake.flight_log import FlightLog
 from np_drake.vehicle import Vehicle
 
 REAL, IDEAL = Options.for_sensors(True), Options.for_sensors(False)

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from np_drake.lifting.bounds.forecast_bound import forecast_bound
-from np_drake.residual_models.base import WrenchForecast, constant_forecast
+from np_drake.residual_model import WrenchForecast, constant_forecast
 
 N, K = 12, 4
 CHI, ZETA = np.array([1.0, 1.0, 2.0, 0.1, 0.1, 0.05]), np.array([1.0, 1.5, 1.0, 2.0, 2.0, 0.5])

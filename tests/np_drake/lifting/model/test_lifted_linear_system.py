@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
-from np_drake.residual_models.base import WrenchForecast
+from np_drake.residual_model import WrenchForecast
 
 seeds = st.integers(0, 10_000)
 

@@ -12,8 +12,8 @@ from safetensors import safe_open
 from safetensors.numpy import load_file, save_file
 
 from np_drake.lifting.training.checkpoint import REMEDY, SCHEMA, Checkpoint
-from np_drake.lifting.training.segments import Segment
 from np_drake.lifting.training.train import make_config
+from np_drake.training_data.segments import Segment
 
 # Trains on noise through a filter; `started` appears once the training has begun.
 PROGRAM = """
@@ -24,7 +24,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from np_drake.lifting.model.model_file import save_model
-from np_drake.lifting.training.segments import Segment
+from np_drake.training_data.segments import Segment
 from np_drake.lifting.training.train import make_config, train
 
 configuration, folder = sys.argv[1], Path(sys.argv[2])

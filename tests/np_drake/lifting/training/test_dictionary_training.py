@@ -5,13 +5,13 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.lifting.metrics.skill import model_predictions, skill_table
 from np_drake.lifting.model.model_file import load_model, save_model
 from np_drake.lifting.training.dictionary_training import DictionaryConfig
-from np_drake.lifting.training.segments import Segment
 from np_drake.lifting.training.train import make_config, train
-from np_drake.residual_models.base import Sample
+from np_drake.residual_model import Sample
 from np_drake.residual_models.neural_predictor import NeuralPredictor, PredictorOptions
+from np_drake.skill.skill import model_predictions, skill_table
+from np_drake.training_data.segments import Segment
 
 STEP, HORIZONS = 0.0025, [5, 20, 40]  # [s]; one step ahead, smooth motion is a straight line
 CONFIG = DictionaryConfig(delay=30, averages=4, horizon=60, horizons=10)

@@ -5,10 +5,10 @@ from functools import cache
 import numpy as np
 import pytest
 
-from np_drake.lifting.metrics.skill import model_predictions
-from np_drake.lifting.training.segments import Segment
 from np_drake.lifting.training.train import make_config, train
 from np_drake.residual_models.neural_predictor import NeuralPredictor
+from np_drake.skill.skill import model_predictions
+from np_drake.training_data.segments import Segment
 
 STEP, HORIZONS = 0.02, [5, 10, 20, 38]
 

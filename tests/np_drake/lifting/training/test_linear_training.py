@@ -8,8 +8,8 @@ from np_drake.lifting.model.lifted_model import DELAY_DMDC, DMDC
 from np_drake.lifting.training.dmdc import sample_scale
 from np_drake.lifting.training.horizon_ridge import flight_moments, horizon_ridge
 from np_drake.lifting.training.linear_training import DmdcConfig, RidgeConfig, course_register
-from np_drake.lifting.training.segments import Segment
 from np_drake.lifting.training.train import make_config, train
+from np_drake.training_data.segments import Segment
 
 STEP = 0.02
 A = 0.9 * np.linalg.qr(np.random.default_rng(0).standard_normal((6, 6)))[0]

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from np_drake.lifting.metrics.skill import skill_table
-from np_drake.lifting.training.segments import Segment
 from np_drake.lifting.training.train import make_config, train
 from np_drake.logs.neurobem import RACE_TRACK, TESTS, TRAINING, read_neurobem_npy
 from np_drake.residual_models.neural_predictor import NeuralPredictor, PredictorOptions
+from np_drake.skill.skill import skill_table
+from np_drake.training_data.segments import Segment
 
 HORIZONS = [1, 5, 10, 20, 40, 100, 200, 400]
 FORCE = [0.15, 0.20, 0.36, 0.58, 0.72, 0.85, 0.84]  # mean ratio to persistence, horizons up to 200

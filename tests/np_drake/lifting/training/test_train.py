@@ -3,13 +3,13 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.lifting.metrics.skill import SkillRow, skill_table
 from np_drake.lifting.training.default_training import DefaultConfig
 from np_drake.lifting.training.delay_regression import Regularisation
 from np_drake.lifting.training.paper_training import PaperConfig
-from np_drake.lifting.training.segments import Segment, group_scale, white_noise
 from np_drake.lifting.training.train import make_config, train
 from np_drake.residual_models.neural_predictor import NeuralPredictor
+from np_drake.skill.skill import SkillRow, skill_table
+from np_drake.training_data.segments import Segment, group_scale, white_noise
 
 HORIZONS = [0, 5, 10, 20, 40]
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from np_drake.logs.flight_log import FlightLog
+from np_drake.flight_log import FlightLog
 from np_drake.logs.importing.log_map import SIZES, UNITS, LogMap, Source
 
 ENU_OF_NED = np.array([[0, 1, 0], [1, 0, 0], [0, 0, -1]], float)  # x east from y, y north from x, z up

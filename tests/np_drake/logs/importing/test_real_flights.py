@@ -5,7 +5,7 @@ import pytest
 
 from np_drake.diagnosis.residuals import make_flight_residuals
 from np_drake.logs.importing.import_log import import_log
-from np_drake.logs.rotor_input import with_rotor_input
+from np_drake.rotor_input import with_rotor_input
 from np_drake.vehicle import Vehicle
 
 # Facts of the campaign (IMRCLab crazyflie-data-collection) and of shared/real/README.md.

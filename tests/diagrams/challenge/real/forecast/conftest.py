@@ -12,7 +12,7 @@ TESTS = Path(__file__).parents[4]
 
 
 def _cones():
-    path = TESTS / "np_drake" / "residual_models" / "yardsticks" / "conical_flight.py"
+    path = TESTS / "np_drake" / "skill" / "conical_flight.py"
     spec = importlib.util.spec_from_file_location(path.stem, path)
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)

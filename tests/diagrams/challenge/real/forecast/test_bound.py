@@ -5,9 +5,9 @@ import pytest
 
 from diagrams.challenge.real.forecast import bound as checks
 from diagrams.challenge.real.forecast.bound import bound_lines, check_bound
+from np_drake.payload_filter.predictor import PendulumPredictor
+from np_drake.payload_filter.training import train_pendulum
 from np_drake.residual_models.hold import Hold
-from np_drake.residual_models.pendulum_predictor import PendulumPredictor
-from np_drake.residual_models.pendulum_training import train_pendulum
 
 
 @pytest.fixture(scope="module")

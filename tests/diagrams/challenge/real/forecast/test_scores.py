@@ -4,10 +4,10 @@ import pytest
 from diagrams.challenge.real.forecast.rows import PERSISTENCE
 from diagrams.challenge.real.forecast.scores import Score, diverged, pooled, score
 from np_drake.labels import LabelConfig
-from np_drake.logs.sampled_flight import sampled_flight
-from np_drake.residual_models.flight_walk import flight_forecasts
 from np_drake.residual_models.hold import Hold
-from np_drake.residual_models.yardsticks.naive import TrainingMean
+from np_drake.skill.flight_walk import flight_forecasts
+from np_drake.skill.naive import TrainingMean
+from np_drake.training_data.sampled_flight import sampled_flight
 
 
 def made(row, flight, square, motion="known", peak=1.0):

@@ -7,7 +7,7 @@ from diagrams.challenge.real.forecast import folds, study
 from diagrams.challenge.real.forecast.folds import open_campaign
 from diagrams.challenge.real.forecast.rows import PERSISTENCE, TOLD, TOLD_WITH_DRAG, choose
 from diagrams.challenge.real.forecast.study import run_study, steps_of
-from np_drake.atomic_file import plain
+from np_drake.files.atomic_file import plain
 from np_drake.residual_models.hold import Hold
 
 

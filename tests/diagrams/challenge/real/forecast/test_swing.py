@@ -6,10 +6,10 @@ from diagrams.challenge.real.forecast.swing import payload_on, swing_of
 from np_drake.effects.pendulum import Payload
 from np_drake.lifting.model.encoders import DelayEncoder
 from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
+from np_drake.payload_filter.model_file import PendulumModel
+from np_drake.payload_filter.predictor import PendulumPredictor
 from np_drake.residual_models.hold import Hold
 from np_drake.residual_models.linear_baselines import LinearBaseline
-from np_drake.residual_models.pendulum_model import PendulumModel
-from np_drake.residual_models.pendulum_predictor import PendulumPredictor
 from np_drake.scaling import scales
 
 

@@ -7,7 +7,7 @@ from diagrams.challenge.real.forecast.rows import choose
 from diagrams.challenge.real.forecast.study import HORIZONS, FlownPayload
 from diagrams.challenge.real.forecast.tables import model_table, payload_table, ratio_tables
 from diagrams.cli.output import WIDTH, print_table
-from np_drake.residual_models.pendulum_payload import Estimate, PayloadEstimate
+from np_drake.payload_filter.payload_estimate import Estimate, PayloadEstimate
 
 LINES = [
     {"row": row, "motion": motion, "kind": kind, "horizon": h, "rmse": 1.0, "ratio": ratio, "interval": [0.3, 2.9]}

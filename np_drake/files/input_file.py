@@ -1,0 +1,90 @@
+"""Reading of input files within budgets: what a file may ask of its reader, checked before memory is taken.
+
+A file of 10 MB, whatever it holds, is read or refused within 1 GB of memory.
+"""
+
+import json
+import logging
+from pathlib import Path
+from typing import Any
+
+from np_drake.files.input_guard import note_input
+
+logger = logging.getLogger(__name__)
+
+# Budgets, own choice: beyond them a file is damaged, or made to fill the memory of its reader.
+MAX_JSON = 200 * 10**6  # [byte]
+LEAST_CELLS = 4 * 10**6  # numbers that any table may hold: 20 minutes of 30 columns at 100 Hz
+CELLS_A_BYTE = 1  # further numbers a byte of the file; plain text has less, compressed logs 0.1 to 0.5
+LEAST_TEXT = 10**8  # [byte] that any file may hold after decompression
+TEXT_A_BYTE = 50  # further ones a byte of the file; compressed logs have 2 to 20, gzip's limit is 1032
+
+
+def read_bytes(path: str | Path, most: int, *, kept: bool = False) -> bytes:
+    """Return the content of a file of at most `most` bytes; a device that never ends is refused too.
+
+    Args: kept: whether it is a result of an earlier run, which may be written again, and no input.
+    Raises: ValueError: if it holds more; OSError: if it cannot be read.
+    """
+    with Path(path).open("rb") as file:
+        content = file.read(most + 1)
+    if len(content) > most:
+        raise ValueError(f"{path}: must hold at most {most / 1e6:g} MB. Is it the right file?")
+    if not kept:
+        note_input(path)
+    return content
+
+
+def read_json(path: str | Path) -> Any:
+    """Return the content of a JSON file.
+
+    Raises: ValueError: if it is none, nested too deeply, or beyond `MAX_JSON`; OSError: if it cannot be read.
+    """
+    return parse_json(read_bytes(path, MAX_JSON))
+
+
+def kept_json(path: str | Path) -> Any | None:
+    """Return the result of an earlier run; None where there is none or it was cut off, so that it is made again.
+
+    Raises: OSError: if it cannot be read.
+    """
+    try:
+        return parse_json(read_bytes(path, MAX_JSON, kept=True))
+    except FileNotFoundError:
+        return None
+    except ValueError:
+        logger.warning("%s: is cut off or no JSON; it is made again.", path)
+        return None
+
+
+def parse_json(text: str | bytes) -> Any:
+    """Return what a JSON text holds.
+
+    Raises: ValueError: if it is none, or nested too deeply.
+    """
+    try:
+        return json.loads(text)
+    except RecursionError as error:
+        raise ValueError("must not be nested as deeply as this.") from error
+
+
+def cell_budget(path: str | Path) -> int:
+    """Return how many numbers a table may hold, from the size of its file."""
+    return LEAST_CELLS + CELLS_A_BYTE * size_of(path)
+
+
+def text_budget(path: str | Path) -> int:
+    """Return how many bytes a file may hold after decompression, from its size."""
+    return LEAST_TEXT + TEXT_A_BYTE * size_of(path)
+
+
+def block_budget(path: str | Path) -> int:
+    """Return how many bytes of a file may be in memory at once after decompression, from its size."""
+    return LEAST_TEXT + size_of(path)
+
+
+def size_of(path: str | Path) -> int:
+    """Return the size of a file, or of the files in a folder together [byte]."""
+    path = Path(path)
+    files = [file for file in path.iterdir() if file.is_file()] if path.is_dir() else [path]
+    return sum(file.stat().st_size for file in files)

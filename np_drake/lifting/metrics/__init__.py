@@ -1,1 +1,0 @@
-"""Prediction skill, response lag and tether length of trained predictors."""

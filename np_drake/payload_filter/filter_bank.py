@@ -1,0 +1,269 @@
+"""Bank of pendulums of different lengths under a vehicle: priors, one filter step, and their weights.
+
+Each member tracks a tether that it takes to be of its own length, or a vehicle that carries nothing, in one of three
+conditions: calm, gusty air, or a payload that is being pushed (`pendulum_kernel`). Conditions change, so that members
+of one length interact; lengths do not, and their weights are those of Bayes with a small chance of a change. Where no
+member explains a sample, the payload was attached, lost or snapped taut: what is known of it is then forgotten.
+"""
+
+import dataclasses as dc
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from np_drake.finite import finite
+from np_drake.payload_filter import kernel
+from np_drake.payload_filter.mixing import mix_bank
+from np_drake.residual_model import Memory
+from np_drake.scaling import Scales
+
+CONDITIONS = ("calm", "gusty", "pushed")
+# Powers of length and time in the unit of what differs from vehicle to vehicle; shares, angles and accelerations have
+# none, as gravity is common, nor has the noise of a sensor.
+POWERS = {
+    "lengths": (1, 0),
+    **dict.fromkeys(("push_time", "memory", "duration"), (0, 1)),
+    **dict.fromkeys(("damping", "drag", "change"), (0, -1)),
+    "swing_noise": (2, -3),
+}
+
+
+@dc.dataclass(frozen=True)
+class Prior:
+    """Mean and standard deviation of a quantity before any flight."""
+
+    mean: float
+    deviation: float
+
+    def __mul__(self, factor: float) -> "Prior":
+        """Return the prior of the quantity times `factor`."""
+        return Prior(self.mean * factor, self.deviation * factor)
+
+
+NO_MASS = Prior(
+    0.0, 1e-6
+)  # of a vehicle that carries nothing; source: own choice, a deviation that divides [1]
+
+
+def carries(members: int) -> np.ndarray:
+    """Return which of a bank's members carry a payload, (k,) of bool: the last of each condition does not."""
+    count = members // len(CONDITIONS)
+    return np.tile(np.arange(count) < count - 1, len(CONDITIONS))
+
+
+@dc.dataclass(frozen=True)
+class BankOptions:
+    """What is believed of payload and air before any sample, per mass of the vehicle; in SI for the paper's vehicle.
+
+    Source: stated priors. Lengths cover 0.3 to 2.4 m by equal steps of the logarithm, of which half is a deviation;
+    a vehicle carries up to half its own weight; a quadrotor's drag is below its weight at 20 m/s. Near the ground the
+    wind's vertical deviation is half its level one (Panofsky, Dutton 1984: 1.25 and 2.4 friction velocities).
+    """
+
+    lengths: tuple[float, ...] = (0.3, 0.5, 0.85, 1.42, 2.4)  # of the members [m]
+    log_length: float = 0.26  # deviation of a member's logarithm of length [1]
+    bare: float = (
+        1 / 6
+    )  # probability that the vehicle carries nothing: as likely as a tether of each length [1]
+    mass: Prior = Prior(0.1, 0.15)  # of the payload, share of the vehicle's [1]
+    damping: Prior = Prior(0.05, 0.1)  # drag of the payload over its mass [1/s]
+    thrust_error: Prior = Prior(0.0, 0.1)  # [1]
+    drag: Prior = Prior(0.1, 0.2)  # of the vehicle [1/s]
+    push: tuple[float, ...] = (0.05, 1.0, 0.05)  # deviation of the slow force by condition [m/s²]
+    vertical: float = 0.5  # deviation of the slow force upwards over that on a level axis [1]
+    push_time: tuple[float, ...] = (20.0, 10.0, 20.0)  # over which it decays, by condition [s]
+    memory: float = 20.0  # over which parameters return to their prior [s]
+    tilt: float = 0.1  # deviation of the tether from the vertical at the start [rad]
+    lost_tilt: float = 0.5  # deviation after a jump [rad]
+    swing_noise: tuple[float, ...] = (
+        1e-4,
+        0.1,
+        2.0,
+    )  # power of what pushes the payload, by condition [m²/s³]
+    duration: tuple[float, ...] = (20.0, 5.0, 0.5)  # of a condition, after which either other begins [s]
+    change: float = 0.02  # rate at which the length changes, or a payload comes or goes [1/s]
+    jump: float = (
+        24.3  # squared innovation that no member exceeds: 1e-5 of the chi-square with three degrees [1]
+    )
+    least_noise: float = 0.02  # of a label [m/s²]
+
+    def scaled(self, unit: Scales) -> "BankOptions":
+        """Return what is believed under a vehicle of other units: the same in its lengths and times.
+
+        Args: unit: of the vehicle, over those of the paper's.
+        """
+        factors = {name: unit.length**a * unit.time**b for name, (a, b) in POWERS.items()}
+        return dc.replace(self, **{name: _times(getattr(self, name), f) for name, f in factors.items()})
+
+
+def _times(value: Any, factor: float) -> Any:
+    """Return a number, a prior or every number of a tuple times `factor`."""
+    return tuple(v * factor for v in value) if isinstance(value, tuple) else value * factor
+
+
+class PendulumBank:
+    """Filter of all members; arrays of `memory` are the caller's.
+
+    Args: step: between samples [s].   gravity: [m/s²].
+    """
+
+    def __init__(self, options: BankOptions, *, step: float, gravity: float):
+        self.options, self.step, self.gravity = options, step, gravity
+        bare = float(
+            np.exp(np.mean(np.log(options.lengths)))
+        )  # without a meaning, so that of none in particular
+        lengths = (*options.lengths, bare)
+        self.lengths = np.tile(np.array(lengths, float), len(CONDITIONS))
+        self._condition = np.repeat(np.arange(len(CONDITIONS)), len(lengths))
+        self._carries = carries(len(self.lengths))
+        self._reach = np.sqrt(gravity / self.lengths)  # rate of a swing over its angle [1/s]
+
+    def __len__(self) -> int:
+        return len(self.lengths)
+
+    @cached_property
+    def _first_weight(self) -> np.ndarray:
+        """Probability of each member before any flight, (k,)."""
+        bare = self.options.bare
+        share = np.where(self._carries, (1 - bare) / self._carries.sum(), bare / (~self._carries).sum())
+        return np.asarray(share)
+
+    @cached_property
+    def _deviation(self) -> np.ndarray:
+        """Prior standard deviation of the parameters, (k, 8)."""
+        o = self.options
+        found = np.empty((len(self), 8))
+        found[:, 0] = np.where(self._carries, o.mass.deviation, NO_MASS.deviation)
+        found[:, [1, 2]] = o.log_length, o.damping.deviation
+        found[:, 3:6] = np.array(o.push)[self._condition][:, None] * [1.0, 1.0, o.vertical]
+        found[:, [6, 7]] = o.thrust_error.deviation, o.drag.deviation
+        return found
+
+    @cached_property
+    def _prior(self) -> np.ndarray:
+        """Prior mean of the parameters, (k, 8)."""
+        o = self.options
+        found = np.zeros((len(self), 8))
+        found[:, 0] = np.where(self._carries, o.mass.mean, NO_MASS.mean)
+        found[:, 1], found[:, 2] = np.log(self.lengths), o.damping.mean
+        found[:, 6], found[:, 7] = o.thrust_error.mean, o.drag.mean
+        return found
+
+    @cached_property
+    def _keep(self) -> np.ndarray:
+        """Share of the distance to the prior that a parameter keeps in a step, (k, 8)."""
+        found = np.full((len(self), 8), np.exp(-self.step / self.options.memory))
+        found[:, 3:6] = np.exp(-self.step / np.array(self.options.push_time)[self._condition])[:, None]
+        return found
+
+    @cached_property
+    def _noise(self) -> np.ndarray:
+        """Variance that a step adds, (k, SIZE): with it the parameters keep their prior deviation."""
+        found = np.zeros((len(self), kernel.SIZE))
+        found[:, 2:4] = (np.array(self.options.swing_noise)[self._condition] * self.step / self.lengths**2)[
+            :, None
+        ]
+        found[:, 4:] = (1 - self._keep**2) * self._deviation**2
+        return found
+
+    @cached_property
+    def _rise(self) -> np.ndarray:
+        """Variance of the slow force upwards by condition, (3,) [m²/s⁴]."""
+        return (np.array(self.options.push) * self.options.vertical) ** 2
+
+    @cached_property
+    def _transition(self) -> np.ndarray:
+        """Probability of a change from one condition to another in a step, (3, 3)."""
+        leave = 1 - np.exp(-self.step / np.array(self.options.duration))
+        found = np.tile(0.5 * leave[:, None], (1, len(CONDITIONS)))
+        np.fill_diagonal(found, 1 - leave)
+        return found
+
+    def initial_memory(self) -> Memory:
+        """Return a tether that hangs still, with all parameters at their prior.
+
+        mean: (k, POINT).   covariance: (k, SIZE, SIZE).   weight: (k,) [1].
+        """
+        mean = np.zeros((len(self), kernel.POINT))
+        mean[:, 2], mean[:, 3] = -1.0, 1.0
+        mean[:, kernel.PARAMETERS] = self._prior
+        covariance = np.zeros((len(self), kernel.SIZE, kernel.SIZE))
+        diagonal = np.arange(kernel.SIZE)
+        covariance[:, diagonal[:2], diagonal[:2]] = self.options.tilt**2
+        covariance[:, diagonal[2:4], diagonal[2:4]] = (self.options.tilt * self._reach[:, None]) ** 2
+        covariance[:, diagonal[4:], diagonal[4:]] = self._deviation**2
+        weight = self._first_weight.copy()
+        return {"mean": mean, "covariance": covariance, "weight": weight}
+
+    def step_on(
+        self, memory: Memory, drive: np.ndarray, now: np.ndarray, label: np.ndarray, variance: np.ndarray
+    ) -> Memory:
+        """Return the memory after one step and one label; it starts anew where numbers overflow.
+
+        Args: drive, now: (9,) as of `pendulum_kernel.filter_bank`.   label: (3,) force per mass, NaN where there is
+        none [m/s²].   variance: (3,) of its noise [m²/s⁴].
+        """
+        mean, covariance, weight = (np.empty_like(memory[name]) for name in ("mean", "covariance", "weight"))
+        mix_bank(
+            memory["mean"],
+            memory["covariance"],
+            memory["weight"],
+            self._transition,
+            self._rise,
+            mean,
+            covariance,
+            weight,
+        )
+        predicted, spread = np.empty_like(mean), np.empty_like(covariance)
+        updated, narrowed = np.empty_like(mean), np.empty_like(covariance)
+        likelihood, distance = np.empty_like(weight), np.empty_like(weight)
+        kernel.filter_bank(
+            mean, covariance, drive, now, self.step, self._prior, self._keep, self._noise,
+            label, variance, predicted, spread, updated, narrowed, likelihood, distance,
+        )  # fmt: skip
+        if not finite(label):
+            return {"mean": predicted, "covariance": spread, "weight": weight}
+        if not distance.min() < self.options.jump:
+            return self._anew(predicted, spread)
+        if not (finite(updated) and finite(narrowed)):
+            return self.initial_memory()
+        with np.errstate(divide="ignore"):  # of a member without weight
+            score = np.log(weight) + likelihood
+        weight = np.exp(score - score.max())
+        stay = np.exp(-self.step * self.options.change)
+        weight = stay * weight / weight.sum() + (1 - stay) * self._first_weight * self._likely(updated)
+        weight = weight / weight.sum()
+        return {"mean": updated, "covariance": narrowed, "weight": weight}
+
+    def _anew(self, mean: np.ndarray, covariance: np.ndarray) -> Memory:
+        """Return the memory after a sample that no member explains; the sample itself is not taken in.
+
+        A jerk of the cable tells nothing of the payload's mass. A change that lasts shows in the next sample.
+        """
+        if not (finite(mean) and finite(covariance)):
+            return self.initial_memory()
+        self._forget(mean, covariance)
+        return {"mean": mean, "covariance": covariance, "weight": self._first_weight.copy()}
+
+    def _likely(self, mean: np.ndarray) -> np.ndarray:
+        """Return the prior density of each member's parameters over its largest, (k,) [1].
+
+        A change leads to a member whose parameters were fitted all along, as if it had always been true: they must be
+        such as could have been drawn.
+        """
+        apart = (mean[:, kernel.PARAMETERS] - self._prior) / self._deviation
+        return np.exp(-0.5 * np.sum(apart**2, axis=1))
+
+    def _forget(self, mean: np.ndarray, covariance: np.ndarray) -> None:
+        """Forget payload and swing in place; what belongs to the vehicle stays."""
+        payload = slice(0, 7)
+        covariance[:, payload, :] = 0.0
+        covariance[:, :, payload] = 0.0
+        deviation = np.empty((len(self), 7))
+        deviation[:, :2] = self.options.lost_tilt
+        deviation[:, 2:4] = (self.options.lost_tilt * self._reach)[:, None]
+        deviation[:, 4:] = self._deviation[:, :3]
+        rows = np.arange(7)
+        covariance[:, rows, rows] = deviation**2
+        mean[:, kernel.MASS : kernel.DAMPING + 1] = self._prior[:, :3]

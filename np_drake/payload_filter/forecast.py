@@ -1,0 +1,206 @@
+"""Compiled forecast of a bank of pendulums along a planned motion, and what drives a pendulum between two samples."""
+
+import math
+
+import numpy as np
+
+from np_drake.attitude_kernel import turned
+from np_drake.compiled import compiled
+from np_drake.effects.pendulum import leapfrog
+from np_drake.payload_filter.kernel import (
+    DAMPING,
+    DRAG,
+    LOG_LENGTH,
+    MASS,
+    PUSH,
+    THRUST_ERROR,
+    tether_rate,
+)
+
+
+@compiled
+def drives(before, x, hook, over_step, now, step, drive, end):
+    """Write what moves a pendulum over a step (9,) and at its end (9,), as of `pendulum_kernel.filter_bank`.
+
+    Args: before, x: (13,) states at both ends.   hook: (3,) p_BoTo_B [m].   over_step, now: mean collective thrust of
+    the step and that at its end, per mass [m/s²].   step: [s].
+    """
+    first, last, z, z_last = np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3)
+    _turning(before, hook, first)
+    _turning(x, hook, last)
+    _body_z(before[3], before[4], before[5], before[6], z)
+    _body_z(x[3], x[4], x[5], x[6], z_last)
+    for k in range(3):
+        drive[k], end[k] = over_step * 0.5 * (z[k] + z_last[k]), now * z_last[k]
+        v, v_last = before[7 + k] + first[k], x[7 + k] + last[k]
+        drive[3 + k], end[3 + k] = 0.5 * (v + v_last), v_last
+        drive[6 + k] = end[6 + k] = (last[k] - first[k]) / step
+
+
+@compiled
+def along_plan(
+    points, weight, x, u, acting, steady, rate_torque, speed_torque, hook, mass, gravity, step, stride,
+    mean_decay, decay, wrench,
+):  # fmt: skip
+    """Write the wrench (N, 6) along a plan, the mean of all members over each of its steps [N, N·m].
+
+    Args: points: (k, POINT), weight: (k,) of the members.   x: (N+1, 13), u: (N, 4) of the plan.   acting: (4,) wrench
+    of the rotors now [N, N·m].   steady: (3,) torque [N·m].   rate_torque: (3,) [N·m·s].   speed_torque: (2,) [N·s].
+    hook: (3,) [m].   mass: of the vehicle [kg].   gravity: [m/s²].   step: of the plan [s].   stride: of the pendulum's
+    steps in it [1].   mean_decay, decay: share of a difference that the rotors' lag leaves over a step, and at its end
+    [1].
+    """
+    n, members = len(u), len(points)
+    mean = np.zeros(points.shape[1])
+    for i in range(members):
+        mean += weight[i] * points[i]
+    pull = _pulls(points, weight, x, hook, gravity, step, stride)
+    z, lag, behind = np.zeros(3), np.zeros(4), acting.copy()
+    q = np.zeros(4)
+    error = mean[THRUST_ERROR]
+    for i in range(n):
+        for k in range(4):
+            q[k] = x[i, 3 + k] + x[i + 1, 3 + k]
+        size = math.sqrt(q[0] ** 2 + q[1] ** 2 + q[2] ** 2 + q[3] ** 2)
+        for k in range(4):
+            q[k] /= size
+            missing = behind[k] - u[i, k]
+            lag[k] = mean_decay * missing
+            behind[k] = u[i, k] + decay * missing
+        _body_z(q[0], q[1], q[2], q[3], z)
+        thrust = (1.0 + error) * lag[0] + error * u[i, 0]
+        for k in range(3):
+            drag = 0.5 * mean[DRAG] * (x[i, 7 + k] + x[i + 1, 7 + k])
+            wrench[i, k] = mass * (pull[i, k] + mean[PUSH + k] - drag) + thrust * z[k]
+        _hook_torque(q, hook, mass * pull[i], wrench[i])
+        start = motion_torque(x[i], rate_torque, speed_torque)
+        end = motion_torque(x[i + 1], rate_torque, speed_torque)
+        for k in range(3):
+            wrench[i, 3 + k] += lag[1 + k] + steady[k] + 0.5 * (start[k] + end[k])
+
+
+@compiled
+def motion_torque(state, rate_torque, speed_torque):
+    """Return the torque of body rates and velocity in a state (13,), (3,) in B [N·m]."""
+    v = np.zeros(3)
+    _rotate(state[3], -state[4], -state[5], -state[6], state[7], state[8], state[9], v)
+    out = np.empty(3)
+    for k in range(3):
+        out[k] = rate_torque[k] * state[10 + k]
+    out[0] += speed_torque[0] * v[1]
+    out[1] += speed_torque[1] * v[0]
+    return out
+
+
+@compiled
+def _pulls(points, weight, x, hook, gravity, step, stride):
+    """Return the mean pull of the tethers over each step of a plan, (N, 3) [m/s²]."""
+    n, members, fine = len(x) - 1, len(points), step / stride
+    v, turn = np.zeros((n + 1, 3)), np.zeros(3)
+    for i in range(n + 1):
+        _turning(x[i], hook, turn)
+        for k in range(3):
+            v[i, k] = x[i, 7 + k] + turn[k]
+    kicks, drift = np.zeros((n * stride, 3, 1)), np.zeros((n * stride, 3, 1))
+    for i in range(n):
+        for j in range(stride):
+            for k in range(3):
+                change = v[i + 1, k] - v[i, k]
+                fall = gravity if k == 2 else 0.0
+                kicks[i * stride + j, k, 0] = -(fine**2) * (change / step + fall)
+                drift[i * stride + j, k, 0] = fine * (v[i, k] + (j + 0.5) / stride * change)
+    limit, half = np.zeros(members), np.zeros(members)
+    now, move = np.zeros((3, members)), np.zeros((3, members))
+    for i in range(members):
+        p, length = points[i], math.exp(points[i, LOG_LENGTH])
+        limit[i], half[i] = length**2, 0.5 * fine * max(p[DAMPING], 0.0)
+        w0, w1, w2 = tether_rate(p)
+        a, b, c = fine * length * w0, fine * length * w1, fine * length * w2
+        r0, r1, r2 = length * p[0] + 0.5 * a, length * p[1] + 0.5 * b, length * p[2] + 0.5 * c
+        reach = min(1.0, length / math.sqrt(r0 * r0 + r1 * r1 + r2 * r2))
+        now[0, i], now[1, i], now[2, i] = reach * r0, reach * r1, reach * r2
+        move[0, i], move[1, i], move[2, i] = a, b, c
+    pulls = np.empty((n * stride, 3, members))
+    leapfrog(limit, half, now, move, kicks, drift, pulls, np.empty((0, 3, 0)))
+    found = np.zeros((n, 3))
+    for i in range(members):
+        share = weight[i] * points[i, MASS] / (fine**2 * stride)
+        for row in range(n * stride):
+            for k in range(3):
+                found[row // stride, k] += share * pulls[row, k, i]
+    return found
+
+
+@compiled
+def _body_z(w, x, y, z, out):
+    out[0], out[1], out[2] = 2 * (x * z + w * y), 2 * (y * z - w * x), w * w - x * x - y * y + z * z
+
+
+@compiled
+def _turning(state, hook, out):
+    """Write the velocity of the hook about Bo, in W [m/s]."""
+    p, q, r = state[10], state[11], state[12]
+    a, b, c = q * hook[2] - r * hook[1], r * hook[0] - p * hook[2], p * hook[1] - q * hook[0]
+    _rotate(state[3], state[4], state[5], state[6], a, b, c, out)
+
+
+@compiled
+def _rotate(w, x, y, z, a, b, c, out):
+    """Write R(q) (a, b, c)."""
+    out[0], out[1], out[2] = turned(w, x, y, z, a, b, c)
+
+
+@compiled
+def _hook_torque(q, hook, force, out):
+    """Write the torque of a force in W at the hook into out[3:6], in B."""
+    turned = np.zeros(3)
+    _rotate(q[0], -q[1], -q[2], -q[3], force[0], force[1], force[2], turned)
+    out[3] = hook[1] * turned[2] - hook[2] * turned[1]
+    out[4] = hook[2] * turned[0] - hook[0] * turned[2]
+    out[5] = hook[0] * turned[1] - hook[1] * turned[0]
+
+
+@compiled
+def beside_plan(mean, x, hook, mass, gravity, step, A_out, B_out, C, out):
+    """Write A (4, 4), B (4, 6) and C (6, 4), which come zeroed, of the pendulum for what departs from the plan.
+
+    From `out` (N, 6), the wrench along the plan [N, N·m], it takes what the pendulum makes of the planned velocity.
+    Args: mean: (POINT,) of the members; others as of `along_plan`.
+    """
+    stiffness = gravity / math.exp(mean[LOG_LENGTH])
+    A, B, gain = linear_pendulum(stiffness, max(mean[DAMPING], 0.0), step)
+    A_out[:], B_out[:] = A, B
+    for k in range(2):
+        C[k, k] = mass * max(mean[MASS], 0.0) * stiffness
+        _hook_torque(x[0, 3:7], hook, C[:3, k], C[:, k])
+    z, nxt = np.zeros(4), np.zeros(4)
+    for i in range(1, len(out)):
+        for j in range(4):
+            nxt[j] = gain[j] * x[i - 1, 7 + j % 2]
+            for k in range(4):
+                nxt[j] += A[j, k] * z[k]
+        z[:] = nxt
+        for j in range(6):
+            for k in range(4):
+                out[i, j] -= C[j, k] * z[k]
+
+
+@compiled
+def linear_pendulum(stiffness, damping, step):
+    """Return A (4, 4), B (4, 6) and its gain (4,) of v, of z = [r_x, r_y, s_x, s_y] under a velocity held over `step`.
+
+    r' = s - v, s' = -stiffness r - damping s.   Closed form of the matrix exponential.
+    Args: stiffness: g / L [1/s²].   damping: [1/s]; no more than the critical one counts.   step: [s].
+    """
+    half = min(0.5 * damping, 0.99 * math.sqrt(stiffness))
+    rate = math.sqrt(stiffness - half**2)
+    near = math.exp(-half * step) * math.cos(rate * step)
+    side = math.exp(-half * step) * math.sin(rate * step) / rate
+    a = np.array([[near + half * side, side], [-stiffness * side, near - half * side]])
+    settled = np.array([2 * half / stiffness, -1.0])  # M^-1 [-1, 0] of M = [[0, 1], [-stiffness, -2 half]]
+    gain = a @ settled - settled
+    A, B = np.zeros((4, 4)), np.zeros((4, 6))
+    for k in range(2):
+        A[k::2, k::2] = a
+        B[k::2, k] = gain
+    return A, B, np.repeat(gain, 2)

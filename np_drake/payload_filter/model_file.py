@@ -1,0 +1,106 @@
+"""What a pendulum predictor learns of a vehicle from its training flight, and the file that carries it."""
+
+import dataclasses as dc
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from np_drake.files.input_file import parse_json
+from np_drake.lifting.model.model_file import DAMAGED, read_tensors, summary_in, unusable, write_tensors
+from np_drake.scaling import Scales, over_paper
+
+PENDULUM = "pendulum"  # name of the configuration
+SCHEMA = "np_drake.pendulum_model/1"  # format of the file and its version
+NUMBERS = (
+    "step",
+    "mass",
+    "gravity",
+    "rotor_lag",
+    "delay",
+    "thrust_error",
+    "thrust_error_deviation",
+    "drag",
+    "drag_deviation",
+    "arm",
+)
+LARGEST = 1e6  # of a positive parameter, in any unit; own choice: more is damage
+VECTORS = {"hook": (3, "m"), "rate_torque": (3, "N·m·s"), "speed_torque": (2, "N·s")}  # length, unit
+
+
+@dc.dataclass(frozen=True)
+class PendulumModel:
+    """Vehicle under which the pendulum hangs, as the training flight shows it.
+
+    step: between samples [s].   mass: that the labels assume [kg].   gravity: [m/s²].
+    rotor_lag: time constant of the rotors behind the command [s].   delay: of the command before it [s].
+    thrust_error: actual over commanded thrust, less one, and its standard deviation [1].
+    drag: of the vehicle over its mass, and its standard deviation [1/s].
+    hook: (3,) p_BoTo_B [m].   rate_torque: (3,) torque about the body axes over the body rates [N·m·s].
+    speed_torque: (2,) torque about body x over the velocity along y, and about y over that along x, as of flapping
+    blades and of drag beside Bo [N·s].
+    arm: mean distance of the rotors from Bo, the unit of length in which payloads and swings are looked for [m].
+    summary: key figures and origin of the training.
+    """
+
+    step: float
+    mass: float
+    gravity: float
+    rotor_lag: float
+    thrust_error: float
+    thrust_error_deviation: float
+    drag: float
+    drag_deviation: float
+    hook: np.ndarray
+    rate_torque: np.ndarray = dc.field(default_factory=lambda: np.zeros(3))
+    speed_torque: np.ndarray = dc.field(default_factory=lambda: np.zeros(2))
+    delay: float = 0.0
+    arm: float = dc.field(kw_only=True)
+    summary: dict[str, Any] = dc.field(default_factory=dict)
+
+    def __post_init__(self):
+        for name in ("step", "mass", "gravity", "thrust_error_deviation", "drag_deviation", "arm"):
+            if not 0 < getattr(self, name) < LARGEST:
+                raise ValueError(f"PendulumModel: {name} must be positive; got {getattr(self, name)}.")
+        if not 0 <= self.delay < np.inf:
+            raise ValueError(f"PendulumModel: delay must not be negative [s]; got {self.delay}.")
+        if not 0 <= self.rotor_lag < np.inf or not self.thrust_error > -1 or not np.isfinite(self.drag):
+            raise ValueError(
+                "PendulumModel: rotor_lag must not be negative, thrust_error above -1, drag finite."
+            )
+        for name, (length, unit) in VECTORS.items():
+            value = getattr(self, name)
+            if np.shape(value) != (length,) or not np.all(np.isfinite(value)):
+                raise ValueError(
+                    f"PendulumModel: {name} must be {length} finite numbers [{unit}]; got {value}."
+                )
+
+    @property
+    def unit(self) -> Scales:
+        """Units of length, mass and time over those of the paper's vehicle, which are exactly 1 for the latter."""
+        return over_paper(Scales(self.arm, self.mass, math.sqrt(self.arm / self.gravity)))
+
+    def save(self, path: str | Path) -> None:
+        """Write the model file, whole or not at all.
+
+        Raises: OSError: if it cannot be written.
+        """
+        tensors = {name: np.array([getattr(self, name)], float) for name in NUMBERS}
+        tensors |= {name: np.asarray(getattr(self, name), float) for name in VECTORS}
+        write_tensors(tensors, {"schema": SCHEMA, "model": json.dumps({"summary": self.summary})}, path)
+
+    @classmethod
+    def load(cls, path: str | Path) -> "PendulumModel":
+        """Return the model in a file.
+
+        Raises: ValueError: one line, if the file is missing, truncated, pickled, of another format or inconsistent.
+        """
+        tensors, metadata = read_tensors(path, SCHEMA)
+        try:
+            content: dict[str, Any] = {name: tensors[name].item() for name in NUMBERS}
+            content |= {name: tensors[name] for name in VECTORS}
+            return cls(**content, summary=summary_in(parse_json(metadata["model"])))
+        except DAMAGED as error:
+            raise unusable(path, error) from error

@@ -1,0 +1,189 @@
+"""Predictor that carries a bank of pendulums, corrected by every label, and forecasts along the controller's plan."""
+
+import dataclasses as dc
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from np_drake import attitude
+from np_drake.compiled import compiled
+from np_drake.finite import finite
+from np_drake.labels import LabelConfig
+from np_drake.payload_filter import kernel
+from np_drake.payload_filter.filter_bank import BankOptions, PendulumBank, Prior
+from np_drake.payload_filter.forecast import along_plan, beside_plan, drives, motion_torque
+from np_drake.payload_filter.hook import initial_shift, next_shift, torque_doubt
+from np_drake.payload_filter.model_file import PENDULUM, PendulumModel
+from np_drake.residual_model import Memory, Plan, Sample, WrenchForecast
+from np_drake.rigid_body import Q, W
+
+RAW = LabelConfig(force_bandwidth=np.inf, torque_bandwidth=np.inf)  # the filter wants white noise
+NOISE_TIME = 2.0  # over which the noise of labels is averaged [s], as many samples of any vehicle; own choice
+DEFAULT_BANK = BankOptions()
+FIRST_NOISE = 0.3  # noise of a force label before any was seen [m/s²]; source: stated prior
+CLIP = 4.0  # second difference that counts as noise, in standard deviations [1]: larger ones are events
+LEAST_WEIGHT = 0.01  # of a member in a forecast [1]
+
+
+class PendulumPredictor:
+    """Pendulums of several lengths and conditions under the vehicle, weighed by how well they predict the labels.
+
+    The forecast is that of every member along the plan (mean by weight). Where the motion departs from the plan, the
+    tether follows as a linear pendulum: z = [r, s] in x and y with r the payload's distance from the hook and s its
+    velocity, r' = s - v, s' = -g/L r - c s, force = m g/L r. That system is dissipative: over any motion from rest it
+    takes up energy from the vehicle and never gives back more.
+
+    Memory: of the bank; x (13,) and acting (4,) command at the last sample; labels (2, 3) the last two of force and
+    variance (3,) of their noise; steady (3,) torque that nothing here explains, shift (3,) of the hook and what
+    `hook_shift` needs for both; now (9,) what moves the tether; seen: samples so far.
+    A sample without label, or with a NaN in it, moves the bank without correction; without a state it waits.
+    """
+
+    name = f"np-{PENDULUM}"
+    label = RAW
+
+    def __init__(self, model: PendulumModel, options: BankOptions = DEFAULT_BANK):
+        self.model, self.step = model, model.step
+        self.rotor_lag, self.delay = model.rotor_lag, model.delay
+        options = dc.replace(
+            options.scaled(model.unit),
+            thrust_error=Prior(model.thrust_error, model.thrust_error_deviation),
+            drag=Prior(model.drag, model.drag_deviation),
+        )
+        self.bank = PendulumBank(options, step=model.step, gravity=model.gravity)
+        self._noise_share = self.step / (NOISE_TIME * model.unit.clock)
+        self._reach = model.unit.length
+        self._pace = self.step / model.unit.time  # step at the pace of the paper's vehicle [s]
+        self._hook = np.asarray(model.hook, float)
+        self._cross = attitude.skew(self._hook)
+        self._rate_torque = np.asarray(model.rate_torque, float)
+        self._speed_torque = np.asarray(model.speed_torque, float)
+
+    @classmethod
+    def load(cls, path: str | Path) -> "PendulumPredictor":
+        """Return the predictor of a model file.
+
+        Raises: ValueError: one line, on a bad file.
+        """
+        return cls(PendulumModel.load(path))
+
+    def initial_memory(self) -> Memory:
+        """Return the memory before any sample."""
+        x = np.zeros(13)
+        x[3] = 1.0
+        return {
+            **self.bank.initial_memory(),
+            "x": x,
+            "acting": np.array([self.model.mass * self.model.gravity, 0.0, 0.0, 0.0]),
+            "labels": np.full((2, 3), np.nan),
+            "variance": np.full(3, FIRST_NOISE**2),
+            **initial_shift(self._pace),
+            "now": np.zeros(9),
+            "seen": np.zeros(1),
+        }
+
+    def update(self, memory: Memory, sample: Sample) -> Memory:
+        """Return the memory after one more sample; see the class for samples with NaN."""
+        x, u = np.asarray(sample.x, float), np.asarray(sample.u, float)
+        if not finite(x):
+            return memory
+        if not finite(u):
+            u = memory["acting"]
+        if not memory["seen"][0]:
+            return {**memory, "x": x.copy(), "acting": u.copy(), "seen": np.ones(1)}
+        mean_decay, decay = _lag(self.rotor_lag, self.step)
+        before = memory["acting"] - u
+        acting, over_step = u + decay * before, u + mean_decay * before
+        mass = self.model.mass
+        drive, now = np.empty(9), np.empty(9)
+        drives(memory["x"], x, self._hook, over_step[0] / mass, acting[0] / mass, self.step, drive, now)
+        chi = np.asarray(sample.chi, float)
+        force = chi[:3] / self.model.mass
+        bank = self.bank.step_on(memory, drive, now, force, memory["variance"])
+        new = {**memory, **bank, "x": x.copy(), "acting": acting, "now": now}
+        if finite(chi):
+            new |= self._noise(memory, force)
+            new |= self._hook_and_level(new, chi[3:] - self._motion_torque(x))
+        return new
+
+    def _hook_and_level(self, memory: Memory, torque: np.ndarray) -> Memory:
+        """Return the memory of hook and level after a torque (3,) that body rates and velocity do not explain [N·m].
+
+        What the members disagree about the pull is a doubt about its torque.
+        """
+        pull, spread = self._pull_moments(memory)
+        turn = self.model.mass * attitude.rotation_matrix(memory["x"][Q])
+        pull, spread = pull @ turn, turn.T @ spread @ turn
+        doubt = torque_doubt(spread, self._cross, reach=self._reach)
+        return next_shift(memory, torque - self._cross @ pull, pull, doubt, self._pace, reach=self._reach)
+
+    def pull(self, memory: Memory) -> np.ndarray:
+        """Return the pull of the tether on the vehicle at the last sample, mean of all members, in W (3,) [N]."""
+        return self.model.mass * self._pull_moments(memory)[0]
+
+    @staticmethod
+    def _pull_moments(memory: Memory) -> tuple[np.ndarray, np.ndarray]:
+        """Return mean (3,) and covariance (3, 3) over the members of the pull in W [m/s², m²/s⁴]."""
+        centre, covariance = np.empty(3), np.empty((3, 3))
+        kernel.pull_moments(memory["mean"], memory["weight"], memory["now"], centre, covariance)
+        return centre, covariance
+
+    def _motion_torque(self, x: np.ndarray) -> np.ndarray:
+        """Return the torque (3,) of body rates and velocity in a state x (13,) [N·m]."""
+        return motion_torque(x, self._rate_torque, self._speed_torque)
+
+    def _noise(self, memory: Memory, force: np.ndarray) -> Memory:
+        """Return the labels and the variance of their noise: a sixth of that of second differences."""
+        after = {name: np.empty_like(memory[name]) for name in ("labels", "variance", "seen")}
+        least = self.bank.options.least_noise
+        before = (memory[name] for name in after)
+        _take_noise(*before, force, self._noise_share, least, *after.values())
+        return after
+
+    def forecast(self, memory: Memory, *, horizon: int, stride: int) -> WrenchForecast:
+        """Return the forecast for a motion that goes on at the velocity and attitude of now."""
+        x = np.tile(memory["x"], (horizon + 1, 1))
+        x[:, W] = 0.0
+        plan = Plan(x, np.tile(memory["acting"], (horizon, 1)))
+        return self.forecast_along(memory, plan, horizon=horizon, stride=stride)
+
+    def forecast_along(self, memory: Memory, plan: Plan, *, horizon: int, stride: int) -> WrenchForecast:
+        """Return the forecast over `horizon` steps of `stride * self.step` seconds along a plan at these steps."""
+        some = np.flatnonzero(memory["weight"] >= LEAST_WEIGHT)
+        weight = memory["weight"][some] / memory["weight"][some].sum()
+        points, step = memory["mean"][some], stride * self.step
+        hook, mass, gravity = self._hook + memory["shift"], self.model.mass, self.model.gravity
+        wrench = np.empty((len(plan.u), 6))
+        along_plan(
+            points, weight, plan.x, plan.u, memory["acting"], memory["steady"], self._rate_torque,
+            self._speed_torque, hook, mass, gravity, step, stride, *_lag(self.rotor_lag, step), wrench,
+        )  # fmt: skip
+        A, B, C, offset = np.zeros((4, 4)), np.zeros((4, 6)), np.zeros((6, 4)), wrench.copy()
+        beside_plan(weight @ points, plan.x, hook, mass, gravity, step, A, B, C, offset)
+        return WrenchForecast(A, B, C, np.zeros(4), offset)
+
+
+@compiled
+def _take_noise(labels, variance, seen, force, share, least, labels_out, variance_out, seen_out):
+    """Write labels, variance and seen of the memory after one more force (3,) [m/s²].
+
+    Args: share: of a sample in the variance.   least: deviation of the noise [m/s²].
+    """
+    square = (force - 2 * labels[1] + labels[0]) ** 2 / 6
+    labels_out[0], labels_out[1] = labels[1], force
+    variance_out[:], seen_out[:] = variance, seen
+    if np.isfinite(square).all():
+        blend = max(share, 1.0 / (2.0 + seen[0]))
+        square = np.minimum(square, CLIP**2 * variance)
+        variance_out[:] = np.maximum(variance + blend * (square - variance), least**2)
+        seen_out[:] = seen + 1
+
+
+@lru_cache(maxsize=16)
+def _lag(time_constant: float, step: float) -> tuple[float, float]:
+    """Return the share of a difference that a first-order lag leaves: mean over a step, and at its end [1]."""
+    if time_constant <= 0.0:
+        return 0.0, 0.0
+    decay = float(np.exp(-step / time_constant))
+    return time_constant / step * (1.0 - decay), decay

@@ -1,1 +1,0 @@
-"""Simple residual models that others are measured by."""

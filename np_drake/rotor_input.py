@@ -1,0 +1,59 @@
+"""Input that acts on the rotors: from measured rotor speed, or from the command through the vehicle file's lag."""
+
+import dataclasses as dc
+
+import numpy as np
+from scipy import signal
+
+from np_drake.flight_log import FlightLog
+from np_drake.vehicle import Vehicle
+
+
+def with_rotor_input(log: FlightLog, vehicle: Vehicle) -> FlightLog:
+    """Return the log with u from measured rotor speed and the vehicle file (`input: rotor_speed`).
+
+    Raises: ValueError: where the log has no rotor columns.
+    """
+    if log.rotor is None:
+        raise ValueError(f"with_rotor_input: {log.name} must have columns rotor1 … rotor4; got none.")
+    note = f"no command: thrust and torque from rotor speed and vehicle {vehicle.name!r} (input: rotor_speed)"
+    u = rotor_wrench(vehicle, log.rotor)
+    return dc.replace(log, u=u, input="rotor_speed", notes=[*log.notes, note])
+
+
+def acting_command(log: FlightLog, vehicle: Vehicle) -> np.ndarray:
+    """Return the command that acts on the rotors at t_k by the vehicle file, right-sided, (n, 4) [N, N·m].
+
+    Without lag: row k's command. With lag: rotor speed is continuous, so row k shows commands
+    0 … k-1. Measured rotor speed (`log.input`) needs no lag.
+    """
+    decay = rotor_decay(vehicle, log.step)
+    if decay == 0.0 or log.input == "rotor_speed":
+        return log.u
+    good = np.all(np.isfinite(log.u), axis=1)
+    good[-1] = False  # the last command acts after the last row
+    acting = np.full_like(log.u, np.nan)
+    if not good.any():
+        return acting
+    target = rotor_speed(vehicle, log.u[good])
+    speed, _ = signal.lfilter([1 - decay], [1, -decay], target, axis=0, zi=decay * target[:1])
+    acting[1:][good[:-1]] = rotor_wrench(vehicle, speed)
+    if np.all(np.isfinite(log.u[0])):
+        acting[0] = log.u[0]
+    return acting
+
+
+def rotor_decay(vehicle: Vehicle, step: float) -> float:
+    """Return exp(-step / rotor_time_constant), 0 without lag [1]; `step` in [s]."""
+    lag = vehicle.rotor_time_constant
+    return float(np.exp(-step / lag)) if lag > 0 else 0.0
+
+
+def rotor_speed(vehicle: Vehicle, u: np.ndarray) -> np.ndarray:
+    """Return the rotor speed (..., 4) [rad/s] that gives u (..., 4) [N, N·m]; no rotor pulls downwards."""
+    return np.sqrt(np.maximum(u @ vehicle.unmixer.T, 0.0) / vehicle.thrust_coefficient)
+
+
+def rotor_wrench(vehicle: Vehicle, speed: np.ndarray) -> np.ndarray:
+    """Return u = [f_u, tau_m] (..., 4) [N, N·m] of rotor speeds (..., 4) [rad/s]."""
+    return (vehicle.thrust_coefficient * np.square(speed)) @ vehicle.mixer.T

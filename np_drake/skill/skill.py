@@ -1,0 +1,173 @@
+"""Multi-step prediction error of residual models on one flight, beside naive predictors."""
+
+import dataclasses as dc
+from collections.abc import Mapping
+from types import MappingProxyType
+
+import numpy as np
+
+from np_drake.residual_model import ResidualModel
+from np_drake.skill.flight_walk import HELD, KNOWN, flight_forecasts
+from np_drake.skill.skill_interval import ratio_interval
+from np_drake.training_data.sampled_flight import SampledFlight, of_wrenches
+
+NAIVE = ("persistence", "linear", "mean")  # whose best is what skill is measured by
+UNTRAINED = (*NAIVE, "past mean")  # rows of every table
+
+
+@dc.dataclass(frozen=True)
+class SkillRow:
+    """Errors of one model at one horizon; each RMSE is of the norm over all origins.
+
+    skill: RMSE over that of the best naive row at that horizon [1].   ratio: over that of persistence [1];
+    interval: 95 % of the ratio within this flight (see `skill_interval`), NaN where the flight is too short for one.
+    peak: longest forecast of the flight over its longest label [1]; a forecast that diverges has a large one.
+    """
+
+    flight: str
+    model: str
+    horizon: int  # [steps]
+    force_rmse: float  # [N]
+    torque_rmse: float  # [N·m]
+    force_skill: float  # [1]
+    torque_skill: float  # [1]
+    force_ratio: float  # [1]
+    torque_ratio: float  # [1]
+    force_peak: float  # [1]
+    torque_peak: float  # [1]
+    force_interval: tuple[float, ...]  # (low, high) [1]
+    torque_interval: tuple[float, ...]  # (low, high) [1]
+
+
+def skill_table(
+    models: dict[str, ResidualModel],
+    chi: np.ndarray,
+    zeta: np.ndarray,
+    *,
+    horizons: list[int],
+    mean: np.ndarray,
+    target: np.ndarray | None = None,
+    zeta_known: bool = True,
+    warm_up: int = 40,
+    flight: str = "flight",
+    seen: Mapping[str, SampledFlight] = MappingProxyType({}),
+) -> list[SkillRow]:
+    """Return the rows of all models and naive predictors, horizon by horizon.
+
+    Args:
+        chi: (n, 6) labels as the models see them [N, N·m].   zeta: (n, 6) [m/s, rad/s].
+        target: (n, 6) wrench that forecasts are compared with [N, N·m]; None for chi.
+        horizons: steps ahead: origin k predicts sample k + horizon.   mean: (6,) of chi in training [N, N·m].
+        zeta_known: feed the true coming zeta, else hold the last one.   warm_up: samples before the first
+        origin.
+        seen: by the name of a model that needs more than chi and zeta: the flight as it sees it, at the same samples.
+    Raises: ValueError: if the flight is too short for one origin.
+    """
+    horizons = sorted(set(horizons))
+    origins = np.arange(warm_up, len(chi) - horizons[-1])
+    if len(origins) == 0 or horizons[0] < 0:
+        raise ValueError(
+            f"skill_table: {flight}: more than {warm_up + horizons[-1]} samples are needed; got {len(chi)}."
+        )
+    goal = (chi if target is None else target)[origins[:, None] + horizons]
+    predictions = naive_predictions(chi, origins, horizons, mean)
+    for name, model in models.items():
+        predictions[name] = model_predictions(
+            model, chi, zeta, origins, horizons, zeta_known=zeta_known, seen=seen.get(name)
+        )
+    square = {name: _square(prediction - goal) for name, prediction in predictions.items()}
+    rmse = {name: np.sqrt(error.mean(axis=0)) for name, error in square.items()}
+    longest = _size(chi).max(axis=0)
+    peaks = {name: _ratio(_size(chi_hat).max(axis=0), longest) for name, chi_hat in predictions.items()}
+    best = np.min([rmse[name] for name in NAIVE], axis=0)
+    interval = {
+        name: ratio_interval(error, square["persistence"], horizons) for name, error in square.items()
+    }
+    rows = []
+    for name, error in rmse.items():
+        skill, ratio = _ratio(error, best), _ratio(error, rmse["persistence"])
+        for i, horizon in enumerate(horizons):
+            figures = {
+                f"{kind}_{what}": float(values[i, k])
+                for what, values in (
+                    ("rmse", error),
+                    ("skill", skill),
+                    ("ratio", ratio),
+                    ("peak", peaks[name]),
+                )
+                for k, kind in enumerate(("force", "torque"))
+            }
+            force, torque = (tuple(map(float, bounds)) for bounds in interval[name][i])
+            rows.append(
+                SkillRow(flight, name, horizon, **figures, force_interval=force, torque_interval=torque)
+            )
+    return rows
+
+
+def _ratio(error: np.ndarray, reference: np.ndarray) -> np.ndarray:
+    """Return the ratio, NaN where the reference is zero (persistence of the sample itself, a label of zero)."""
+    return np.divide(error, reference, out=np.full_like(error, np.nan), where=reference > 0)
+
+
+def _size(chi: np.ndarray) -> np.ndarray:
+    """Return the length of force [N] and torque [N·m], (..., 2)."""
+    return np.stack([np.linalg.norm(chi[..., :3], axis=-1), np.linalg.norm(chi[..., 3:], axis=-1)], axis=-1)
+
+
+def naive_predictions(
+    chi: np.ndarray, origins: np.ndarray, horizons: list[int], mean: np.ndarray
+) -> dict[str, np.ndarray]:
+    """Return the forecasts of the naive predictors by name, (o, len(horizons), 6) each [N, N·m].
+
+    They are persistence, linear extrapolation of the last two samples, the training mean, and the mean of the flight up
+    to now.
+    Args: chi: (n, 6) labels [N, N·m].   origins: (o,) sample indices.   horizons: [steps].   mean: (6,) of the
+    training.
+    """
+    last = chi[origins][:, None]
+    slope = last - chi[origins - 1][:, None]
+    steps = np.array(horizons, float)[:, None]
+    so_far = np.cumsum(chi, axis=0)[origins] / (origins + 1.0)[:, None]
+    shape = (len(origins), len(horizons), 6)
+    return {
+        "persistence": np.broadcast_to(last, shape),
+        "linear": last + steps * slope,
+        "mean": np.broadcast_to(mean, shape),
+        "past mean": np.broadcast_to(so_far[:, None], shape),
+    }
+
+
+def model_predictions(
+    model: ResidualModel,
+    chi: np.ndarray,
+    zeta: np.ndarray,
+    origins: np.ndarray,
+    horizons: list[int],
+    *,
+    zeta_known: bool,
+    seen: SampledFlight | None = None,
+    at_once: bool = True,
+) -> np.ndarray:
+    """Return chi_hat (o, len(horizons), 6) [N, N·m] of a model that walks along a flight, see `flight_walk`.
+
+    Args: chi: (n, 6) labels [N, N·m].   zeta: (n, 6) [m/s, rad/s].   origins: (o,) sample indices.   horizons: [steps].
+    zeta_known: use the true coming motion, else hold the last one.   seen: the flight as the model sees it, where it
+    needs more than chi and zeta.   at_once: of the whole flight at once where the model can.
+    """
+    flight = of_wrenches(chi, zeta, model.step) if seen is None else seen
+    chi_hat = flight_forecasts(
+        model,
+        flight,
+        horizons,
+        first=int(origins[0]),
+        motion=KNOWN if zeta_known else HELD,
+        averaged=False,
+        at_once=at_once,
+    )
+    return chi_hat[origins - origins[0]]
+
+
+def _square(error: np.ndarray) -> np.ndarray:
+    """Return the squared norm of force [N²] and torque [N²·m²], (o, len(horizons), 2)."""
+    square = error**2
+    return np.stack([square[..., :3].sum(-1), square[..., 3:].sum(-1)], axis=-1)

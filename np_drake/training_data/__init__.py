@@ -1,0 +1,1 @@
+"""Training data: segments of wrench labels and motion from flight logs."""

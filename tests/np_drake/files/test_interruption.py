@@ -1,0 +1,38 @@
+"""A signal ends a run though its exception may be lost on the way."""
+
+import os
+import signal
+
+import pytest
+
+from np_drake.files import interruption as dut
+
+
+@pytest.fixture
+def in_order(monkeypatch):
+    """Signals that raise, and the handlers of before at the end."""
+    before = {number: signal.getsignal(number) for number in dut.ENDING}
+    for number in dut.ENDING:
+        signal.signal(number, signal.SIG_DFL)
+    dut.end_in_order()
+    yield
+    dut._seen.clear()
+    for number, handler in before.items():
+        signal.signal(number, handler)
+
+
+@pytest.mark.parametrize("number, kind", [(signal.SIGINT, KeyboardInterrupt), (signal.SIGTERM, dut.Ended)])
+def test_a_signal_whose_exception_is_lost_is_raised_again(in_order, number, kind):
+    dut.raise_again()
+    with pytest.raises(kind):
+        os.kill(os.getpid(), number)
+    assert dut.last_signal() == number
+    with pytest.raises(kind):
+        dut.raise_again()
+
+
+def test_a_signal_that_a_shell_ignores_stays_ignored(in_order):
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    dut.end_in_order()
+    os.kill(os.getpid(), signal.SIGTERM)
+    assert dut.last_signal() is None

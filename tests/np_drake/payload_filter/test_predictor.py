@@ -1,0 +1,379 @@
+"""Laws of the predictor that carries a bank of pendulums."""
+
+import dataclasses as dc
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.linalg import expm
+
+from np_drake import attitude
+from np_drake.labels import ReadsLabels
+from np_drake.payload_filter import kernel
+from np_drake.payload_filter.filter_bank import carries
+from np_drake.payload_filter.forecast import linear_pendulum
+from np_drake.payload_filter.model_file import PendulumModel
+from np_drake.payload_filter.predictor import PendulumPredictor
+from np_drake.residual_model import Plan, ReadsPlan, Sample
+
+G, MASS, STEP = 9.81, 2.0, 0.02  # of the made-up flights: gravity [m/s²], vehicle [kg], sample [s]
+HOOK = np.array([0.0, 0.0, -0.025])  # [m]
+SPAN = {"horizon": 20, "stride": 2}
+
+
+def run(predictor, samples, memory=None):
+    memory = predictor.initial_memory() if memory is None else memory
+    for sample in samples:
+        memory = predictor.update(memory, sample)
+    return memory
+
+
+def plan_from(flight, k, horizon=20, stride=2):
+    rows = k + stride * np.arange(horizon + 1)
+    return Plan(flight.x[rows], flight.u[rows[:-1]])
+
+
+def mean_force(flight, k, horizon=20, stride=2):
+    """Mean true pull over each step of a forecast from sample k [N]."""
+    ends = 0.5 * (flight.pull[1:] + flight.pull[:-1])
+    return ends[k : k + horizon * stride].reshape(horizon, stride, 3).mean(axis=1)
+
+
+def test_it_reads_raw_labels_and_the_plan(model):
+    predictor = PendulumPredictor(model())
+    assert isinstance(predictor, ReadsPlan)
+    assert isinstance(predictor, ReadsLabels)
+    assert np.isinf(predictor.label.force_bandwidth)
+
+
+def test_a_hanging_payload_pulls_with_its_weight_over_the_horizon(model, flown):
+    predictor = PendulumPredictor(model())
+    forecast = predictor.forecast(run(predictor, flown(seconds=4.0).samples), **SPAN)
+    force = forecast.rollout(np.zeros((20, 6)))[:, :3]
+    np.testing.assert_allclose(force, np.tile([0.0, 0.0, -0.26 * G], (20, 1)), atol=0.06)  # label noise [N]
+
+
+def test_a_vehicle_that_carries_nothing_is_believed_to_carry_nothing_however_long_it_flies(model, flown):
+    predictor = PendulumPredictor(model())
+    flight = flown(mass=0.0, seconds=30.0, radius=1.25, speed=2.5, noise=0.1)
+    memory = run(predictor, flight.samples[:150])
+    for sample in flight.samples[150:]:
+        memory = predictor.update(memory, sample)
+        assert memory["weight"][~carries(len(memory["weight"]))].sum() > 0.9
+        assert memory["weight"] @ memory["mean"][:, kernel.MASS] < 0.002  # share of the vehicle's mass [1]
+
+
+@pytest.mark.parametrize("swing", [0.0, 0.2])
+def test_a_payload_is_not_taken_for_a_steady_push_upwards_or_a_weak_thrust(swing, model, flown):
+    predictor = PendulumPredictor(model())
+    flight = flown(mass=0.26, seconds=20.0, radius=1.0, speed=1.0, swing=swing)
+    memory = run(predictor, flight.samples[:150])
+    for sample in flight.samples[150:]:
+        memory = predictor.update(memory, sample)
+        assert memory["weight"][carries(len(memory["weight"]))].sum() > 0.9
+
+
+def test_without_payload_there_is_no_pull_after_three_seconds(model, flown):
+    predictor = PendulumPredictor(model())
+    memory = run(predictor, flown(mass=0.0, seconds=3.0).samples)
+    assert (
+        np.linalg.norm(predictor.pull(memory)) < 0.02 * MASS * G
+    )  # thrust error's prior, two deviations [N]
+    total = predictor.forecast(memory, **SPAN).first
+    assert np.linalg.norm(total[:3]) < 0.06  # label noise [N]
+
+
+@pytest.mark.parametrize(("before", "after"), [(0.0, 0.1), (0.26, 0.36), (0.26, 0.0)])
+def test_a_payload_attached_or_lost_is_followed_within_three_tenths_of_a_second(before, after, model, flown):
+    n, change = 301, 200
+    masses = np.where(np.arange(n) < change, before, after)
+    flight = flown(mass=masses, seconds=(n - 1) * STEP)
+    predictor = PendulumPredictor(model())
+    memory = run(predictor, flight.samples[: change + round(0.3 / STEP)])
+    force = predictor.forecast(memory, **SPAN).rollout(np.zeros((20, 6)))[:, 2]
+    np.testing.assert_allclose(
+        force, -after * G, atol=0.1 * abs(after - before) * G + 0.05
+    )  # a tenth of the step
+
+
+@pytest.mark.parametrize("length", [0.4, 0.8, 1.6])
+def test_a_swing_is_foretold_over_the_whole_horizon(length, model, flown):
+    flight = flown(length=length, seconds=12.0, radius=1.0, swing=0.2)
+    predictor, k = PendulumPredictor(model()), 500
+    memory = run(predictor, flight.samples[: k + 1])
+    plan = plan_from(flight, k)
+    force = predictor.forecast_along(memory, plan, **SPAN).rollout(plan.x[:-1, 7:13])[:, :3]
+    drag = 0.125 * MASS * 0.5 * (plan.x[1:, 7:10] + plan.x[:-1, 7:10])
+    error = np.linalg.norm(force + drag - mean_force(flight, k), axis=1)
+    held = np.linalg.norm(flight.pull[k] - mean_force(flight, k), axis=1)
+    assert error.max() < 0.15 * held.max(), (error.max(), held.max())
+
+
+def test_the_torque_of_the_pull_about_the_hook_is_foretold(model, flown):
+    flight = flown(length=0.8, seconds=12.0, radius=1.0, swing=0.2)
+    predictor, k = PendulumPredictor(model()), 500
+    memory = run(predictor, flight.samples[: k + 1])
+    plan = plan_from(flight, k)
+    tau = predictor.forecast_along(memory, plan, **SPAN).rollout(plan.x[:-1, 7:13])[:, 3:]
+    expected = np.array([flight.samples[j].chi[3:] for j in range(k, k + 40)]).reshape(20, 2, 3).mean(axis=1)
+    clean = np.cross(HOOK, mean_force(flight, k))
+    assert (
+        np.abs(tau - expected).max() < 0.35 * np.abs(clean).max() + 0.006
+    )  # noise of the torque label [N·m]
+
+
+def test_a_hook_elsewhere_than_in_training_is_found_in_flight(model, flown):
+    flight = flown(length=0.8, seconds=12.0, radius=1.0, swing=0.2)
+    predictor, k = PendulumPredictor(model(hook=HOOK + [0.01, 0.0, 0.02])), 500
+    memory = run(predictor, flight.samples[: k + 1])
+    np.testing.assert_allclose(
+        memory["shift"], [-0.01, 0.0, -0.02], atol=0.006
+    )  # three tenths of the prior [m]
+    plan = plan_from(flight, k)
+    tau = predictor.forecast_along(memory, plan, **SPAN).rollout(plan.x[:-1, 7:13])[:, 3:]
+    pull_B = attitude.rotate_back(plan.x[:-1, 3:7], mean_force(flight, k))
+    clean = np.cross(HOOK, pull_B)
+    assert np.abs(tau - clean).max() < 0.35 * np.abs(clean).max() + 0.006  # noise of the label [N·m]
+
+
+def test_torque_of_rates_and_velocity_follows_the_plan(model, flown):
+    """Over a step it is the mean of both ends."""
+    plain = model()
+    moved = dc.replace(plain, rate_torque=np.array([0.01, 0.02, 0.03]), speed_torque=np.array([0.04, 0.05]))
+    x = np.zeros((21, 13))
+    x[:, 3:7] = [np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)]  # a quarter turn: x of B is y of W
+    x[:, 7:10], x[:, 10:13] = np.linspace([1.0, 2.0, 0.0], [3.0, 1.0, 0.0], 21), [0.1, 0.2, 0.3]
+    plan = Plan(x, np.tile([MASS * G, 0.0, 0.0, 0.0], (20, 1)))
+    tau = []
+    for parameters in (plain, moved):
+        predictor = PendulumPredictor(parameters)
+        memory = predictor.initial_memory()
+        tau.append(predictor.forecast_along(memory, plan, **SPAN).rollout(x[:-1, 7:13])[:, 3:])
+    v = 0.5 * (x[1:, 7:9] + x[:-1, 7:9])
+    by_speed = np.column_stack([-0.04 * v[:, 0], 0.05 * v[:, 1], np.zeros(20)])  # v of B is [v_y, -v_x] of W
+    np.testing.assert_allclose(tau[1] - tau[0], by_speed + [0.001, 0.004, 0.009], atol=1e-12)
+
+
+def test_torque_of_rates_and_velocity_is_not_part_of_the_level(model, flown):
+    flight = flown(seconds=3.0, radius=1.0, torque_noise=0.0)
+    moved = dc.replace(model(), speed_torque=np.array([0.04, 0.05]))
+    levels = [
+        run(PendulumPredictor(moved), samples)["steady"] for samples in (flight.samples, turned(flight))
+    ]
+    assert np.abs(levels[1]).max() < 0.01  # what the hook leaves while the bank settles [N·m]
+    assert np.abs(levels[0]).max() > 0.02
+
+
+def turned(flight):
+    """The samples with the torque of the velocity in the label."""
+    found = []
+    for sample in flight.samples:
+        v = attitude.rotate_back(sample.x[3:7], sample.x[7:10])
+        found.append(dc.replace(sample, chi=sample.chi + [0, 0, 0, 0.04 * v[1], 0.05 * v[0], 0]))
+    return found
+
+
+def test_the_members_of_the_true_length_outweigh_the_others(model, flown):
+    flight = flown(length=1.2, seconds=10.0, radius=1.0, swing=0.3, noise=0.02)
+    predictor = PendulumPredictor(model())
+    memory = run(predictor, flight.samples)
+    length = np.exp(memory["weight"] @ memory["mean"][:, kernel.LOG_LENGTH])
+    mass = MASS * memory["weight"] @ memory["mean"][:, kernel.MASS]
+    assert length == pytest.approx(1.2, rel=0.05)
+    assert mass == pytest.approx(0.26, rel=0.05)
+
+
+def test_beside_the_plan_the_forecast_moves_as_a_linear_pendulum(model, flown):
+    predictor = PendulumPredictor(model())
+    forecast = predictor.forecast(run(predictor, flown(seconds=8.0, swing=0.1, noise=0.01).samples), **SPAN)
+    zeta = np.zeros((20, 6))
+    zeta[:, 0] = 0.1 * np.sin(2.0 * 0.04 * np.arange(20))
+    moved = forecast.rollout(zeta)[:, 0] - forecast.rollout(np.zeros((20, 6)))[:, 0]
+    w2, r, s, expected = G / 0.8, 0.0, 0.0, []
+    for i in range(20):
+        expected.append(0.26 * w2 * r)
+        for _ in range(40):  # fine Euler-Cromer steps of r' = s - v, s' = -w2 r
+            s -= 0.001 * w2 * r
+            r += 0.001 * (s - zeta[i, 0])
+    np.testing.assert_allclose(
+        moved, expected, atol=0.05 * np.abs(expected).max()
+    )  # estimated length and mass
+
+
+@given(
+    st.floats(1.0, 40.0), st.floats(0.0, 1.9), st.floats(0.005, 0.1), st.integers(0, 2**31 - 1)
+)  # stiffness [1/s²], damping [1/s], step [s]
+@settings(max_examples=60, deadline=None)
+def test_the_linear_pendulum_is_the_matrix_exponential_and_takes_energy_only(stiffness, damping, step, seed):
+    A, B, gain = linear_pendulum(stiffness, damping, step)
+    M = np.array([[0.0, 1.0, -1.0], [-stiffness, -damping, 0.0], [0.0, 0.0, 0.0]])
+    exact = expm(M * step)
+    np.testing.assert_allclose(A[::2, ::2], exact[:2, :2], atol=1e-9)
+    np.testing.assert_allclose(B[[0, 2], 0], exact[:2, 2], atol=1e-9)
+    np.testing.assert_allclose(gain[[0, 2]], exact[:2, 2], atol=1e-9)
+    assert np.abs(np.linalg.eigvals(A)).max() <= 1.0 + 1e-9
+    # Work of the vehicle on the pendulum, -force · v over each step, exact under a held velocity.
+    z, work = np.zeros(2), 0.0
+    for v in np.random.default_rng(seed).normal(size=50):
+        whole = np.linalg.solve(M[:2, :2], exact[:2, :2] @ z + exact[:2, 2] * v - z - step * M[:2, 2] * v)
+        work -= stiffness * whole[0] * v
+        z = exact[:2, :2] @ z + exact[:2, 2] * v
+        stored = 0.5 * (z[1] ** 2 + stiffness * z[0] ** 2)
+        assert work >= stored - 1e-6 * (1.0 + abs(work))
+
+
+@pytest.mark.parametrize("part", ["x", "u", "chi"])
+def test_a_sample_with_nan_leaves_a_usable_memory(part, model, flown):
+    flight, predictor = flown(seconds=6.0, radius=1.0, swing=0.2), PendulumPredictor(model())
+    samples = list(flight.samples[:300])
+    for k in (*range(40, 44), 200, 250, 251):
+        broken = getattr(samples[k], part).copy()
+        broken[0] = np.nan
+        samples[k] = dc.replace(samples[k], **{part: broken})
+    memory = run(predictor, samples)
+    assert all(np.all(np.isfinite(value)) for name, value in memory.items())
+    whole = run(predictor, flight.samples[:300])
+    np.testing.assert_allclose(
+        predictor.pull(memory), predictor.pull(whole), atol=0.3
+    )  # a tenth of the pull [N]
+
+
+def test_a_command_of_nan_in_the_first_second_of_hover_does_no_harm(model, flown):
+    flight, predictor = flown(seconds=3.0), PendulumPredictor(model())
+    samples = [
+        dc.replace(s, u=np.full(4, np.nan), chi=np.full(6, np.nan)) if 10 <= k < 13 else s
+        for k, s in enumerate(flight.samples)
+    ]
+    force = predictor.forecast(run(predictor, samples), **SPAN).first[2]
+    assert force == pytest.approx(-0.26 * G, abs=0.08)  # label noise [N]
+
+
+def test_a_label_that_only_a_member_without_weight_explains_leaves_a_usable_memory(model, flown):
+    predictor = PendulumPredictor(model())
+    samples = flown(seconds=2.0).samples
+    memory = run(predictor, samples[:50])
+    bare = ~carries(len(memory["weight"]))
+    memory["weight"] = np.where(bare, 0.0, memory["weight"]) / memory["weight"][~bare].sum()
+    rise = kernel.PUSH + 2
+    memory["mean"][bare, rise] = -0.13 * G  # as the payload's weight
+    memory["mean"][~bare, rise] = 40.0
+    memory["covariance"][~bare] *= 1e-6
+    memory = predictor.update(memory, samples[50])
+    assert np.all(np.isfinite(memory["weight"]))
+    assert memory["weight"].sum() == pytest.approx(1.0)
+
+
+def test_an_update_changes_no_memory_but_its_own(model, flown):
+    flight, predictor = flown(seconds=1.0), PendulumPredictor(model())
+    memory = run(predictor, flight.samples[:20])
+    before = {name: value.copy() for name, value in memory.items()}
+    predictor.update(memory, flight.samples[20])
+    predictor.forecast(memory, **SPAN)
+    for name, value in before.items():
+        np.testing.assert_array_equal(memory[name], value)
+
+
+def test_rotors_behind_the_command_show_in_the_forecast(model, flown):
+    lagging = dc.replace(model(), rotor_lag=0.05)
+    predictor = PendulumPredictor(lagging)
+    memory = run(predictor, flown(mass=0.0, seconds=3.0).samples)
+    hover = np.array([MASS * G, 0.0, 0.0, 0.0])
+    x = np.tile(memory["x"], (21, 1))
+    steady, step = (
+        predictor.forecast_along(memory, Plan(x, np.tile(u, (20, 1))), **SPAN).rollout(np.zeros((20, 6)))[
+            :, 2
+        ]
+        for u in (hover, hover + [1.0, 0, 0, 0])
+    )
+    h, lag = 0.04, 0.05
+    mean = -lag / h * (1 - np.exp(-h / lag)) * np.exp(-h / lag * np.arange(20))  # of a rise by 1 N [N]
+    np.testing.assert_allclose(step - steady, mean, atol=0.02)  # thrust error's share of 1 N [N]
+
+
+@given(st.integers(0, 2**31 - 1), st.floats(0.01, 30.0))
+@settings(max_examples=15, deadline=None)
+def test_whatever_the_labels_tethers_stay_unit_vectors_and_covariances_positive(model, seed, size):
+    predictor, draw = PendulumPredictor(model()), np.random.default_rng(seed)
+    memory = predictor.initial_memory()
+    for _ in range(60):
+        x = np.concatenate([draw.normal(size=3), draw.normal(size=4), size * 0.1 * draw.normal(size=6)])
+        x[3:7] /= np.linalg.norm(x[3:7])
+        memory = predictor.update(memory, Sample(x, size * draw.normal(size=4), size * draw.normal(size=6)))
+    np.testing.assert_allclose(np.linalg.norm(memory["mean"][:, :3], axis=1), 1.0, atol=1e-9)
+    assert np.isfinite(memory["mean"]).all()
+    assert memory["weight"].sum() == pytest.approx(1.0)
+    assert np.linalg.eigvalsh(memory["covariance"]).min() > -1e-6
+    assert np.isfinite(predictor.forecast(memory, **SPAN).rollout(np.zeros((20, 6)))).all()
+
+
+def test_a_small_swing_of_one_member_has_the_period_of_a_pendulum():
+    point = np.zeros((1, kernel.POINT))
+    point[0, :3], point[0, 3] = [np.sin(0.02), 0.0, -np.cos(0.02)], np.cos(0.02)
+    point[0, 5] = np.sin(0.02)
+    point[0, kernel.LOG_LENGTH], point[0, kernel.MASS] = np.log(0.8), 0.13
+    drive = np.array([0.0, 0.0, (1 + 0.13) * G, *np.zeros(6)])
+    keep, nothing = np.ones((1, 8)), np.zeros((1, kernel.SIZE))
+    covariance = np.zeros((1, kernel.SIZE, kernel.SIZE))
+    period = (
+        2 * np.pi * np.sqrt(0.8 / (1 + 0.13) / G)
+    )  # lift of the whole weight holds the hook's mean at rest
+    tilt = []
+    for _ in range(round(period / STEP)):
+        out = [
+            np.empty_like(point),
+            np.empty_like(covariance),
+            np.empty_like(point),
+            np.empty_like(covariance),
+            np.empty(1),
+            np.empty(1),
+        ]
+        kernel.filter_bank(
+            point,
+            covariance,
+            drive,
+            drive,
+            STEP,
+            np.zeros((1, 8)),
+            keep,
+            nothing,
+            np.full(3, np.nan),
+            np.ones(3),
+            *out,
+        )
+        point, covariance = out[0], np.zeros_like(covariance)
+        tilt.append(point[0, 0])
+    assert (np.argmin(tilt) + 1) * STEP == pytest.approx(0.5 * period, abs=0.02)
+    assert tilt[-1] == pytest.approx(np.sin(0.02), rel=0.02)
+
+
+def test_a_model_file_gives_back_the_model(tmp_path, model):
+    path, before = tmp_path / "m.safetensors", dc.replace(model(), summary={"samples": 3})
+    before.save(path)
+    after = PendulumModel.load(path)
+    assert all(np.array_equal(vars(after)[name], value) for name, value in vars(before).items())
+    np.testing.assert_array_equal(after.hook, before.hook)
+
+
+@pytest.mark.parametrize("content", [b"", b"PK\x03\x04", b"\x10\x00\x00\x00\x00\x00\x00\x00{}"])
+def test_another_file_is_refused_in_one_line(tmp_path, content):
+    path = tmp_path / "m.safetensors"
+    path.write_bytes(content)
+    with pytest.raises(ValueError, match=r"m\.safetensors: .*") as error:
+        PendulumModel.load(path)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"step": 0.0},
+        {"thrust_error": -1.5},
+        {"hook": np.zeros(2)},
+        {"drag": np.nan},
+        {"speed_torque": np.zeros(3)},
+    ],
+)
+def test_impossible_numbers_are_refused(wrong, model):
+    with pytest.raises(ValueError, match="PendulumModel"):
+        dc.replace(model(), **wrong)

@@ -1,0 +1,147 @@
+"""Laws of the training of a pendulum predictor."""
+
+import dataclasses as dc
+
+import numpy as np
+import pytest
+
+from np_drake import attitude
+from np_drake.actuator_timing import delayed
+from np_drake.flight_log import FlightLog
+from np_drake.payload_filter.training import flight_samples, torque_steps, train_pendulum
+from np_drake.residual_model import Sample
+from np_drake.rotor_input import acting_command
+from np_drake.scaling import similar
+from np_drake.vehicle import Vehicle
+
+STEP = 0.02  # [s]
+
+
+def as_log(flight, vehicle) -> FlightLog:
+    """The made-up flight as a log whose accelerations give its labels."""
+    x, u, chi = flight.x, flight.u, np.array([sample.chi for sample in flight.samples])
+    log = FlightLog(
+        t=STEP * np.arange(len(x)), p=x[:, :3], q=x[:, 3:7], v=x[:, 7:10], w=x[:, 10:13], u=u, name="made"
+    )
+    log.a = (chi[:, :3] + u[:, :1] * body_z(x)) / vehicle.mass - [0.0, 0.0, vehicle.gravity]
+    log.al = (chi[:, 3:] + u[:, 1:]) @ np.linalg.inv(vehicle.J).T
+    return log
+
+
+def body_z(x):
+    w, a, b, c = x[:, 3:7].T
+    return np.column_stack([2 * (a * c + w * b), 2 * (b * c - w * a), w * w - a * a - b * b + c * c])
+
+
+@pytest.fixture(scope="module")
+def vehicle():
+    return Vehicle().check()
+
+
+def test_it_finds_thrust_error_drag_and_hook_of_the_vehicle(flown, vehicle):
+    flight = flown(seconds=30.0, radius=1.0, dither=0.08, thrust_error=-0.04, drag=0.15, noise=0.05)
+    model = train_pendulum([(as_log(flight, vehicle), vehicle)], step=STEP)
+    assert model.thrust_error == pytest.approx(-0.04, abs=0.01)  # three tenths of the payload's weight [1]
+    assert model.drag == pytest.approx(0.15, abs=0.02)  # [1/s]
+    np.testing.assert_allclose(model.hook, [0.0, 0.0, -0.025], atol=0.004)  # noise of the torque label [m]
+    assert model.mass == vehicle.mass
+    assert model.summary["origin"]["mass"] == vehicle.mass
+
+
+def test_torque_of_the_speed_is_not_taken_for_the_hooks(flown, vehicle):
+    flight = flown(seconds=30.0, radius=1.0, dither=0.08, noise=0.05)
+    speed_torque = np.array([0.012, -0.016])  # [N·s]
+    for sample in flight.samples:
+        v = attitude.rotate_back(sample.x[3:7], sample.x[7:10])
+        sample.chi[3:5] += speed_torque * v[[1, 0]]
+    model = train_pendulum([(as_log(flight, vehicle), vehicle)], step=STEP)
+    np.testing.assert_allclose(
+        model.speed_torque, speed_torque, atol=0.001
+    )  # noise of the torque label [N·s]
+    np.testing.assert_allclose(model.hook, [0.0, 0.0, -0.025], atol=0.004)  # the same [m]
+
+
+def test_of_similar_vehicles_it_finds_the_same_in_their_own_units(flown, vehicle):
+    length, time, mass = 4.0, 2.0, 64.0  # over the paper's
+    flight = flown(seconds=12.0, radius=1.0, dither=0.08, thrust_error=-0.04, drag=0.15)
+    log, force = as_log(flight, vehicle), mass * np.array([1.0, *[length] * 3])
+    own = dc.replace(
+        log,
+        t=log.t * time,
+        p=log.p * length,
+        v=log.v * length / time,
+        w=log.w / time,
+        u=log.u * force,
+        al=log.al / time**2,
+    )
+    expected = train_pendulum([(log, vehicle)], step=STEP)
+    dut = train_pendulum([(own, similar(vehicle, length))], step=STEP * time)
+    assert dut.arm == pytest.approx(length * expected.arm)
+    # The lag is found within 1e-4 s, which is another share of another vehicle's time.
+    assert dut.thrust_error == pytest.approx(expected.thrust_error, abs=1e-3)
+    assert dut.drag * time == pytest.approx(expected.drag, abs=2e-3)  # [1/s]
+    assert dut.drag_deviation * time == pytest.approx(expected.drag_deviation, rel=0.02)
+    np.testing.assert_allclose(dut.hook / length, expected.hook, atol=1e-3)  # [m]
+
+
+def test_it_counts_its_passes(flown, vehicle):
+    passes = []
+    train_pendulum(
+        [(as_log(flown(seconds=4.0), vehicle), vehicle)], step=STEP, on_pass=lambda *done: passes.append(done)
+    )
+    assert passes == [(1, 2), (2, 2)]
+
+
+def test_flights_of_different_vehicles_are_refused(flown, vehicle):
+    log = as_log(flown(seconds=4.0), vehicle)
+    with pytest.raises(ValueError, match="one vehicle"):
+        train_pendulum([(log, vehicle), (log, dc.replace(vehicle, mass=3.0))], step=STEP)
+
+
+def test_a_log_without_torque_is_refused(flown, vehicle):
+    log = as_log(flown(seconds=4.0), vehicle)
+    log.u = np.column_stack([log.u[:, 0], np.full((len(log), 3), np.nan)])
+    with pytest.raises(ValueError, match="torque"):
+        train_pendulum([(log, vehicle)], step=STEP)
+
+
+def test_samples_of_a_flight_pair_a_label_with_the_command_before_it(flown, vehicle):
+    log = as_log(flown(seconds=4.0), vehicle)
+    log.u = log.u + np.arange(len(log))[:, None] * [0.01, 0, 0, 0]
+    samples = flight_samples(log, vehicle, 0.0, STEP)
+    assert len(samples) == len(log)
+    np.testing.assert_allclose([s.u for s in samples[1:]], log.u[:-1])
+
+
+def test_it_finds_the_delay_of_the_commands(flown, vehicle):
+    draw = np.random.default_rng(0)
+    log = as_log(flown(seconds=20.0, radius=1.0, dither=0.08), vehicle)
+    smooth, lagged = log.u, dc.replace(vehicle, rotor_time_constant=0.03)
+    log.u = smooth + draw.normal(size=log.u.shape) * [1.0, 0.1, 0.1, 0.02]
+    late = acting_command(delayed(log, 3 * STEP), lagged) - smooth
+    log.a += late[:, :1] * body_z(log.x) / vehicle.mass
+    log.al += late[:, 1:] @ np.linalg.inv(vehicle.J).T
+    model = train_pendulum([(log, vehicle)], step=STEP)
+    assert model.delay == pytest.approx(3 * STEP)
+    assert model.rotor_lag == pytest.approx(0.03, abs=0.003)
+
+
+def test_commands_that_act_at_once_show_no_delay(flown, vehicle):
+    log = as_log(flown(seconds=20.0, radius=1.0, dither=0.08, noise=0.05), vehicle)
+    assert train_pendulum([(log, vehicle)], step=STEP).delay == 0.0
+
+
+def test_a_flight_without_torque_labels_is_refused_by_its_name(flown, vehicle):
+    log = as_log(flown(seconds=4.0), vehicle)
+    without = dc.replace(log, al=np.full((len(log), 3), np.nan), name="blind")
+    for flights in ([without], [log, without]):
+        with pytest.raises(ValueError, match=r"^pendulum: flight blind must have torque labels .*\.$"):
+            train_pendulum([(flight, vehicle) for flight in flights], step=STEP)
+
+
+def test_the_torque_across_a_gap_is_no_step():
+    torque = np.array([1.0, 1.1, np.nan, 5.0, 4.0, np.nan])  # [N·m]
+    samples = [Sample(np.zeros(13), np.zeros(4), np.full(6, value)) for value in torque]
+    np.testing.assert_allclose(torque_steps(samples), [[0.1] * 3, [-1.0] * 3])
+    assert torque_steps(samples[1:4]).shape == (0, 3)
+    assert torque_steps([]).shape == (0, 3)

@@ -1,0 +1,80 @@
+"""Laws of the accelerations a reader works out, and of what it does with rotor speed."""
+
+import dataclasses as dc
+
+import numpy as np
+import pytest
+
+from np_drake import labels
+from np_drake.rotor_input import rotor_speed, rotor_wrench, with_rotor_input
+from np_drake.training_data.accelerations import smooth_derivative, with_accelerations
+from np_drake.vehicle import Vehicle
+
+
+def test_a_smooth_flight_is_differentiated_to_its_true_accelerations(flight):
+    dut = with_accelerations(dc.replace(flight, a=None, al=None))
+    inside = slice(30, -30)
+    half = 0.5 * flight.step  # the mean over the interval after the row is the middle's value
+    phase = 1.5 * (flight.t + half)[inside]
+    np.testing.assert_allclose(dut.a[inside, 0], -2.25 * np.cos(phase), atol=1e-3)  # of 2.25 [m/s²]
+    np.testing.assert_allclose(
+        dut.al[inside], flight.al[inside], atol=0.02
+    )  # half a row of 3.2 rad/s³ [rad/s²]
+    assert "zero phase" in dut.notes[-1]
+    assert "a, al" in dut.notes[-1]
+
+
+def test_only_what_is_missing_is_differentiated(flight):
+    dut = with_accelerations(dc.replace(flight, al=None))
+    assert dut.a is flight.a
+    assert with_accelerations(flight) is flight
+
+
+def test_the_derivative_has_no_phase():
+    t = 0.01 * np.arange(2000)
+    dut = smooth_derivative(-np.cos(2 * np.pi * 3 * t)[:, None], t, 15.0)[200:-200, 0]
+    wave = np.sin(2 * np.pi * 3 * (t + 0.005))[200:-200]
+    assert np.argmax(np.correlate(dut, wave, "full")) == len(dut) - 1  # zero shift [samples]
+
+
+def test_the_row_pairing_of_command_and_acceleration_survives_differentiation():
+    """Thrust that changes every row: with its own row the label is small, with a neighbour's it is not."""
+    vehicle, n = Vehicle(), 2000
+    draw = np.random.default_rng(3)
+    command = 19.62 + np.convolve(draw.normal(size=n + 40), np.ones(41) / 41, "valid") * 10
+    t = 0.01 * np.arange(n)
+    v = np.cumsum(np.concatenate([[0.0], (command / vehicle.mass - 9.81)[:-1] * 0.01]))
+    a = smooth_derivative(v[:, None], t, 15.0)[:, 0]
+    error = [np.std((vehicle.mass * (a + 9.81) - np.roll(command, shift))[100:-100]) for shift in (-1, 0, 1)]
+    assert error[1] < 0.7 * min(error[0], error[2])
+
+
+def test_labels_from_differentiated_columns_are_those_of_the_true_ones(flight):
+    dut = with_accelerations(dc.replace(flight, a=None, al=None))
+    inside = slice(100, -100)
+    difference = labels.labels(dut, Vehicle()) - labels.labels(flight, Vehicle())
+    assert np.abs(difference[inside, :3]).max() < 0.05  # half a row of 3.4 m/s³ on 2 kg [N]
+    assert np.abs(difference[inside, 3:]).max() < 1e-3  # [N·m]
+
+
+def test_a_bandwidth_of_nothing_is_refused(flight):
+    with pytest.raises(ValueError, match="bandwidth"):
+        with_accelerations(dc.replace(flight, a=None), bandwidth=0.0)
+
+
+def test_rotor_speed_and_command_are_inverse():
+    vehicle = Vehicle()
+    u = np.array([[19.62, 0.1, -0.2, 0.03], [25.0, 0.0, 0.3, -0.05]])
+    np.testing.assert_allclose(rotor_wrench(vehicle, rotor_speed(vehicle, u)), u, atol=1e-12)
+
+
+def test_a_faster_left_pair_rolls_to_the_right():
+    """Rotors 1 and 4 of the paper's vehicle stand on the left (+y)."""
+    u = rotor_wrench(Vehicle(), np.array([700.0, 600.0, 600.0, 700.0]))
+    assert u[1] > 0
+    assert abs(u[2]) < 1e-12
+
+
+def test_without_rotor_columns_there_is_no_rotor_input(flight):
+    with pytest.raises(ValueError, match="rotor1"):
+        with_rotor_input(dc.replace(flight, rotor=None), Vehicle())
