@@ -5,30 +5,30 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from diagrams.loop.controllers import DEFAULT_MODEL, FLYING_MODEL, ControllerConfig, make_residual_model
+from diagrams.loop.controllers import FILTER_MODEL, NP_MODEL, ControllerConfig, make_residual_model
 from diagrams.loop.flight_result import fly
 from diagrams.tracking.packaged import difference
 from diagrams.tracking.tracking import Row, configure, train_models
-from np_drake.payload_filter.model_file import NUMBERS, PENDULUM, PendulumModel
-from np_drake.payload_filter.predictor import PendulumPredictor
+from np_drake.payload_filter.model_file import NUMBERS, PAYLOAD_FILTER, PayloadFilterModel
+from np_drake.payload_filter.predictor import PayloadFilter
 from np_drake.vehicle import Vehicle
 
-TRAINED = Row("np: pendulum", "np", training="training_circle", configuration=PENDULUM)
+TRAINED = Row("payload_filter", "np", training="training_circle", configuration=PAYLOAD_FILTER)
 
 
 @pytest.fixture(scope="module")
 def retrained(remade):
-    return PendulumModel.load(remade[1])
+    return PayloadFilterModel.load(remade[1])
 
 
 def test_training_anew_gives_the_shipped_model(remade, retrained):
-    shipped = PendulumModel.load(FLYING_MODEL)
+    shipped = PayloadFilterModel.load(FILTER_MODEL)
     for name in NUMBERS:
         assert getattr(retrained, name) == pytest.approx(
             getattr(shipped, name), rel=1e-3
         )  # another processor
     np.testing.assert_allclose(retrained.hook, shipped.hook, atol=1e-5)  # [m]
-    assert remade[1].name == FLYING_MODEL.name
+    assert remade[1].name == FILTER_MODEL.name
     apart = difference(remade[1])
     assert apart.relative < 1e-2  # small numbers of a torque, another processor
     assert apart.from_zero == 0.0
@@ -44,9 +44,9 @@ def test_training_finds_what_the_real_vehicle_has(retrained):
 
 def test_np_flies_with_it_unless_a_file_is_named():
     vehicle = Vehicle().check()
-    assert isinstance(make_residual_model(ControllerConfig(kind="np"), vehicle), PendulumPredictor)
-    other = make_residual_model(ControllerConfig(kind="np", predictor=str(DEFAULT_MODEL)), vehicle)
-    assert not isinstance(other, PendulumPredictor)
+    assert isinstance(make_residual_model(ControllerConfig(kind="np"), vehicle), PayloadFilter)
+    other = make_residual_model(ControllerConfig(kind="np", predictor=str(NP_MODEL)), vehicle)
+    assert not isinstance(other, PayloadFilter)
     with pytest.raises(ValueError, match="mass"):
         make_residual_model(ControllerConfig(kind="np"), dc.replace(vehicle, mass=1.0))
 
@@ -54,7 +54,7 @@ def test_np_flies_with_it_unless_a_file_is_named():
 @pytest.mark.parametrize("payload", [0.0, 0.5])
 def test_on_another_payload_it_is_better_than_the_model_of_one_payload(payload):
     errors = {}
-    for name, model in (("pendulum", FLYING_MODEL), ("default", DEFAULT_MODEL)):
+    for name, model in (("pendulum", FILTER_MODEL), ("default", NP_MODEL)):
         config = configure("circle", Row("np", "np"), solver="sqp", model=str(model))
         config.duration = 10.0
         config.reality.payload.mass = payload or 0.26
@@ -69,8 +69,8 @@ def test_the_tables_train_it_as_any_other_row(tmp_path, monkeypatch):
         "diagrams.tracking.tracking.training_flight", lambda experiment, **_: made.append(experiment)
     )
     monkeypatch.setattr(
-        "diagrams.tracking.tracking.train_pendulum_model", lambda flight, path: made.append(path.name)
+        "diagrams.tracking.tracking.train_payload_filter_model", lambda flight, path: made.append(path.name)
     )
     files = train_models((TRAINED,), tmp_path, seed=0, solver="sqp")
-    assert made == ["training_circle", "pendulum_training_circle.safetensors"]
-    assert list(files) == [("training_circle", PENDULUM)]
+    assert made == ["training_circle", "payload_filter_training_circle.safetensors"]
+    assert list(files) == [("training_circle", PAYLOAD_FILTER)]
