@@ -78,7 +78,7 @@ def test_a_case_flies_with_the_model_of_its_own_vehicle():
 
 
 def test_a_row_whose_training_failed_does_not_fly_with_that_vehicle():
-    models = {key: file for key, file in MODELS.items() if key != ("35g", "pendulum")}
+    models = {key: file for key, file in MODELS.items() if key != ("35g", "payload_filter")}
     flown = {(case["vehicle"], case["row"]) for case in flight_cases(ROWS, [1], models)}
     assert ("35g", "payload_filter") not in flown
     assert {("35g", "np"), ("6kg", "payload_filter")} <= flown
@@ -106,7 +106,7 @@ def test_work_trains_and_flies_with_the_vehicle_of_the_case(monkeypatch):
     monkeypatch.setattr(
         study, "flown", lambda configure, model, seed: seen.setdefault("flown", (model, seed))
     )
-    study.Training(7, "sqp")({"vehicle": "6kg", "model": "pendulum"})
+    study.Training(7, "sqp")({"vehicle": "6kg", "model": "payload_filter"})
     row, of = seen["trained"]
     assert (row.name, of["vehicle"], of["seed"]) == ("payload_filter", fleet()["6kg"], 7)
     study.Flying(MODELS, "sqp")({"row": "np", "vehicle": "35g", "track": "steps", "seed": 3})

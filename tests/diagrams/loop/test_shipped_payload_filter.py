@@ -1,4 +1,4 @@
-"""The pendulum model that ships with the package: made anew from its training flight, and flown."""
+"""The payload filter that ships with the package: made anew from its training flight, and flown."""
 
 import dataclasses as dc
 
@@ -13,7 +13,7 @@ from np_drake.payload_filter.model_file import NUMBERS, PAYLOAD_FILTER, PayloadF
 from np_drake.payload_filter.predictor import PayloadFilter
 from np_drake.vehicle import Vehicle
 
-TRAINED = Row("payload_filter", "np", training="training_circle", configuration=PAYLOAD_FILTER)
+TRAINED = Row("payload_filter", "payload_filter", training="training_circle", configuration=PAYLOAD_FILTER)
 
 
 @pytest.fixture(scope="module")
@@ -42,25 +42,23 @@ def test_training_finds_what_the_real_vehicle_has(retrained):
     np.testing.assert_allclose(retrained.hook, reality.payload.hook, atol=0.005)  # [m]
 
 
-def test_np_flies_with_it_unless_a_file_is_named():
+def test_it_flies_its_own_vehicle_and_no_other():
     vehicle = Vehicle().check()
-    assert isinstance(make_residual_model(ControllerConfig(kind="np"), vehicle), PayloadFilter)
-    other = make_residual_model(ControllerConfig(kind="np", predictor=str(NP_MODEL)), vehicle)
-    assert not isinstance(other, PayloadFilter)
+    assert isinstance(make_residual_model(ControllerConfig(PAYLOAD_FILTER), vehicle), PayloadFilter)
     with pytest.raises(ValueError, match="mass"):
-        make_residual_model(ControllerConfig(kind="np"), dc.replace(vehicle, mass=1.0))
+        make_residual_model(ControllerConfig(PAYLOAD_FILTER), dc.replace(vehicle, mass=1.0))
 
 
 @pytest.mark.parametrize("payload", [0.0, 0.5])
 def test_on_another_payload_it_is_better_than_the_model_of_one_payload(payload):
     errors = {}
-    for name, model in (("pendulum", FILTER_MODEL), ("default", NP_MODEL)):
-        config = configure("circle", Row("np", "np"), solver="sqp", model=str(model))
+    for name, model in ((PAYLOAD_FILTER, FILTER_MODEL), ("np", NP_MODEL)):
+        config = configure("circle", Row(name, name), solver="sqp", model=str(model))
         config.duration = 10.0
         config.reality.payload.mass = payload or 0.26
         config.reality.payload.tether = "cable" if payload else "none"
         errors[name] = fly(config.check(), seed=77).metrics()["E_xy"]
-    assert errors["pendulum"] < 0.5 * errors["default"], errors
+    assert errors[PAYLOAD_FILTER] < 0.5 * errors["np"], errors
 
 
 def test_the_tables_train_it_as_any_other_row(tmp_path, monkeypatch):
