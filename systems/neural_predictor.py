@@ -2,6 +2,7 @@
 
 from pydrake.common.value import Value
 
+from np_drake.residual_model import Memory
 from np_drake.residual_models.neural_predictor import NeuralPredictor as NeuralPredictorModel
 from np_drake.vehicle import Vehicle
 from systems.residual_predictor import ResidualPredictor
@@ -32,9 +33,9 @@ class NeuralPredictor(ResidualPredictor):
     | chi_hat | 6 | the forecast's first wrench, `delay` later, as of the last event | N, N·m |
     | lifted_linear_system | LiftedLinearSystem | A, B, C at the predictor's own step, as of the last event | |
 
-    State, in one discrete group, sorted by name: A (K²) and B (6 K) where they are refit, count, dropped, gap, labels
-    (1 each), lowpass (6), rows (the window, lifted) where there is a refit, where the model has a trust its groups,
-    window (as many samples of chi and zeta as encoder or refit read), z (K); in another chi_hat (6).
+    State: a discrete group each for z, window, lowpass and count, whose indices are public, as in
+    `context.get_discrete_state(predictor.z_index).value()`; likewise, sorted by name, what else the model keeps (see
+    its class): counters, A, B and rows of a refit, the groups of a trust; then chi_hat (6).
     Event: periodic, every `model.step`. Before the window is full, on NaN and on dropped samples: see the model.
     """
 
@@ -46,6 +47,13 @@ class NeuralPredictor(ResidualPredictor):
         self.DeclareAbstractOutputPort(
             "lifted_linear_system", Value[object], self._calc_system, {self.xd_ticket()}
         )
+
+    def _declare_memory(self, initial: Memory) -> None:
+        self.z_index = self._declare_group("z", initial)  # (K,) lifted vector
+        self.window_index = self._declare_group("window", initial)  # (W, 12) last [chi, zeta], oldest first
+        self.lowpass_index = self._declare_group("lowpass", initial)  # (6,) of the labels [N, N·m]
+        self.count_index = self._declare_group("count", initial)  # samples in the window, up to W [1]
+        super()._declare_memory(initial)
 
     def _calc_system(self, context, output) -> None:
         output.set_value(self._np.system(self.memory(context)))

@@ -43,7 +43,7 @@ class ResidualPredictor(MemorySystem):
     | forecast | WrenchForecast | from `delay` on, with the sample at hand taken in; feeds through | |
     | chi_hat | 6 | the forecast's first wrench, `delay` later, as of the last event | N, N·m |
 
-    State: one discrete group of the model's memory, its arrays sorted by name, then chi_hat (6).
+    State: one discrete group for each array of the model's memory, sorted by name, then chi_hat (6).
     Event: periodic, every `model.step`.
 
     Args:

@@ -125,7 +125,7 @@ def _others(
     with progress("predictor, simulator", 1.0):
         update = {
             name: measure.time_predictor(NeuralPredictor.load(measure.model_file(run.folder, name)), **span)
-            for name in ("default", "paper")
+            for name in ("delay-modal", "paper")
         }
         factors = measure.real_time_factors(seconds=seconds, seed=run.seed)
     rows: list[tuple] = [
@@ -134,10 +134,10 @@ def _others(
         *((f"training `{name}`, 3000 points", value, "s") for name, value in walls.items()),
     ]
     lines, table = _against_the_pseudo_inverse(run.seed)
-    times = {"update_ms": update["default"], "update_ms_paper": update["paper"]}
+    times = {"update_ms": update["delay-modal"], "update_ms_paper": update["paper"]}
     content = {
         "predictor": {**times, "against_pseudo_inverse": lines},
         "simulator": {"real_time_factor": factors},
-        "training": {"wall": walls["default"], "wall_paper": walls["paper"]},
+        "training": {"wall": walls["delay-modal"], "wall_paper": walls["paper"]},
     }
     return content, [("the rest", ["what", "value", "unit"], rows), table]

@@ -11,15 +11,22 @@ from diagrams.batch.failed_run import FailedRun
 from diagrams.cli import options
 from diagrams.cli.output import say
 from diagrams.cli.runner import Report, Run, counting, reports
-from diagrams.cli.train import LOG_HELP, Force, behind_bar, train_reaction
+from diagrams.cli.train import (
+    LOG_HELP,
+    PAYLOAD_FILTER,
+    Force,
+    behind_bar,
+    configuration_for,
+    train_reaction,
+)
 
 if TYPE_CHECKING:
     from np_drake.residual_model import ResidualModel
     from np_drake.skill.flight_skill import Model
     from np_drake.training_data.training_segments import Flight
 
-CONFIGURATIONS = ("paper", "default")  # that are trained unless some are named
-PENDULUM = "pendulum"  # trained where it is named
+AXES_CHOOSE = ""  # the configuration that suits the axes of the flights
+CONFIGURATIONS = ("paper", AXES_CHOOSE)  # that are trained unless some are named
 HORIZONS = "1,5,10,20,40"
 FARTHEST = 10**6  # steps ahead, own choice; flights are shorter
 MOTIONS = ("held", "known")  # what a forecast knows of the coming zeta
@@ -40,7 +47,8 @@ def evaluate(
         bool, Option("--leave-one-out", help="Score every LOG by models trained on all the others.")
     ] = False,
     only: Annotated[
-        list[str] | None, Option(help="Train only this one: paper | default | pendulum; repeatable.")
+        list[str] | None,
+        Option(help="Train only this one: a configuration of np, or payload_filter; repeatable."),
     ] = None,
     also: Annotated[
         list[str] | None, Option(help="Rows of these as well, trained likewise: gp | knode; repeatable.")
@@ -165,11 +173,18 @@ def choose_configurations(only: list[str] | None) -> list[str]:
 
     Raises: ValueError: on an unknown name.
     """
-    known = (*CONFIGURATIONS, PENDULUM)
-    unknown = set(only or ()) - set(known)
+    from np_drake.lifting.training.train import CONFIGURATIONS as KNOWN
+
+    old = {"default": AXES_CHOOSE, "pendulum": PAYLOAD_FILTER}
+    for name in set(only or ()) & set(old):
+        say(
+            f"--only: {name} is now called {old[name] or 'delay-modal (world axes) or mode-dictionary (body axes)'}."
+        )
+    known = (*KNOWN, PAYLOAD_FILTER)
+    unknown = set(only or ()) - {*known, *old}
     if unknown:
         raise ValueError(f"--only: must be {' | '.join(known)}; got {', '.join(sorted(unknown))}.")
-    return [name for name in known if name in (only or CONFIGURATIONS)]
+    return list(dict.fromkeys(old.get(name, name) for name in only or CONFIGURATIONS))
 
 
 def require_reactions(names: Sequence[str], predictor: Path | None) -> None:
@@ -215,23 +230,23 @@ def packaged_model() -> Path:
 
     Raises: ValueError: if there is none.
     """
-    from diagrams.loop.controllers import DEFAULT_MODEL
+    from diagrams.loop.controllers import NP_MODEL
 
-    if not DEFAULT_MODEL.is_file():
+    if not NP_MODEL.is_file():
         raise ValueError("the package holds no model; give --predictor FILE, or --train LOG to train on.")
-    return DEFAULT_MODEL
+    return NP_MODEL
 
 
 def load(path: Path) -> dict[str, "Model"]:
-    """Load the model of a file, lifted linear system or pendulum; return it by its configuration.
+    """Load the model of a file, lifted linear system or payload filter; return it by its configuration.
 
     Raises: ValueError: on a bad file.
     """
     from np_drake.lifting.model.model_file import load_model, schema_of
-    from np_drake.payload_filter.model_file import PENDULUM, SCHEMA, PendulumModel
+    from np_drake.payload_filter.model_file import SCHEMAS, PayloadFilterModel
 
-    if schema_of(path) == SCHEMA:
-        return {PENDULUM: PendulumModel.load(path)}
+    if schema_of(path) in SCHEMAS:
+        return {PAYLOAD_FILTER: PayloadFilterModel.load(path)}
     model = load_model(path)
     return {model.configuration: model}
 
@@ -246,16 +261,17 @@ def train_all(
 ) -> dict[str, "Model"]:
     """Train the configurations of these names on the same flights.
 
-    Raises: ValueError: if `pendulum` is among them and a flight is an array.
+    Raises: ValueError: if `payload_filter` is among them and a flight is an array.
     """
     from np_drake.lifting.training.train import make_config, train
-    from np_drake.payload_filter.training import opened_logs, train_pendulum
+    from np_drake.payload_filter.training import opened_logs, train_payload_filter
 
     segments = [segment for flight in flights for segment in flight.segments(step)]
     models: dict[str, Model] = {}
-    for name in names:
-        if name == PENDULUM:
-            models[name] = train_pendulum(opened_logs(flights), step=step)
+    for asked in names:
+        name = configuration_for(asked, flights[0].frame)
+        if name == PAYLOAD_FILTER:
+            models[name] = train_payload_filter(opened_logs(flights), step=step)
             continue
         config = make_config(name, frame=flights[0].frame, seed=seed, epochs=epochs)
         result, wall = behind_bar(f"training {name}", partial(train, segments, config))

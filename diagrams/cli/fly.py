@@ -25,7 +25,10 @@ def fly(
     experiment: Annotated[str, Argument(help="circle, lemniscate, hover, … or a scenario file (YAML).")],
     controller: Annotated[
         str | None,
-        Option(help="nominal | hold | observer | oracle | np | gp | knode; default: the scenario's, or np."),
+        Option(
+            help="nominal | hold | observer | oracle | cascade | np | payload_filter | gp | knode; "
+            "default: the scenario's, or np."
+        ),
     ] = None,
     solver: Annotated[
         str | None,
@@ -34,7 +37,9 @@ def fly(
             f"0.2 to 1 s a solve); default: the scenario file's, or {options.DEFAULT_SOLVER}."
         ),
     ] = None,
-    predictor: Annotated[Path | None, Option(help="Model file of controller np, gp or knode.")] = None,
+    predictor: Annotated[
+        Path | None, Option(help="Model file of controller np, payload_filter, gp or knode.")
+    ] = None,
     told_mass: Annotated[
         bool, Option("--told-mass", help="Known mass: controller and estimator have the payload's.")
     ] = False,

@@ -66,11 +66,12 @@ Epochs = Annotated[
     int | None, Option("--epochs", min=1, max=1_000_000, help="Passes; default: the configuration's.")
 ]
 Configuration = Annotated[
-    str,
+    str | None,
     Option(
         "--configuration",
         metavar="NAME",
-        help="Predictor: default | pendulum | paper | dictionary | dmdc | delay-dmdc | ridge; or gp | knode.",
+        help="delay-modal (world axes) | mode-dictionary (body axes) | paper | dmdc | delay-dmdc | ridge, of np; "
+        "payload_filter; gp | knode. Default: the first that suits the axes.",
     ),
 ]
 Step = Annotated[

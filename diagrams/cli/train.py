@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from np_drake.residual_models.motion_model import MotionModel
     from np_drake.training_data.training_segments import Flight
 
+PAYLOAD_FILTER = "payload_filter"
 T = TypeVar("T")
 LOG_HELP = "Flight logs (CSV, .csv.gz, Parquet), NeuroBEM CSV, or NeuroBEM arrays (.npy)."
 Force = Annotated[bool, Option("--force", help="Train though the vehicle moves in none of the logs.")]
@@ -29,7 +30,7 @@ def train(
     run: Run,
     logs: Annotated[list[Path], Argument(metavar="LOG…", help=LOG_HELP)],
     out: Annotated[Path, Option(metavar="FILE", help="Model file (safetensors).")],
-    configuration: options.Configuration = "default",
+    configuration: options.Configuration = None,
     epochs: options.Epochs = None,
     checkpoint: Annotated[
         Path | None, Option(metavar="FILE", help="Save the run here as it goes, and resume it.")
@@ -51,23 +52,22 @@ def train(
     from np_drake.files.figure_file import save
     from np_drake.lifting.model.model_file import save_model
     from np_drake.lifting.model.origin import rotor_lag_of
-    from np_drake.lifting.training.train import CONFIGURATIONS, make_config
-    from np_drake.payload_filter.model_file import PENDULUM
+    from np_drake.lifting.training.train import make_config
     from np_drake.residual_models.motion_model import KNODE, REACTIONS
     from np_drake.residual_models.predictor_training import train_on_flights
     from np_drake.scaling import sampling_period
     from np_drake.training_data.training_segments import require_motion
 
-    if configuration not in (known := (*CONFIGURATIONS, PENDULUM, *REACTIONS)):
-        raise ValueError(f"--configuration: must be one of {', '.join(known)}; got {configuration}.")
-    if configuration in (PENDULUM, *REACTIONS) and checkpoint is not None:
-        raise ValueError(f"--checkpoint: {configuration} has none; it trains in a minute or less.")
+    name = asked_configuration(configuration)
+    if name in (PAYLOAD_FILTER, *REACTIONS) and checkpoint is not None:
+        raise ValueError(f"--checkpoint: {name} has none; it trains in a minute or less.")
     flights = open_flights(logs, vehicle, repair=repair)
     if not force:
         require_motion(flights)
     step = step or sampling_period(flights[0].vehicle)
-    if configuration == PENDULUM:
-        return pendulum_report(flights, out, step=step)
+    configuration = configuration_for(name, flights[0].frame)
+    if configuration == PAYLOAD_FILTER:
+        return payload_filter_report(flights, out, step=step)
     if configuration in REACTIONS:
         head: dict[str, Any] = {"seed": run.seed}
         head |= {"epochs": epochs} if epochs and configuration == KNODE else {}
@@ -102,17 +102,53 @@ def train(
     )
 
 
-def pendulum_report(flights: "Sequence[Flight]", out: Path, *, step: float) -> Report:
-    """Train a pendulum predictor, write its file, and return what it found of the vehicle.
+def asked_configuration(name: str | None) -> str:
+    """Return the configuration of that name; empty where the axes of the flights choose it.
+
+    An old name is answered with a warning.
+    Raises: ValueError: on an unknown name.
+    """
+    from np_drake.lifting.model.lifted_model import OLD_NAMES
+    from np_drake.lifting.training.train import CONFIGURATIONS
+    from np_drake.payload_filter.model_file import OLD_NAME
+    from np_drake.residual_models.motion_model import REACTIONS
+
+    if name == OLD_NAME:
+        say(f"configuration {OLD_NAME} is now called {PAYLOAD_FILTER}.")
+        return PAYLOAD_FILTER
+    if name is None:
+        return ""
+    if name not in (*(known := (*CONFIGURATIONS, PAYLOAD_FILTER, *REACTIONS)), *OLD_NAMES):
+        raise ValueError(f"--configuration: must be one of {', '.join(known)}; got {name}.")
+    return name
+
+
+def configuration_for(name: str, frame: str) -> str:
+    """Return the configuration to train, and say which where none was named.
+
+    Args:
+        name: of the configuration; empty for the one that suits the axes.
+        frame: axes of the wrenches, world | body.
+    """
+    from np_drake.lifting.training.train import present_name
+
+    configuration = present_name(name, frame)
+    if not name:
+        say(f"configuration: {configuration}, as the wrenches are in {frame} axes.")
+    return configuration
+
+
+def payload_filter_report(flights: "Sequence[Flight]", out: Path, *, step: float) -> Report:
+    """Train a payload filter, write its file, and return what it found of the vehicle.
 
     Raises: ValueError: if `flights` do not serve.
     """
-    from np_drake.payload_filter.training import opened_logs, train_pendulum
+    from np_drake.payload_filter.training import opened_logs, train_payload_filter
 
     logs = opened_logs(flights)
     start = time.perf_counter()
-    with progress("training pendulum", 1.0) as advance:
-        model = train_pendulum(
+    with progress("training payload_filter", 1.0) as advance:
+        model = train_payload_filter(
             logs, step=step, on_pass=lambda done, total: advance(done / total, f"pass {done} of {total}")
         )
     wall = time.perf_counter() - start
@@ -128,7 +164,7 @@ def pendulum_report(flights: "Sequence[Flight]", out: Path, *, step: float) -> R
     ]
     return Report(
         [(f"{model.summary['samples']} samples, {wall:.1f} s", ["vehicle", "found"], rows)],
-        config={"configuration": "pendulum", "step": step},
+        config={"configuration": PAYLOAD_FILTER, "step": step},
         metrics={"wall": wall, "summary": model.summary},
         notes=[f"model: {out}"],
     )

@@ -43,7 +43,9 @@ class CooperativeConfig:
     reality: RealityConfig = dc.field(
         default_factory=lambda: RealityConfig(payload=PayloadConfig(mass=0.5, length=1.2))
     )
-    controller: ControllerConfig = dc.field(default_factory=lambda: ControllerConfig(kind="np", solver="sqp"))
+    controller: ControllerConfig = dc.field(
+        default_factory=lambda: ControllerConfig(kind="payload_filter", solver="sqp")
+    )
     simulator: SimulatorConfig = dc.field(
         default_factory=lambda: SimulatorConfig(
             integration_scheme="runge_kutta3", max_step_size=0.004, use_error_control=False
@@ -69,13 +71,15 @@ class CooperativeConfig:
             )
         if not 0 <= self.distance < ARENA:
             raise ValueError(f"cooperative: distance must be 0 to {ARENA:g} m; got {self.distance}.")
-        if self.controller.kind not in ("nominal", "hold", "observer", "np"):
+        if self.controller.kind not in ("nominal", "hold", "observer", "np", "payload_filter"):
             raise ValueError(
                 f"cooperative: each vehicle knows itself alone; no controller {self.controller.kind}."
             )
-        if self.fault not in ("none", *FAULTS) or (self.fault != "none" and self.controller.kind != "np"):
+        if self.fault not in ("none", *FAULTS) or (
+            self.fault != "none" and self.controller.kind not in ("np", "payload_filter")
+        ):
             raise ValueError(
-                f"cooperative: fault must be none, {' or '.join(FAULTS)}, the latter of an np; got {self.fault!r}."
+                f"cooperative: fault must be none, {' or '.join(FAULTS)}, of a predictor; got {self.fault!r}."
             )
         if not self.spacing > self.safe_distance:
             raise ValueError(

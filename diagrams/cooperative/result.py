@@ -20,9 +20,9 @@ from np_drake.references.formation import closest_approach
 ROWS = {  # name: kind of controller, fault of predictor 0
     "nominal": ("nominal", "none"),
     "hold": ("hold", "none"),
-    "np": ("np", "none"),
-    "np, one at zero": ("np", "zero"),
-    "np, one frozen": ("np", "frozen"),
+    "payload_filter": ("payload_filter", "none"),
+    "payload_filter, one at zero": ("payload_filter", "zero"),
+    "payload_filter, one frozen": ("payload_filter", "frozen"),
 }
 PHASES = ("hover", "transport")  # that are scored
 

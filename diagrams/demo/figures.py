@@ -7,7 +7,12 @@ from diagrams.demo.story import FORETOLD, HELD_OUT, SIMULATED, SIMULATORS, Demo,
 from diagrams.loop.flight_result import FlightResult
 from np_drake.files.figure_file import DASHES, PALETTE, new_figure
 
-LABELS = {"nominal": "nominal MPC", "hold": "hold", "np": "NP-MPC"}
+LABELS = {
+    "nominal": "nominal MPC",
+    "hold": "hold",
+    "np": "NP-MPC (np)",
+    "payload_filter": "MPC with payload_filter",
+}
 COLOURS = dict(zip(SIMULATORS, (PALETTE[1], PALETTE[0]), strict=True))
 
 

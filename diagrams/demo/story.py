@@ -15,16 +15,19 @@ from diagrams.gap.side_by_side import SideBySide, side_by_side
 from diagrams.loop.flight import FlightConfig
 from diagrams.loop.flight_result import FlightResult, fly
 from diagrams.loop.reality import RealityConfig
-from diagrams.prediction.learning import train_predictor
+from diagrams.prediction.learning import train_payload_filter_model, train_predictor
 from diagrams.tracking.tracking import TRACKS, Row, configure, training_config
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.diagnosis.result import Diagnosis
 from np_drake.effects.base import Effect
 from np_drake.flight_log import FlightLog
+from np_drake.payload_filter.model_file import PAYLOAD_FILTER
 from np_drake.vehicle import Vehicle
 
 NOMINAL, HOLD, LEARNED = Row("nominal", "nominal"), Row("hold", "hold"), Row("np", "np")
-ROWS = (NOMINAL, HOLD, LEARNED)
+FILTER = Row(PAYLOAD_FILTER, PAYLOAD_FILTER)
+ROWS = (NOMINAL, HOLD, LEARNED, FILTER)
+TRAINED = (LEARNED.kind, FILTER.kind)
 TRAINING = "training_circle"
 HELD_OUT = TRACKS[-1]  # judges the diagnosis, and is flown in the simulators
 DIAGNOSED = 20.0  # of every flight of the nominal MPC, after the ramp [s]
@@ -38,7 +41,7 @@ _SHARES = (0.6, 0.4)  # of the time, by round
 class Demo:
     """Results of the demo.
 
-    training: the training flight.   trained: what the model was trained on.   model: its file.
+    training: the training flight.   trained: what the model was trained on.   model: file of the Neural Predictor.
     flights: by track and controller.   diagnosis: of the flights of the nominal MPC.   beside: the held-out flight and
     its replays.   simulated: flights of the held-out track by (simulator, kind of controller).
     """
@@ -92,16 +95,21 @@ def run_demo(
 ) -> Demo:
     """Run all steps; those that do not depend on each other run side by side.
 
-    The nominal MPC flies the training circle (noise of `seed`), on which the predictor is trained. Nominal MPC, hold
-    and NP-MPC fly both tracks (seed + 1). The flights of the nominal MPC are diagnosed: training circle and circle to
-    fit, the lemniscate to judge. Nominal and corrected simulator fly the lemniscate (seed + 2). Writes the model into
-    `folder`.
+    The nominal MPC flies the training circle (noise of `seed`), on which both predictors are trained. Nominal MPC,
+    hold, NP-MPC and the MPC with the payload filter fly both tracks (seed + 1). The flights of the nominal MPC are
+    diagnosed: training circle and circle to fit, the lemniscate to judge. Nominal and corrected simulator fly the
+    lemniscate (seed + 2). Writes the models into `folder`.
     """
-    model = folder / "predictor.safetensors"
+    models = {
+        LEARNED.kind: folder / "predictor.safetensors",
+        FILTER.kind: folder / "payload_filter.safetensors",
+    }
     practice = training_config(TRAINING, solver=solver)
     nominal = practice.reality.nominal()
     tracked = {
-        (track, row.kind): Trip(configure(track, row, solver=solver, model=str(model)), seed + 1)
+        (track, row.kind): Trip(
+            configure(track, row, solver=solver, model=str(models.get(row.kind, ""))), seed + 1
+        )
         for track in TRACKS
         for row in ROWS
     }
@@ -110,8 +118,10 @@ def run_demo(
         return Trip(_within(world, tracked[HELD_OUT, kind].config), seed + 2)
 
     steps = _Steps(jobs, on_progress)
-    unlearned = {key: trip for key, trip in tracked.items() if key[1] != LEARNED.kind}
-    done = steps.run("training and flights", {"learned": partial(_learn, practice, seed, model), **unlearned})
+    unlearned = {key: trip for key, trip in tracked.items() if key[1] not in TRAINED}
+    done = steps.run(
+        "training and flights", {"learned": partial(_learn, practice, seed, models), **unlearned}
+    )
     training, trained = done.pop("learned")
     train = [diagnosed(training), diagnosed(done[TRACKS[0], NOMINAL.kind])]
     held_out = [diagnosed(done[HELD_OUT, NOMINAL.kind])]
@@ -122,7 +132,7 @@ def run_demo(
     diagnosis, beside, corrected = done.pop("diagnosis")
     flights = [done[key] for key in tracked]
     foretold = {key: done[key] for key in simulated} | corrected
-    return Demo(seed, training, trained, model, flights, diagnosis, beside, foretold)
+    return Demo(seed, training, trained, models[LEARNED.kind], flights, diagnosis, beside, foretold)
 
 
 @dc.dataclass(frozen=True)
@@ -162,10 +172,13 @@ def _call(work: Callable[[], Any]) -> Any:
     return work()
 
 
-def _learn(config: FlightConfig, seed: int, model: Path) -> tuple[FlightResult, dict[str, Any]]:
-    """Return the training flight and what the model, which is written, was trained on."""
+def _learn(
+    config: FlightConfig, seed: int, models: Mapping[str, Path]
+) -> tuple[FlightResult, dict[str, Any]]:
+    """Return the training flight and what the models, which are written, were trained on."""
     flight = fly(config, seed=seed)
-    return flight, train_predictor(flight, model, seed=seed).model.summary
+    train_payload_filter_model(flight, models[FILTER.kind])
+    return flight, train_predictor(flight, models[LEARNED.kind], seed=seed).model.summary
 
 
 def _diagnose(

@@ -1,6 +1,7 @@
 """Controllers by name: one MPC with different residual models."""
 
 import dataclasses as dc
+import logging
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -16,8 +17,8 @@ from np_drake.lifting.model.origin import Trained, origin_of, require_origin
 from np_drake.mpc.controller import MpcController
 from np_drake.mpc.problem import MpcConfig
 from np_drake.mpc.solvers import make_solver, require_solver
-from np_drake.payload_filter.model_file import SCHEMA as PENDULUM_SCHEMA
-from np_drake.payload_filter.predictor import PendulumPredictor
+from np_drake.payload_filter.model_file import PAYLOAD_FILTER, SCHEMAS
+from np_drake.payload_filter.predictor import PayloadFilter
 from np_drake.references.base import Reference
 from np_drake.residual_model import KnowsDelay, ReadsPlan, ResidualModel
 from np_drake.residual_models.disturbance_observer import DisturbanceObserver
@@ -38,12 +39,13 @@ from systems.residual_predictor import ResidualPredictor
 from systems.wrench_estimator import WrenchEstimator
 from systems.wrench_oracle import WrenchOracle
 
+_log = logging.getLogger(__name__)
 MODELS = Path(__file__).parents[1] / "models"  # that ship with the package
 SHORTEST_PERIOD = 1e-4  # of the controller [s]; own choice
-DEFAULT_MODEL = MODELS / "default.safetensors"  # lifted linear system of any wrenches
-FLYING_MODEL = MODELS / "pendulum.safetensors"  # that `np` flies with
+NP_MODEL = MODELS / "neural_predictor.safetensors"  # lifted linear system of any residual wrench
+FILTER_MODEL = MODELS / "payload_filter.safetensors"  # of the vehicle, for any tethered payload
 SOLVER_SHARE = 0.5  # of the deadline, after which a solver wraps up with what it has [1]
-LEARNED = ("np", *REACTIONS)  # kinds with a model file
+LEARNED = ("np", PAYLOAD_FILTER, *REACTIONS)  # kinds with a model file
 CONTROLLERS = ("nominal", "hold", "observer", "oracle", "cascade", *LEARNED)  # all kinds
 
 
@@ -51,10 +53,10 @@ CONTROLLERS = ("nominal", "hold", "observer", "oracle", "cascade", *LEARNED)  # 
 class ControllerConfig:
     """Kind of controller, its residual model, solver and timing."""
 
-    kind: str = "nominal"  # nominal | hold | observer | oracle | cascade | np | gp | knode
+    kind: str = "nominal"  # nominal | hold | observer | oracle | cascade | np | payload_filter | gp | knode
     extra_mass: float = 0.0  # that controller and estimator add to the vehicle's [kg]
     hold_bandwidth: float = np.inf  # of kind hold: a low-pass on top of the labels' own [Hz]
-    predictor: str = ""  # model file of kind np, gp, knode; np: empty for the one that ships with the package
+    predictor: str = ""  # model file of a learned kind; np, payload_filter: empty for the packaged one
     period: float = 0.02  # between solves, and between samples of the predictor [s]
     command_delay: float = 0.0  # of commands before the rotors' lag; 0: as trained [s]
     track_delay: bool = False  # follow the delay in flight; a model that knows its own always does
@@ -115,10 +117,12 @@ def make_residual_model(config: ControllerConfig, vehicle: Vehicle) -> ResidualM
         band = config.hold_bandwidth
         return Hold(step=config.period, force_bandwidth=band, torque_bandwidth=band)
     if config.kind == "observer":
-        pace = ratios(vehicle).clock
+        time_unit = ratios(vehicle).clock
         return DisturbanceObserver(
-            vehicle, step=config.period, force_bandwidth=5.0 / pace, torque_bandwidth=1.0 / pace
+            vehicle, step=config.period, force_bandwidth=5.0 / time_unit, torque_bandwidth=1.0 / time_unit
         )
+    if config.kind == PAYLOAD_FILTER:
+        return _load_payload_filter(config, vehicle)
     if config.kind == "np":
         return _load_predictor(config, vehicle)
     if config.kind in REACTIONS:
@@ -129,15 +133,21 @@ def make_residual_model(config: ControllerConfig, vehicle: Vehicle) -> ResidualM
 
 
 def _load_predictor(config: ControllerConfig, vehicle: Vehicle) -> ResidualModel:
-    """Return the predictor of kind np, of the configuration that its file holds."""
-    path = config.predictor or FLYING_MODEL
-    if schema_of(path) == PENDULUM_SCHEMA:
-        pendulum = PendulumPredictor.load(path)
-        _require_fit(pendulum.model, pendulum.step, config, vehicle, pendulum.label)
-        return pendulum
+    """Return the Neural Predictor, of the configuration that its file holds."""
+    path = config.predictor or NP_MODEL
+    if schema_of(path) in SCHEMAS:
+        _log.warning("%s holds a payload filter, which is no longer flown as np; use payload_filter.", path)
+        return _load_payload_filter(config, vehicle)
     predictor = NeuralPredictorModel.load(path)
     _require_fit(predictor.model, predictor.step, config, vehicle)
     return predictor
+
+
+def _load_payload_filter(config: ControllerConfig, vehicle: Vehicle) -> PayloadFilter:
+    """Return the payload filter of the model file."""
+    model = PayloadFilter.load(config.predictor or FILTER_MODEL)
+    _require_fit(model.model, model.step, config, vehicle, model.label)
+    return model
 
 
 def _require_fit(

@@ -26,8 +26,8 @@ from diagrams.tracking.model_files import (
 from diagrams.tracking.tracking import Row, configure, training_config
 from np_drake import attitude
 from np_drake.labels import FORCE
-from np_drake.lifting.model.lifted_model import LiftedModel
-from np_drake.payload_filter.model_file import PENDULUM
+from np_drake.lifting.model.lifted_model import DELAY_MODAL, LiftedModel
+from np_drake.payload_filter.model_file import PAYLOAD_FILTER
 from np_drake.swing_metrics import half_width
 from systems.payload_config import PayloadConfig
 
@@ -47,8 +47,8 @@ EVENTS: dict[str, Callable[[PayloadConfig], Event]] = {
 
 
 ROWS = (
-    Row("np", "np", training=TRAINING, configuration="default"),
-    Row("np: pendulum", "np", training=TRAINING, configuration=PENDULUM),
+    Row("np", "np", training=TRAINING, configuration=DELAY_MODAL),
+    Row("payload_filter", PAYLOAD_FILTER, training=TRAINING, configuration=PAYLOAD_FILTER),
 )
 
 

@@ -13,7 +13,7 @@ _TITLES = {
     "release": "the cable is cut",
     "snap": "the payload is tossed up: slack, then taut",
 }
-_FORESEES = ("np", "oracle")  # names of rows begin with
+_FORESEES = ("np", "payload_filter", "oracle")  # names of rows begin with
 _LEGEND = 1.25  # room for a legend above the curves: height of an axis over that of its content [1]
 _SHOWN = (-0.5, 1.5)  # around the event [s]
 

@@ -24,7 +24,8 @@ from diagrams.tracking.model_files import (
 )
 from diagrams.tracking.tracking import Row, configure, training_config
 from np_drake import metrics, swing_metrics
-from np_drake.payload_filter.model_file import PENDULUM
+from np_drake.lifting.model.lifted_model import DELAY_MODAL
+from np_drake.payload_filter.model_file import PAYLOAD_FILTER
 from np_drake.residual_models.motion_model import GP, KNODE
 
 IMPULSE = 0.3  # on the payload, along x [N·s]
@@ -42,7 +43,7 @@ class HoverRow(Row):
     weight_rate: float | None = None  # on body rates; None: the frozen weight [s²/rad²]
 
 
-DAMPED, PENDULUM_DAMPED = "np + active damping", "np: pendulum + active damping"  # names of rows
+DAMPED, FILTER_DAMPED = "np + active damping", "payload_filter + active damping"  # names of rows
 ROWS = (
     HoverRow("nominal", "nominal"),
     HoverRow("hold", "hold"),
@@ -50,16 +51,16 @@ ROWS = (
     HoverRow("hold at 0.3 Hz", "hold", hold_bandwidth=0.3),
     HoverRow("gp", "gp", training=TRAINING, configuration=GP),
     HoverRow("knode", "knode", training=TRAINING, configuration=KNODE),
-    HoverRow("np", "np", training=TRAINING, configuration="default"),
+    HoverRow("np", "np", training=TRAINING, configuration=DELAY_MODAL),
     # The weight on the body rates keeps tilting as slow as the swing; without it motor lag makes pitch oscillate.
-    HoverRow(DAMPED, "np", training=TRAINING, configuration="default", weight_swing=10.0, weight_rate=3.0),
-    HoverRow("np: pendulum", "np", training=TRAINING, configuration=PENDULUM),
+    HoverRow(DAMPED, "np", training=TRAINING, configuration=DELAY_MODAL, weight_swing=10.0, weight_rate=3.0),
+    HoverRow("payload_filter", PAYLOAD_FILTER, training=TRAINING, configuration=PAYLOAD_FILTER),
     # Three times the weight: what the vehicle can do against the swing is less than the lifted model makes of it.
     HoverRow(
-        PENDULUM_DAMPED,
-        "np",
+        FILTER_DAMPED,
+        PAYLOAD_FILTER,
         training=TRAINING,
-        configuration=PENDULUM,
+        configuration=PAYLOAD_FILTER,
         weight_swing=30.0,
         weight_rate=3.0,
     ),

@@ -124,7 +124,7 @@ def time_training(folder: Path, *, seed: int) -> dict[str, float]:
     """
     flight = training_flight("training_circle", seed=seed, solver="sqp")
     walls = {}
-    for configuration in ("default", "paper"):
+    for configuration in ("delay-modal", "paper"):
         start = time.perf_counter()
         train_predictor(flight, model_file(folder, configuration), configuration=configuration, seed=seed)
         walls[configuration] = time.perf_counter() - start

@@ -17,11 +17,11 @@ from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight import FlightConfig
 from diagrams.loop.flight_result import FlightResult, fly
 from diagrams.performance.timing import TRACK, TRAINING, ControlLoop
-from diagrams.prediction.learning import train_pendulum_model
+from diagrams.prediction.learning import train_payload_filter_model
 
 RATES = (50, 100, 200)  # of the loop [1/s]
 COLLECTORS = ("by itself", "after")  # when Python's garbage collector runs
-PREDICTOR = "pendulum"  # configuration that is flown
+PREDICTOR = "payload_filter"  # configuration that is flown
 WARM_UP = 50  # periods that are not counted: compiled code is loaded, the solver starts cold [1]
 SPIN = 3e-4  # the loop sleeps until so long before its instant and then watches the clock; own choice [s]
 EDGES = np.geomspace(0.1, 100.0, 61)  # of the histogram of responses [ms]
@@ -59,8 +59,8 @@ def record(rate: float, seconds: float, folder: Path, *, seed: int) -> FlightRes
     """
     training = flight_config("nominal", TRAINING, rate, load_experiment(TRAINING).duration)
     path = folder / f"{PREDICTOR}_{rate:g}.safetensors"
-    train_pendulum_model(fly(training.check(), seed=seed), path)
-    config = flight_config("np", TRACK, rate, seconds)
+    train_payload_filter_model(fly(training.check(), seed=seed), path)
+    config = flight_config(PREDICTOR, TRACK, rate, seconds)
     config.controller.predictor = str(path)
     return fly(config.check(), seed=seed + 1)
 

@@ -92,8 +92,8 @@ def models(seed: int) -> dict[str, LiftedModel]:
     segment = synthetic_flight(SAMPLES, seed)
     configs = {
         "paper": make_config(PAPER, seed=seed, epochs=1),
-        "default": make_config("default", seed=seed, iterations=5),
-        "default, body axes": make_config("default", frame="body", seed=seed),
+        "delay-modal": make_config("delay-modal", seed=seed, iterations=5),
+        "mode-dictionary": make_config("mode-dictionary", frame="body", seed=seed),
     }
     return {name: train([segment], config).model for name, config in configs.items()}
 

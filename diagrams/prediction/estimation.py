@@ -9,14 +9,14 @@ from diagrams.batch.campaign import Case
 from diagrams.batch.workers import Workers, every_result
 from diagrams.prediction.array_flights import Flight
 from np_drake.estimation.wrench_table import COLUMNS, PUBLISHED, column_rmse
-from np_drake.lifting.model.lifted_model import DEFAULT, PAPER, LiftedModel
+from np_drake.lifting.model.lifted_model import MODE_DICTIONARY, PAPER, LiftedModel
 from np_drake.residual_model import FlightForecasts
 from np_drake.residual_models.neural_predictor import NeuralPredictor, PredictorOptions
 from np_drake.skill.skill import naive_predictions
 from np_drake.skill.window_stability import WindowStability, stability_of
 
 METHODS = ("NeuroBEM", "NeuroMHE", "NP")  # as published
-OURS = {PAPER: "ours, paper", DEFAULT: "ours, default"}  # configuration: row
+OURS = {PAPER: "ours, paper", MODE_DICTIONARY: "ours, mode-dictionary"}  # configuration: row
 NAIVE = ("persistence", "linear")  # predictors without training
 ROWS = (*METHODS, *OURS.values(), *NAIVE)  # in the order of the table
 
@@ -52,7 +52,8 @@ class EstimationTable:
         """
         return [
             {
-                "row": flight, "column": column, "paper": rows["NP"][column], "ours": rows[OURS[DEFAULT]][column],
+                "row": flight, "column": column, "paper": rows["NP"][column],
+                "ours": rows[OURS[MODE_DICTIONARY]][column],
                 "ours_paper": rows[OURS[PAPER]][column],
                 **{name: rows[name][column] for name in ("NeuroMHE", "NeuroBEM", *NAIVE)},
             }

@@ -7,10 +7,11 @@ import numpy as np
 
 from diagrams.loop.flight_result import FlightResult
 from np_drake.flight_log import FlightLog
+from np_drake.lifting.model.lifted_model import DELAY_MODAL
 from np_drake.lifting.model.model_file import save_model
 from np_drake.lifting.training.train import TrainingResult, make_config
-from np_drake.payload_filter.model_file import PendulumModel
-from np_drake.payload_filter.training import train_pendulum
+from np_drake.payload_filter.model_file import PayloadFilterModel
+from np_drake.payload_filter.training import train_payload_filter
 from np_drake.residual_models.motion_model import MotionModel
 from np_drake.residual_models.motion_training import train_motion_model
 from np_drake.residual_models.predictor_training import train_on_flights
@@ -21,7 +22,7 @@ def train_predictor(
     flight: FlightResult,
     path: Path,
     *,
-    configuration: str = "default",
+    configuration: str = DELAY_MODAL,
     seed: int = 0,
     on_epoch: Callable[[int, int, float], None] = lambda *_: None,
 ) -> TrainingResult:
@@ -59,10 +60,10 @@ def train_reaction(flight: FlightResult, path: Path, *, name: str, seed: int = 0
     return model
 
 
-def train_pendulum_model(flight: FlightResult, path: Path) -> PendulumModel:
-    """Train a pendulum predictor on the flight's log after the ramp and write the model file."""
+def train_payload_filter_model(flight: FlightResult, path: Path) -> PayloadFilterModel:
+    """Train a payload filter on the flight's log after the ramp and write the model file."""
     config = flight.config
-    model = train_pendulum([(_scored(flight), config.vehicle)], step=config.controller.period)
+    model = train_payload_filter([(_scored(flight), config.vehicle)], step=config.controller.period)
     model.save(path)
     return model
 

@@ -12,7 +12,7 @@ from diagrams.batch.campaign import Case
 from diagrams.batch.workers import Workers, every_result
 from diagrams.prediction.array_flights import Flight
 from np_drake.files.figure_file import DASHES, PALETTE, new_figure
-from np_drake.lifting.model.lifted_model import DEFAULT, PAPER
+from np_drake.lifting.model.lifted_model import MODE_DICTIONARY, PAPER
 from np_drake.lifting.training.train import Config, train
 from np_drake.residual_model import ResidualModel
 from np_drake.residual_models.linear_baselines import fit_dmdc
@@ -156,7 +156,7 @@ def efficiency_figure(points: list[Point], step: float, title: str) -> Figure:
     """
     horizons = sorted({p.horizon for p in points})
     figure, axes = new_figure(2, len(horizons), width=9.0, height=5.6, sharex="col")
-    names = {PAPER: "ours, `paper`", DEFAULT: "ours, `default`", DMDC: DMDC}
+    names = {PAPER: "ours, `paper`", MODE_DICTIONARY: "ours, `mode-dictionary`", DMDC: DMDC}
     for column, horizon in enumerate(horizons):
         for i, kind in enumerate(("force", "torque")):
             ax = axes[i, column]

@@ -21,7 +21,7 @@ SCORED = 20.0  # flight after the ramp [s]
 HEIGHT = 2.4  # of the circle: room for the longest tether [m]
 GUSTS = 0.25  # standard deviation of each axis of the wind, over its mean speed [1]
 # Rows of the tracking comparison that are flown.
-SHOWN = ("nominal", "hold", "hold + total mass", "gp", "knode", "np", "np: pendulum", "oracle")
+SHOWN = ("nominal", "hold", "hold + total mass", "gp", "knode", "np", "payload_filter", "oracle")
 ROWS = tuple(next(row for row in TRACKING_ROWS if row.name == name) for name in SHOWN)
 Progress = Callable[[int, int], None]
 

@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from diagrams.loop.controllers import DEFAULT_MODEL, FLYING_MODEL, MODELS
-from diagrams.prediction.learning import train_pendulum_model, train_predictor
+from diagrams.loop.controllers import FILTER_MODEL, MODELS, NP_MODEL
+from diagrams.prediction.learning import train_payload_filter_model, train_predictor
 from diagrams.tracking.tracking import DITHERED, training_flight
 from np_drake.lifting.model.model_file import read_tensors, schema_of
 
@@ -21,13 +21,13 @@ def make_packaged_models(
 
     Args: on_step: called with (done, total, what comes).
     """
-    files = [folder / packaged.name for packaged in (DEFAULT_MODEL, FLYING_MODEL)]
+    files = [folder / packaged.name for packaged in (NP_MODEL, FILTER_MODEL)]
     on_step(0, 3, "training flight")
     flight = training_flight(DITHERED, seed=SEED, solver=SOLVER)
     on_step(1, 3, files[0].stem)
     train_predictor(flight, files[0], seed=SEED)
     on_step(2, 3, files[1].stem)
-    train_pendulum_model(flight, files[1])
+    train_payload_filter_model(flight, files[1])
     on_step(3, 3, "")
     return files
 

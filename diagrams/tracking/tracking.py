@@ -9,8 +9,9 @@ from diagrams.loop.controllers import LEARNED
 from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight import FlightConfig
 from diagrams.loop.flight_result import FlightResult, fly
-from diagrams.prediction.learning import train_pendulum_model, train_predictor, train_reaction
-from np_drake.payload_filter.model_file import PENDULUM
+from diagrams.prediction.learning import train_payload_filter_model, train_predictor, train_reaction
+from np_drake.lifting.model.lifted_model import DELAY_MODAL
+from np_drake.payload_filter.model_file import PAYLOAD_FILTER
 from np_drake.residual_models.motion_model import GP, KNODE, REACTIONS
 from np_drake.swing_metrics import half_width
 from np_drake.vehicle import Vehicle
@@ -61,10 +62,10 @@ ROWS = (
     Row("knode: plain circle", "knode", training=PLAIN, configuration=KNODE),
     Row("knode", "knode", training=DITHERED, configuration=KNODE),
     Row("np: paper, plain circle", "np", training=PLAIN, configuration="paper"),
-    Row("np: default, plain circle", "np", training=PLAIN, configuration="default"),
+    Row("np: delay-modal, plain circle", "np", training=PLAIN, configuration=DELAY_MODAL),
     Row("np: paper, dithered circle", "np", training=DITHERED, configuration="paper"),
-    Row("np", "np", training=DITHERED, configuration="default"),
-    Row("np: pendulum", "np", training=DITHERED, configuration=PENDULUM),
+    Row("np", "np", training=DITHERED, configuration=DELAY_MODAL),
+    Row("payload_filter", PAYLOAD_FILTER, training=DITHERED, configuration=PAYLOAD_FILTER),
     Row("oracle", "oracle"),
 )
 
@@ -146,8 +147,8 @@ def train_models(
         path = folder / f"{row.configuration}_{row.training}.safetensors"
         if row.configuration in REACTIONS:
             train_reaction(flights[row.training], path, name=row.configuration, seed=seed)
-        elif row.configuration == PENDULUM:
-            train_pendulum_model(flights[row.training], path)
+        elif row.configuration == PAYLOAD_FILTER:
+            train_payload_filter_model(flights[row.training], path)
         else:
             train_predictor(flights[row.training], path, configuration=row.configuration, seed=seed)
         files[key] = str(path)

@@ -1,4 +1,4 @@
-"""What a pendulum predictor learns of a vehicle from its training flight, and the file that carries it."""
+"""What a payload filter learns of a vehicle from its training flight, and the file that carries it."""
 
 import dataclasses as dc
 import json
@@ -9,11 +9,20 @@ from typing import Any
 import numpy as np
 
 from np_drake.files.input_file import parse_json
-from np_drake.lifting.model.model_file import DAMAGED, read_tensors, summary_in, unusable, write_tensors
+from np_drake.lifting.model.model_file import (
+    DAMAGED,
+    read_tensors,
+    schema_of,
+    summary_in,
+    unusable,
+    write_tensors,
+)
 from np_drake.scaling import Scales, over_paper
 
-PENDULUM = "pendulum"  # name of the configuration
-SCHEMA = "np_drake.pendulum_model/1"  # format of the file and its version
+PAYLOAD_FILTER, OLD_NAME = "payload_filter", "pendulum"  # name of the configuration, and its earlier one
+SCHEMA = "np_drake.payload_filter_model/1"  # format of the file and its version
+OLD_SCHEMA = "np_drake.pendulum_model/1"  # of the same content
+SCHEMAS = (SCHEMA, OLD_SCHEMA)
 NUMBERS = (
     "step",
     "mass",
@@ -31,7 +40,7 @@ VECTORS = {"hook": (3, "m"), "rate_torque": (3, "N·m·s"), "speed_torque": (2, 
 
 
 @dc.dataclass(frozen=True)
-class PendulumModel:
+class PayloadFilterModel:
     """Vehicle under which the pendulum hangs, as the training flight shows it.
 
     step: between samples [s].   mass: that the labels assume [kg].   gravity: [m/s²].
@@ -63,18 +72,18 @@ class PendulumModel:
     def __post_init__(self):
         for name in ("step", "mass", "gravity", "thrust_error_deviation", "drag_deviation", "arm"):
             if not 0 < getattr(self, name) < LARGEST:
-                raise ValueError(f"PendulumModel: {name} must be positive; got {getattr(self, name)}.")
+                raise ValueError(f"PayloadFilterModel: {name} must be positive; got {getattr(self, name)}.")
         if not 0 <= self.delay < np.inf:
-            raise ValueError(f"PendulumModel: delay must not be negative [s]; got {self.delay}.")
+            raise ValueError(f"PayloadFilterModel: delay must not be negative [s]; got {self.delay}.")
         if not 0 <= self.rotor_lag < np.inf or not self.thrust_error > -1 or not np.isfinite(self.drag):
             raise ValueError(
-                "PendulumModel: rotor_lag must not be negative, thrust_error above -1, drag finite."
+                "PayloadFilterModel: rotor_lag must not be negative, thrust_error above -1, drag finite."
             )
         for name, (length, unit) in VECTORS.items():
             value = getattr(self, name)
             if np.shape(value) != (length,) or not np.all(np.isfinite(value)):
                 raise ValueError(
-                    f"PendulumModel: {name} must be {length} finite numbers [{unit}]; got {value}."
+                    f"PayloadFilterModel: {name} must be {length} finite numbers [{unit}]; got {value}."
                 )
 
     @property
@@ -92,12 +101,12 @@ class PendulumModel:
         write_tensors(tensors, {"schema": SCHEMA, "model": json.dumps({"summary": self.summary})}, path)
 
     @classmethod
-    def load(cls, path: str | Path) -> "PendulumModel":
+    def load(cls, path: str | Path) -> "PayloadFilterModel":
         """Return the model in a file.
 
         Raises: ValueError: one line, if the file is missing, truncated, pickled, of another format or inconsistent.
         """
-        tensors, metadata = read_tensors(path, SCHEMA)
+        tensors, metadata = read_tensors(path, OLD_SCHEMA if schema_of(path) == OLD_SCHEMA else SCHEMA)
         try:
             content: dict[str, Any] = {name: tensors[name].item() for name in NUMBERS}
             content |= {name: tensors[name] for name in VECTORS}

@@ -31,7 +31,7 @@ class PayloadEstimate(NamedTuple):
 
 
 def payload_estimate(memory: Memory) -> PayloadEstimate:
-    """Return what the members of a `PendulumPredictor`'s memory believe of the payload.
+    """Return what the members of a `PayloadFilter`'s memory believe of the payload.
 
     Every member has a Gaussian of mass, logarithm of length and damping; their weights mix them. Length and damping are
     those of a payload if there is one.

@@ -1,4 +1,4 @@
-"""Predictor that carries a bank of pendulums, corrected by every label, and forecasts along the controller's plan."""
+"""Payload filter: a bank of pendulums, corrected by every label, that forecasts along the controller's plan."""
 
 import dataclasses as dc
 from functools import lru_cache
@@ -14,7 +14,7 @@ from np_drake.payload_filter import kernel
 from np_drake.payload_filter.filter_bank import BankOptions, PendulumBank, Prior
 from np_drake.payload_filter.forecast import along_plan, beside_plan, drives, motion_torque
 from np_drake.payload_filter.hook import initial_shift, next_shift, torque_doubt
-from np_drake.payload_filter.model_file import PENDULUM, PendulumModel
+from np_drake.payload_filter.model_file import PAYLOAD_FILTER, PayloadFilterModel
 from np_drake.residual_model import Memory, Plan, Sample, WrenchForecast
 from np_drake.rigid_body import Q, W
 
@@ -26,7 +26,7 @@ CLIP = 4.0  # second difference that counts as noise, in standard deviations [1]
 LEAST_WEIGHT = 0.01  # of a member in a forecast [1]
 
 
-class PendulumPredictor:
+class PayloadFilter:
     """Pendulums of several lengths and conditions under the vehicle, weighed by how well they predict the labels.
 
     The forecast is that of every member along the plan (mean by weight). Where the motion departs from the plan, the
@@ -40,10 +40,10 @@ class PendulumPredictor:
     A sample without label, or with a NaN in it, moves the bank without correction; without a state it waits.
     """
 
-    name = f"np-{PENDULUM}"
+    name = PAYLOAD_FILTER
     label = RAW
 
-    def __init__(self, model: PendulumModel, options: BankOptions = DEFAULT_BANK):
+    def __init__(self, model: PayloadFilterModel, options: BankOptions = DEFAULT_BANK):
         self.model, self.step = model, model.step
         self.rotor_lag, self.delay = model.rotor_lag, model.delay
         options = dc.replace(
@@ -61,12 +61,12 @@ class PendulumPredictor:
         self._speed_torque = np.asarray(model.speed_torque, float)
 
     @classmethod
-    def load(cls, path: str | Path) -> "PendulumPredictor":
+    def load(cls, path: str | Path) -> "PayloadFilter":
         """Return the predictor of a model file.
 
         Raises: ValueError: one line, on a bad file.
         """
-        return cls(PendulumModel.load(path))
+        return cls(PayloadFilterModel.load(path))
 
     def initial_memory(self) -> Memory:
         """Return the memory before any sample."""

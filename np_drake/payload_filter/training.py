@@ -1,4 +1,4 @@
-"""Training of a pendulum predictor: thrust error, drag, hook and rotor lag of the vehicle, from its own filter."""
+"""Training of a payload filter: thrust error, drag, hook and rotor lag of the vehicle, from its own filter."""
 
 import dataclasses as dc
 from collections.abc import Callable, Sequence
@@ -11,8 +11,8 @@ from np_drake.command_delay import FINE, LONGEST_DELAY
 from np_drake.flight_log import FlightLog
 from np_drake.lifting.model.origin import origin_of
 from np_drake.payload_filter import kernel
-from np_drake.payload_filter.model_file import PendulumModel
-from np_drake.payload_filter.predictor import DEFAULT_BANK, RAW, PendulumPredictor
+from np_drake.payload_filter.model_file import PayloadFilterModel
+from np_drake.payload_filter.predictor import DEFAULT_BANK, RAW, PayloadFilter
 from np_drake.residual_model import Memory, Sample
 from np_drake.rigid_body import Q, V, W
 from np_drake.scaling import ratios, scales
@@ -30,9 +30,9 @@ THRUST_CHANGE, DRAG_CHANGE = 0.01, 0.02  # least deviations: from flight to flig
 Flights = Sequence[tuple[FlightLog, Vehicle]]
 
 
-def train_pendulum(
+def train_payload_filter(
     flights: Flights, *, step: float, on_pass: Callable[[int, int], None] = lambda *_: None
-) -> PendulumModel:
+) -> PayloadFilterModel:
     """Return the model of the vehicle that flew `flights`.
 
     The filter runs over them with wide priors, twice: the second time it knows the hook.
@@ -91,11 +91,11 @@ def flight_samples(
     return [flight.sample(k) for k in range(len(flight))]
 
 
-def _untrained(vehicle: Vehicle, rotor_lag: float, step: float, hook: np.ndarray) -> PendulumModel:
+def _untrained(vehicle: Vehicle, rotor_lag: float, step: float, hook: np.ndarray) -> PayloadFilterModel:
     """Return the model before any flight, with the wide priors of the bank."""
     bank = DEFAULT_BANK.scaled(ratios(vehicle))
     thrust, drag = bank.thrust_error, bank.drag
-    return PendulumModel(
+    return PayloadFilterModel(
         step,
         vehicle.mass,
         vehicle.gravity,
@@ -109,11 +109,11 @@ def _untrained(vehicle: Vehicle, rotor_lag: float, step: float, hook: np.ndarray
     )
 
 
-def _refined(model: PendulumModel, flights: Sequence[list[Sample]]) -> PendulumModel:
+def _refined(model: PayloadFilterModel, flights: Sequence[list[Sample]]) -> PayloadFilterModel:
     """Return the model after its filter ran over the samples of all flights, one after the other."""
     gram, right = np.zeros((COLUMNS, COLUMNS)), np.zeros(COLUMNS)
     for samples in flights:
-        predictor = PendulumPredictor(model, dc.replace(DEFAULT_BANK, memory=LASTING))
+        predictor = PayloadFilter(model, dc.replace(DEFAULT_BANK, memory=LASTING))
         memory = predictor.initial_memory()
         for k, sample in enumerate(samples):
             memory = predictor.update(memory, sample)
@@ -156,7 +156,7 @@ def _torque_columns(pull: np.ndarray, before: Sample, sample: Sample, step: floa
 
 
 def _torque(
-    gram: np.ndarray, right: np.ndarray, flights: Sequence[list[Sample]], model: PendulumModel
+    gram: np.ndarray, right: np.ndarray, flights: Sequence[list[Sample]], model: PayloadFilterModel
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return hook (3,) [m], torque over body rates (3,) [N·m·s] and over velocity (2,) [N·s] that explain it best.
 

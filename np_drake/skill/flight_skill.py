@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 
 from np_drake.flight_log import FlightLog
-from np_drake.lifting.model.lifted_model import DEFAULT, PAPER, LiftedModel
+from np_drake.lifting.model.lifted_model import BY_AXES, PAPER, LiftedModel
 from np_drake.lifting.model.origin import origin_of, require_origin
 from np_drake.logs.neurobem import TESTS
-from np_drake.payload_filter.model_file import PENDULUM, PendulumModel
-from np_drake.payload_filter.predictor import PendulumPredictor
+from np_drake.payload_filter.model_file import PAYLOAD_FILTER, PayloadFilterModel
+from np_drake.payload_filter.predictor import PayloadFilter
 from np_drake.residual_model import ResidualModel
 from np_drake.residual_models.neural_predictor import NeuralPredictor, PredictorOptions
 from np_drake.skill.skill import UNTRAINED, skill_table
@@ -22,9 +22,9 @@ from np_drake.training_data.segments import Segment
 from np_drake.training_data.training_segments import Flight, flown_segments
 from np_drake.training_data.wrench_sequence import WrenchSequence
 
-OURS = (PAPER, DEFAULT, PENDULUM)
+OURS = (PAPER, *BY_AXES.values(), PAYLOAD_FILTER)
 WARM_UP = 40  # samples before the first origin, at least [1]
-Model = LiftedModel | PendulumModel
+Model = LiftedModel | PayloadFilterModel
 DIVERGED = 10.0  # longest forecast over longest label from which a flight counts as diverged [1]
 STEP_TOLERANCE = 0.02  # between a model's step and an array's [1]
 
@@ -61,7 +61,7 @@ def score_flights(
                 mean=segment.chi.mean(axis=0) if mean is None else mean,
                 target=segment.goal,
                 zeta_known=zeta == "known",
-                warm_up=WARM_UP if isinstance(model, PendulumModel) else max(WARM_UP, model.window),
+                warm_up=WARM_UP if isinstance(model, PayloadFilterModel) else max(WARM_UP, model.window),
                 flight=name,
                 seen={} if seen is None else {label: seen},
             )
@@ -79,27 +79,27 @@ def flight_name(flight: Flight) -> str:
     return TESTS.get(f"merged_{flight.data.name}", flight.data.name)
 
 
-def _predictor(model: Model) -> NeuralPredictor | PendulumPredictor:
+def _predictor(model: Model) -> NeuralPredictor | PayloadFilter:
     """Return the predictor of a model; torque is predicted where it was trained."""
-    if isinstance(model, PendulumModel):
-        return PendulumPredictor(model)
+    if isinstance(model, PayloadFilterModel):
+        return PayloadFilter(model)
     return NeuralPredictor(model, PredictorOptions(torque="predict" if model.predicts_torque else "hold"))
 
 
 def longest_flown(
-    flight: Flight, predictor: NeuralPredictor | PendulumPredictor
+    flight: Flight, predictor: NeuralPredictor | PayloadFilter
 ) -> tuple[Segment, SampledFlight | None]:
     """Return the longest uninterrupted piece of a flight, and for a model that reads a plan that piece as it sees it.
 
     Raises: ValueError: if the predictor was trained on other labels, or nothing usable is left.
     """
-    if not isinstance(predictor, PendulumPredictor):
+    if not isinstance(predictor, PayloadFilter):
         require_origin(predictor.model, {"frame": flight.frame})
         return longest_piece(flight, predictor.step), None
     require_origin(predictor.model, origin_of(flight.frame, flight.vehicle, predictor.label))
     if not isinstance(flight.data, FlightLog):
         raise ValueError(
-            f"{flight.data.name}: must be a flight log, with attitude and command, for {PENDULUM}; got an array."
+            f"{flight.data.name}: must be a flight log, with attitude and command, for {PAYLOAD_FILTER}; got an array."
         )
     pieces = flown_segments(flight.data, flight.vehicle, predictor, step=predictor.step)
     if not pieces:
@@ -115,9 +115,9 @@ def label_distances(models: Mapping[str, Model], flights: Sequence[Flight]) -> l
     lines = []
     for flight in flights:
         for label, model in models.items():
-            if not isinstance(model, PendulumModel):
+            if not isinstance(model, PayloadFilterModel):
                 continue
-            unlagged = PendulumPredictor(dc.replace(model, rotor_lag=0.0))
+            unlagged = PayloadFilter(dc.replace(model, rotor_lag=0.0))
             segment, seen = longest_flown(flight, unlagged)
             square = np.nanmean((seen.chi - segment.goal) ** 2, axis=0) if seen else np.zeros(6)
             force, torque = np.sqrt([square[:3].sum(), square[3:].sum()]).tolist()

@@ -11,7 +11,7 @@ import dataclasses as dc
 import numpy as np
 
 from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem, Mode
-from np_drake.lifting.training.default_training import DefaultConfig
+from np_drake.lifting.training.delay_modal_training import DelayModalConfig
 from np_drake.lifting.training.delay_regression import Regularisation
 from np_drake.lifting.training.excitation import motion_near
 from np_drake.lifting.training.train import train
@@ -53,7 +53,7 @@ def pendulum_length(segments: list[Segment], *, gravity: float = GRAVITY, seed: 
     """
     driven = [_driven_by_velocity(s) for s in segments]
     step = segments[0].step if segments else 1.0
-    config = DefaultConfig(
+    config = DelayModalConfig(
         delay=max(2, round(LONGEST_DELAY / step)),
         horizon=max(2, round(SPAN / step)),
         onset_odds=0.0,

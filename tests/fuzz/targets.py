@@ -23,7 +23,7 @@ from np_drake.logs.neurobem import FIRST_COLUMNS
 from np_drake.logs.open_any import open_any
 from np_drake.logs.open_log import open_log
 from np_drake.logs.recording import Stream
-from np_drake.payload_filter.model_file import PendulumModel
+from np_drake.payload_filter.model_file import PayloadFilterModel
 from np_drake.references.track_file import read_track
 from np_drake.residual_models.motion_model import MotionModel
 from np_drake.vehicle import Vehicle, load_vehicle
@@ -218,7 +218,7 @@ TARGETS = {
         Target("scenario", ".yaml", lambda path: load_experiment(str(path)), _examples("*.yaml")),
         Target("track", ".csv", lambda path: read_track(path, speed=1.0, ramp=1.0), _track),
         Target("lifted_model", ".safetensors", load_model, _models),
-        Target("pendulum_model", ".safetensors", PendulumModel.load, _models),
+        Target("pendulum_model", ".safetensors", PayloadFilterModel.load, _models),
         Target("motion_model", ".safetensors", MotionModel.load, _models),
         Target("json", ".json", read_json, _json),
         Target("report", ".json", _report, _json),

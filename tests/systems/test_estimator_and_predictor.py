@@ -13,7 +13,7 @@ from systems.neural_predictor import NeuralPredictor
 from systems.residual_predictor import ResidualPredictor
 from systems.wrench_estimator import WrenchEstimator
 
-DEFAULT_MODEL = Path(__file__).parents[2] / "diagrams" / "models" / "default.safetensors"
+NP_MODEL = Path(__file__).parents[2] / "diagrams" / "models" / "neural_predictor.safetensors"
 VEHICLE = Vehicle()
 LEVEL = np.array([0, 0, 1.0, 1.0, 0, 0, 0, 0, 0, 0, 0, 0, 0])
 CHI = np.array([0.5, -0.3, -2.5, 0.01, -0.02, 0.005])
@@ -108,7 +108,7 @@ def test_predictor_is_the_model_in_a_context():
 
 
 def neural_predictor_on_labels():
-    dut = NeuralPredictor(NeuralPredictorModel.load(DEFAULT_MODEL), horizon=4, stride=2)
+    dut = NeuralPredictor(NeuralPredictorModel.load(NP_MODEL), horizon=4, stride=2)
     context = dut.CreateDefaultContext()
     dut.GetInputPort("x").FixValue(context, LEVEL)
     dut.GetInputPort("u").FixValue(context, VEHICLE.hover_input)
@@ -144,7 +144,7 @@ def test_two_contexts_of_one_system_never_influence_each_other(make, port, outpu
 
 def test_the_neural_predictor_is_its_model_in_a_context():
     dut, context = neural_predictor_on_labels()
-    model, rng = NeuralPredictorModel.load(DEFAULT_MODEL), np.random.default_rng(1)
+    model, rng = NeuralPredictorModel.load(NP_MODEL), np.random.default_rng(1)
     memory = model.initial_memory()
     for _ in range(model.model.window + 3):
         label = CHI + 0.1 * rng.normal(size=6)
@@ -158,9 +158,20 @@ def test_the_neural_predictor_is_its_model_in_a_context():
     np.testing.assert_allclose(dut.memory(context)["window"], memory["window"])
 
 
+def test_z_and_window_stand_in_groups_of_their_own():
+    dut, context = neural_predictor_on_labels()
+    for _ in range(60):
+        event(dut, context)
+    z = context.get_discrete_state(dut.z_index).value()
+    np.testing.assert_array_equal(z, dut.memory(context)["z"])
+    np.testing.assert_array_equal(z, dut.GetOutputPort("forecast").Eval(context).z)
+    window = context.get_discrete_state(dut.window_index).value().reshape(-1, 12)
+    np.testing.assert_allclose(window[-1, :6], CHI)
+
+
 def test_the_neural_predictor_sees_in_a_context_what_begins_within_its_window():
     dut, context = neural_predictor_on_labels()
-    model = NeuralPredictorModel.load(DEFAULT_MODEL).model
+    model = NeuralPredictorModel.load(NP_MODEL).model
     after, errors = CHI + np.array([0.0, 0.0, -1.0, 0.0, 0.0, 0.0]), []  # 100 g more [N]
     for label in [CHI] * model.window + [after] * (model.window - 5):
         dut.GetInputPort("label").FixValue(context, label)
@@ -176,7 +187,7 @@ def test_the_neural_predictor_sees_in_a_context_what_begins_within_its_window():
 def test_the_neural_predictor_shows_its_lifted_linear_system():
     dut, context = neural_predictor_on_labels()
     system = dut.GetOutputPort("lifted_linear_system").Eval(context)
-    trained = NeuralPredictorModel.load(DEFAULT_MODEL).model.system
+    trained = NeuralPredictorModel.load(NP_MODEL).model.system
     np.testing.assert_array_equal(system.A, trained.A)
     np.testing.assert_array_equal(system.C, trained.C)
     assert system.step == 0.02

@@ -13,9 +13,11 @@ from diagrams.loop.real_vehicle import DRAKE, RealVehicle
 from diagrams.loop.reality import RealityConfig
 from np_drake.command_delay import LONGEST_DELAY
 from np_drake.flight_log import FlightLog
+from np_drake.lifting.model.lifted_model import DELAY_MODAL
 from np_drake.lifting.model.model_file import save_model
 from np_drake.lifting.training.train import make_config
-from np_drake.payload_filter.training import opened_logs, train_pendulum
+from np_drake.payload_filter.model_file import PAYLOAD_FILTER
+from np_drake.payload_filter.training import opened_logs, train_payload_filter
 from np_drake.residual_models.predictor_training import train_on_flights
 from np_drake.training_data.training_segments import Flight
 from np_drake.vehicle import Vehicle
@@ -24,7 +26,7 @@ TRACK, SCORED = "circle", 15.0  # flight that is scored, and its length after th
 LEARNED_ON = ("training_circle", 60.0)  # flight that is trained on in a simulator, and its length [s]
 FLOWN_WITH = "hold"  # controller of the training flight, which needs no model
 UNTRAINED = ("nominal", "hold", "observer")
-TRAINED = ("default", "pendulum")  # configurations of the predictor of `np`
+TRAINED = {"np": DELAY_MODAL, PAYLOAD_FILTER: PAYLOAD_FILTER}  # configuration by kind of controller
 STEP = 0.02  # of the predictors [s]
 Errors = tuple[float, float]  # level and vertical RMS error [m]
 LOST: Errors = (np.inf, np.inf)
@@ -46,7 +48,7 @@ class Design:
     @property
     def name(self) -> str:
         """Name in tables."""
-        return f"{self.kind}: {self.configuration}" if self.configuration else self.kind
+        return self.kind
 
     def config(self, world: RealityConfig, vehicle: Vehicle, solver: str) -> FlightConfig:
         """Return the scored flight in a world."""
@@ -90,11 +92,11 @@ def learned(
 ) -> list[Design]:
     """Return `np` with a predictor of each configuration, trained on logs, whose files are written to `folder`."""
     designs = []
-    for configuration in TRAINED:
+    for kind, configuration in TRAINED.items():
         path = folder / f"{configuration}.safetensors"
-        train = _train_pendulum if configuration == "pendulum" else _train_lifted
+        train = _train_payload_filter if kind == PAYLOAD_FILTER else _train_lifted
         train(logs, vehicle, seed, path)
-        designs.append(Design("np", configuration, str(path), delay))
+        designs.append(Design(kind, configuration, str(path), delay))
     return designs
 
 
@@ -139,10 +141,10 @@ def _training_logs(
     return logs
 
 
-def _train_pendulum(logs: Sequence[FlightLog], vehicle: Vehicle, seed: int, path: Path) -> None:
-    train_pendulum(opened_logs([Flight(log, vehicle) for log in logs]), step=STEP).save(path)
+def _train_payload_filter(logs: Sequence[FlightLog], vehicle: Vehicle, seed: int, path: Path) -> None:
+    train_payload_filter(opened_logs([Flight(log, vehicle) for log in logs]), step=STEP).save(path)
 
 
 def _train_lifted(logs: Sequence[FlightLog], vehicle: Vehicle, seed: int, path: Path) -> None:
     flights = [Flight(log, vehicle) for log in logs]
-    save_model(train_on_flights(flights, make_config("default", seed=seed), step=STEP).model, path)
+    save_model(train_on_flights(flights, make_config(DELAY_MODAL, seed=seed), step=STEP).model, path)

@@ -52,11 +52,11 @@ def _attach_notes(lines: list[dict], config: "FlightConfig") -> list[str]:
     """Return the notes: thrust scale, filter, the paper's values, and the snap, which leaves no step."""
     import numpy as np
 
-    from diagrams.loop.controllers import DEFAULT_MODEL
+    from diagrams.loop.controllers import NP_MODEL
     from diagrams.payload.attach import ADDED, PAPER, TOSS, encoder_step, label_deviation
     from np_drake.lifting.model.model_file import load_model
 
-    step = encoder_step(load_model(config.controller.predictor or DEFAULT_MODEL))
+    step = encoder_step(load_model(config.controller.predictor or NP_MODEL))
     period = config.controller.period
     peak = int(np.argmax(step[: len(step) // 4]))
     lowest = peak + int(np.argmin(step[peak:]))

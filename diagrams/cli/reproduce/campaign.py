@@ -5,6 +5,7 @@ from collections.abc import Callable, Collection
 from typing import Any
 
 from diagrams.cli import options
+from diagrams.cli.output import say
 from diagrams.cli.runner import Run, Shared, counting, reports
 
 
@@ -59,12 +60,20 @@ def require_rows(names: Collection[str], known: Collection[str]) -> None:
         )
 
 
+def _present(row: str) -> str:
+    """Return the present name of a row, and say so where an old one was given."""
+    present = row.replace("np: pendulum", "payload_filter").replace("np: default", "np: delay-modal")
+    if present != row:
+        say(f"--only: row {row} is now called {present}.")
+    return present
+
+
 def choose_rows(rows: tuple, only: Collection[str] | None, always: Collection[str] = ("nominal",)) -> tuple:
     """Return the rows of these names, all where there are none.
 
     Args: always: rows that are never left out.
     Raises: ValueError: on an unknown name.
     """
-    only = only or ()
+    only = [_present(name) for name in only or ()]
     require_rows(only, [row.name for row in rows])
     return tuple(row for row in rows if not only or row.name in {*only, *always})

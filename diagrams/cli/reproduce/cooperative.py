@@ -43,7 +43,7 @@ def cooperative(
             workers=run.workers,
             on_progress=on_progress,
         )
-    config, lines = configure("np", fleets[0], solver=solver), cooperative_table(summaries)
+    config, lines = configure("payload_filter", fleets[0], solver=solver), cooperative_table(summaries)
     payload = config.reality.payload
     title = f"{seeds} flights a row, seeds {drawn[0]} … {drawn[-1]}, {solver}; ± 95 % interval of the mean"
     return Report(

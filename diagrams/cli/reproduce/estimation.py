@@ -24,7 +24,7 @@ def estimation(run: Run, neurobem: options.Neurobem = None) -> Report:
     from diagrams.prediction import estimation_figures as figures
     from diagrams.prediction.estimation import estimation_table
     from np_drake.estimation.wrench_table import COLUMNS
-    from np_drake.lifting.model.lifted_model import DEFAULT
+    from np_drake.lifting.model.lifted_model import MODE_DICTIONARY
 
     training, *tests = arrays("estimation", neurobem)
     shown = next(flight for flight in tests if flight.name == SHOWN)
@@ -54,7 +54,7 @@ def estimation(run: Run, neurobem: options.Neurobem = None) -> Report:
         lines=[*_lines(table, training.name, run.seed), *settings_lines(settings)],
         figures={
             "random_points.png": lambda: figures.window_figure(
-                figures.window(models[DEFAULT], shown), of_figure
+                figures.window(models[MODE_DICTIONARY], shown), of_figure
             )
         },
     )
@@ -64,12 +64,12 @@ def estimation(run: Run, neurobem: options.Neurobem = None) -> Report:
 def sample_efficiency(run: Run, neurobem: options.Neurobem = None) -> Report:
     """Error against training samples. On race track 1; --out DIR: figure."""
     from diagrams.prediction import sample_efficiency as measure
-    from np_drake.lifting.model.lifted_model import DEFAULT, PAPER
+    from np_drake.lifting.model.lifted_model import MODE_DICTIONARY, PAPER
     from np_drake.lifting.training.train import make_config
 
     training, *tests = arrays("sample-efficiency", neurobem)
     test = next(flight for flight in tests if flight.name == "race track 1")
-    configs = {name: make_config(name, frame="body", seed=run.seed) for name in (PAPER, DEFAULT)}
+    configs = {name: make_config(name, frame="body", seed=run.seed) for name in (PAPER, MODE_DICTIONARY)}
     with counting("models") as on_progress:
         points = measure.sample_efficiency(
             training, test, configs, workers=run.workers, on_progress=on_progress
@@ -110,12 +110,12 @@ def _range(point: "Point") -> str:
 def response(run: Run, neurobem: options.Neurobem = None) -> Report:
     """How late the prediction is. Its lag behind the label where jerk is largest."""
     from diagrams.prediction import response as measure
-    from np_drake.lifting.model.lifted_model import DEFAULT
+    from np_drake.lifting.model.lifted_model import MODE_DICTIONARY
     from np_drake.lifting.training.train import make_config
 
     training, *tests = arrays("response", neurobem)
     models, settings = trained(training, run.seed)
-    config = make_config(DEFAULT, frame="body", seed=run.seed)
+    config = make_config(MODE_DICTIONARY, frame="body", seed=run.seed)
     with counting("flights") as on_progress:
         lines = measure.response_lines(
             *(models, training, tests),

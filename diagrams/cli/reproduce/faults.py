@@ -20,7 +20,7 @@ FIRST: list[Shared] = [
     ("count", Flights, 1000),
     ("solver", options.Solver, options.DEFAULT_SOLVER),
 ]
-SHORT = {"np: pendulum": "np pend."}  # names of rows that would make the table too wide
+SHORT = {"payload_filter": "np pend."}  # names of rows that would make the table too wide
 
 
 @reports("reproduce", seed=1000, out=options.OutOfCases, many=True, run=Campaign, first=FIRST)

@@ -42,11 +42,11 @@ def trained(
     Returns: the models and their settings, by configuration.
     """
     from diagrams.cli.train import behind_bar
-    from np_drake.lifting.model.lifted_model import DEFAULT, PAPER
+    from np_drake.lifting.model.lifted_model import MODE_DICTIONARY, PAPER
     from np_drake.lifting.training.train import make_config, train
 
     models, settings = {}, {}
-    for name in (PAPER, DEFAULT):
+    for name in (PAPER, MODE_DICTIONARY):
         config = make_config(name, frame="body", seed=seed, epochs=epochs)
         models[name] = behind_bar(f"training {name}", partial(train, [training.segment], config))[0].model
         settings[name] = dc.asdict(config)

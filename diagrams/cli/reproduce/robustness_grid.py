@@ -88,7 +88,7 @@ def grid_figures(
     from diagrams.robustness.robustness import ROWS
 
     flown = {point["row"] for point in points}
-    names = [row.name for row in ROWS if row.kind == "np" and row.name in flown]
+    names = [row.name for row in ROWS if row.kind in ("np", "payload_filter") and row.name in flown]
     return {
         f"grid_{re.sub(r'[^a-z0-9]+', '_', name)}.png": partial(
             grid_figure, points, grid, row=name, title=f"{name}, {title}"

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from diagrams.tracking.tracking import Row
 
-FOUR = {"nominal": "", "gp": "gp", "knode": "knode", "np": "default"}  # the paper's: kind, configuration
+FOUR = {"nominal": "", "gp": "gp", "knode": "knode", "np": "delay-modal"}  # the paper's: kind, configuration
 
 
 @campaign(seeds=5)
@@ -99,11 +99,11 @@ def _notes(
 def _settings(name: str, seed: int) -> Any:
     """Return the settings of a configuration, a dataclass: of the training, or what a pendulum believes before it."""
     from np_drake.lifting.training.train import make_config
-    from np_drake.payload_filter.model_file import PENDULUM
+    from np_drake.payload_filter.model_file import PAYLOAD_FILTER
     from np_drake.payload_filter.predictor import DEFAULT_BANK
     from np_drake.residual_models.motion_training import CONFIGURATIONS
 
-    if name == PENDULUM:
+    if name == PAYLOAD_FILTER:
         return DEFAULT_BANK
     known = CONFIGURATIONS.get(name)
     return dc.replace(known, seed=seed) if known else make_config(name, seed=seed)

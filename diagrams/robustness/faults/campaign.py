@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from diagrams.batch.campaign import Case, Record
-from diagrams.loop.controllers import DEFAULT_MODEL
+from diagrams.loop.controllers import NP_MODEL
 from diagrams.loop.flight import FlightConfig, LostVehicle, simulate
 from diagrams.robustness.faults.fault import Fault, apply
 from diagrams.robustness.faults.kinds import APART, FIRST, KIND, KINDS, draw_faults
@@ -21,7 +21,7 @@ from np_drake.residual_models.motion_model import REACTIONS
 RAMP, DURATION = 2.0, 6.0  # of a flight, and after its ramp [s]
 HEIGHT = 2.4  # of the circle [m]
 ORACLE = "oracle"
-_FLOWN = ("nominal", "observer", "hold", "gp", "knode", "np", "np: pendulum", ORACLE)
+_FLOWN = ("nominal", "observer", "hold", "gp", "knode", "np", "payload_filter", ORACLE)
 ROWS = (
     *(next(row for row in TRACKING_ROWS if row.name == name) for name in _FLOWN[:-1]),
     Row("cascade", "cascade"),
@@ -62,7 +62,7 @@ def flight_config(row: Row, *, solver: str, model: str = "") -> FlightConfig:
 
     Args: model: file of a row that is trained.
     """
-    file = str(DEFAULT_MODEL) if row.configuration == "default" else model
+    file = str(NP_MODEL) if row.kind == "np" else model
     config = configure("circle", row, solver=solver, model=file)
     config.reference.ramp, config.reference.height, config.duration = RAMP, HEIGHT, DURATION
     return config.check()

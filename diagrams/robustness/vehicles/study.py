@@ -27,7 +27,7 @@ from diagrams.tracking.tracking import Row, configure, training_config
 from np_drake.scaling import ratios
 
 # Rows of the tracking comparison that are flown.
-SHOWN = ("nominal", "hold", "hold + total mass", "np", "np: pendulum", "oracle")
+SHOWN = ("nominal", "hold", "hold + total mass", "np", "payload_filter", "oracle")
 ROWS = tuple(next(row for row in TRACKING_ROWS if row.name == name) for name in SHOWN)
 Models = dict[tuple[str, str], bytes]  # content of the model files by vehicle and configuration
 

@@ -10,16 +10,18 @@ from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
 from np_drake.lifting.model.onsets import Onsets
 from np_drake.lifting.model.trust import Trust
 
-PAPER, DEFAULT, DICTIONARY = "paper", "default", "dictionary"
+PAPER, DELAY_MODAL, MODE_DICTIONARY = "paper", "delay-modal", "mode-dictionary"
 DMDC, DELAY_DMDC, RIDGE = "dmdc", "delay-dmdc", "ridge"
 ENCODERS: dict[str, type[Phi] | type[DelayEncoder]] = {  # of each configuration, by name
-    DEFAULT: DelayEncoder,
+    DELAY_MODAL: DelayEncoder,
     PAPER: Phi,
-    DICTIONARY: DelayEncoder,
+    MODE_DICTIONARY: DelayEncoder,
     DMDC: DelayEncoder,
     DELAY_DMDC: DelayEncoder,
     RIDGE: DelayEncoder,
 }
+BY_AXES = {"world": DELAY_MODAL, "body": MODE_DICTIONARY}  # configuration that suits wrenches in these axes
+OLD_NAMES = ("default", "dictionary")  # earlier names of the two
 
 
 @dc.dataclass(frozen=True)

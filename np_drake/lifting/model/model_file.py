@@ -2,6 +2,7 @@
 
 import dataclasses as dc
 import json
+import logging
 from pathlib import Path
 from typing import Any
 
@@ -13,10 +14,17 @@ from np_drake.files.atomic_file import write_bytes
 from np_drake.files.input_file import parse_json
 from np_drake.lifting.model.encoders import DelayEncoder, Phi
 from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
-from np_drake.lifting.model.lifted_model import ENCODERS, LiftedModel, require_configuration
+from np_drake.lifting.model.lifted_model import (
+    BY_AXES,
+    ENCODERS,
+    OLD_NAMES,
+    LiftedModel,
+    require_configuration,
+)
 from np_drake.lifting.model.onsets import Onsets
 from np_drake.lifting.model.trust import Trust
 
+_log = logging.getLogger(__name__)
 SCHEMA = "np_drake.lifted_model/1"  # format of the file and its version
 # What building a model of damaged content raises.
 DAMAGED = (KeyError, TypeError, ValueError, AttributeError, IndexError, ArithmeticError)
@@ -139,7 +147,7 @@ def summary_in(header: dict[str, Any]) -> dict[str, Any]:
 
 
 def _model(tensors: dict[str, np.ndarray], header: dict[str, Any]) -> LiftedModel:
-    configuration, window = str(header["configuration"]), int(header["window"])
+    configuration, window = _configuration(header), int(header["window"])
     require_configuration(configuration)
     system = LiftedLinearSystem(tensors["A"], tensors["B"], tensors["C"], float(header["step"]))
     if system.spectral_radius > 1.0 + 1e-9:
@@ -153,6 +161,17 @@ def _model(tensors: dict[str, np.ndarray], header: dict[str, Any]) -> LiftedMode
         bool(header["predicts_torque"]), summary_in(header), float(header["ridge"]), _trust(tensors, system.K),
         _onsets(tensors),
     )  # fmt: skip
+
+
+def _configuration(header: dict[str, Any]) -> str:
+    """Return the configuration of a header, by its present name."""
+    name = str(header["configuration"])
+    if name not in OLD_NAMES:
+        return name
+    frame = summary_in(header).get("origin", {}).get("frame", "world")
+    present = BY_AXES.get(str(frame), name)
+    _log.warning("configuration %s of this model file is now called %s.", name, present)
+    return present
 
 
 def _delay_encoder(tensors: dict[str, np.ndarray], window: int) -> DelayEncoder:

@@ -1,46 +1,42 @@
 """Training of a predictor from plain arrays, with configurations by name."""
 
 import dataclasses as dc
+import logging
 from collections.abc import Callable
 from pathlib import Path
 
 from np_drake.lifting.model.lifted_model import (
-    DEFAULT,
+    BY_AXES,
     DELAY_DMDC,
-    DICTIONARY,
+    DELAY_MODAL,
     DMDC,
+    MODE_DICTIONARY,
+    OLD_NAMES,
     PAPER,
     RIDGE,
     LiftedModel,
 )
 from np_drake.lifting.training.checkpoint import Checkpoint
-from np_drake.lifting.training.default_training import DefaultConfig, train_default
-from np_drake.lifting.training.dictionary_training import (
-    FLIGHT_DICTIONARY,
-    DictionaryConfig,
-    train_dictionary,
-)
+from np_drake.lifting.training.delay_modal_training import DelayModalConfig, train_delay_modal
 from np_drake.lifting.training.linear_training import DmdcConfig, RidgeConfig, train_dmdc, train_ridge
+from np_drake.lifting.training.mode_dictionary_training import ModeDictionaryConfig, train_mode_dictionary
 from np_drake.lifting.training.paper_training import PaperConfig, train_paper
 from np_drake.training_data.segments import Segment
 
-Config = DefaultConfig | DictionaryConfig | PaperConfig | DmdcConfig | RidgeConfig
-DEFAULT_CONFIG = DefaultConfig()
+_log = logging.getLogger(__name__)
+Config = DelayModalConfig | ModeDictionaryConfig | PaperConfig | DmdcConfig | RidgeConfig
+DEFAULT_CONFIG = DelayModalConfig()
 CONFIGURATIONS: dict[str, Config] = {
-    DEFAULT: DEFAULT_CONFIG,
+    DELAY_MODAL: DEFAULT_CONFIG,
     PAPER: PaperConfig(),
-    DICTIONARY: FLIGHT_DICTIONARY,
+    MODE_DICTIONARY: ModeDictionaryConfig(),
     DMDC: DmdcConfig(),
     DELAY_DMDC: DmdcConfig(delays=10),
     RIDGE: RidgeConfig(),
 }
-IN_BODY_AXES: dict[str, Config] = {  # where these differ for wrenches in body axes, at 400 Hz
-    DEFAULT: DictionaryConfig(),
-    DICTIONARY: DictionaryConfig(configuration=DICTIONARY),
-}
 TRAINERS: dict[type, Callable[..., tuple[LiftedModel, list[float]]]] = {
-    DefaultConfig: train_default,
-    DictionaryConfig: train_dictionary,
+    DelayModalConfig: train_delay_modal,
+    ModeDictionaryConfig: train_mode_dictionary,
     PaperConfig: train_paper,
     DmdcConfig: train_dmdc,
     RidgeConfig: train_ridge,
@@ -72,7 +68,7 @@ def train(
         checkpoint: file that the run is saved to as it goes, and resumed from where it exists (same
             configuration and data); the result is that of an uninterrupted run. Configurations in closed form, done in
             seconds, leave it alone.
-        on_epoch: called with (epoch, total, loss); for `default` an epoch is one L-BFGS iteration, and
+        on_epoch: called with (epoch, total, loss); for `delay-modal` an epoch is one L-BFGS iteration, and
             descents that converge early skip ahead.
     Raises: ValueError: if the segments are unusable or the checkpoint is of another run.
     """
@@ -83,18 +79,40 @@ def train(
     return TrainingResult(dc.replace(model, summary=summary), loss)
 
 
+def present_name(configuration: str, frame: str = "world") -> str:
+    """Return the present name of a configuration, and warn where an old one was given.
+
+    Args:
+        configuration: any name; empty for the one that suits the axes.
+        frame: axes of the wrenches, world | body.
+    Raises: ValueError: on an unknown frame.
+    """
+    if frame not in BY_AXES:
+        raise ValueError(f"train: frame must be {' | '.join(BY_AXES)}; got {frame}.")
+    if not configuration:
+        return BY_AXES[frame]
+    if configuration in OLD_NAMES:
+        _log.warning("configuration %s is now called %s.", configuration, BY_AXES[frame])
+        return BY_AXES[frame]
+    return configuration
+
+
 def make_config(configuration: str, *, frame: str = "world", epochs: int | None = None, **settings) -> Config:
     """Return the configuration of that name with the given settings.
 
-    Args: frame: world | body; some configurations differ for wrenches in body axes.
-    epochs: of training, or iterations; None: the default. One in closed form has none.
+    Args:
+        configuration: a key of `CONFIGURATIONS`, or an old name.
+        frame: axes of the wrenches, world | body.
+        epochs: of training, or iterations; None: the default. One in closed form has none.
+        settings: fields of the configuration.
     Raises: ValueError: on an unknown name, frame or setting.
     """
-    if frame not in ("world", "body"):
-        raise ValueError(f"train: frame must be world | body; got {frame}.")
+    configuration = present_name(configuration, frame)
+    if configuration != BY_AXES[frame] and configuration in BY_AXES.values():
+        raise ValueError(f"train: wrenches in {frame} axes need {BY_AXES[frame]}; got {configuration}.")
     if configuration not in CONFIGURATIONS:
         raise ValueError(f"train: configuration must be {' | '.join(CONFIGURATIONS)}; got {configuration}.")
-    config = (IN_BODY_AXES if frame == "body" else {}).get(configuration, CONFIGURATIONS[configuration])
+    config = CONFIGURATIONS[configuration]
     names = {field.name for field in dc.fields(config)}
     unknown = set(settings) - names
     if unknown:

@@ -9,7 +9,7 @@ import pytest
 
 from diagrams.cli.evaluate import parse_horizons
 from diagrams.cli.main import run
-from diagrams.loop.controllers import DEFAULT_MODEL
+from diagrams.loop.controllers import NP_MODEL
 from np_drake.lifting.model.model_file import load_model
 from np_drake.logs.log_file import read_log, write_log
 from np_drake.logs.neurobem import RACE_TRACK, TRAINING
@@ -46,7 +46,7 @@ def rest(logs, tmp_path):
 
 
 def test_nothing_is_trained_on_a_log_in_which_nothing_moves_unless_forced(logs, rest, capsys):
-    command = ["evaluate", str(logs[1]), "--train", rest, "--only", "default", "--epochs", "2"]
+    command = ["evaluate", str(logs[1]), "--train", rest, "--only", "delay-modal", "--epochs", "2"]
     assert run([*command, "--horizons", "1"]) == 2
     assert "the vehicle must move in the logs" in capsys.readouterr().err
     run([*command, "--horizons", "1", "--force"])
@@ -63,7 +63,10 @@ def test_a_bad_model_is_refused_before_a_scenario_is_flown(tmp_path, monkeypatch
 
 
 def test_a_log_at_rest_is_scored(logs, rest, capsys):
-    assert run(["evaluate", rest, "--train", str(logs[0]), "--only", "default", "--epochs", "2"]) in (0, 1)
+    assert run(["evaluate", rest, "--train", str(logs[0]), "--only", "delay-modal", "--epochs", "2"]) in (
+        0,
+        1,
+    )
     assert "must move" not in capsys.readouterr().err
 
 
@@ -81,7 +84,7 @@ def test_a_predictor_is_scored_beside_the_naive_rows(logs, model, tmp_path, caps
     captured = capsys.readouterr()
     assert code == 0, captured.err
     rows = rows_of(out)
-    assert {row["model"] for row in rows} == {"persistence", "linear", "mean", "past mean", "default"}
+    assert {row["model"] for row in rows} == {"persistence", "linear", "mean", "past mean", "delay-modal"}
     assert {row["horizon"] for row in rows} == {0.02, 0.2}
     assert set(rows[0]) >= {"flight", "force_rmse", "torque_rmse", "force_skill", "torque_skill"}
     for horizon in (0.02, 0.2):
@@ -100,8 +103,8 @@ def test_a_predictor_is_scored_beside_the_naive_rows(logs, model, tmp_path, caps
 @pytest.fixture(scope="module")
 def pendulum(logs, tmp_path_factory):
     """A pendulum predictor trained on the first log."""
-    out = tmp_path_factory.mktemp("model") / "pendulum.safetensors"
-    assert run(["train", str(logs[0]), "--out", str(out), "--configuration", "pendulum"]) == 0
+    out = tmp_path_factory.mktemp("model") / "payload_filter.safetensors"
+    assert run(["train", str(logs[0]), "--out", str(out), "--configuration", "payload_filter"]) == 0
     return out
 
 
@@ -109,7 +112,7 @@ def test_a_pendulum_file_is_scored_beside_the_naive_rows(logs, pendulum, tmp_pat
     out = tmp_path / "rows.json"
     assert run(command(logs, pendulum, "1,10", out)) == 0, capsys.readouterr().err
     rows = rows_of(out)
-    assert {row["model"] for row in rows} == {*UNTRAINED, "pendulum"}
+    assert {row["model"] for row in rows} == {*UNTRAINED, "payload_filter"}
     assert {(row["horizon"], row["zeta"]) for row in rows} == {
         (h, zeta) for h in (0.02, 0.2) for zeta in ("held", "known")
     }
@@ -122,9 +125,18 @@ def test_a_pendulum_file_is_scored_beside_the_naive_rows(logs, pendulum, tmp_pat
 
 def test_a_pendulum_is_trained_where_it_is_named(logs, tmp_path, capsys):
     out = tmp_path / "rows.json"
-    arguments = ["evaluate", str(logs[1]), "--train", str(logs[0]), "--only", "pendulum", "--json", str(out)]
+    arguments = [
+        "evaluate",
+        str(logs[1]),
+        "--train",
+        str(logs[0]),
+        "--only",
+        "payload_filter",
+        "--json",
+        str(out),
+    ]
     assert run([*arguments, "--horizons", "5"]) == 0, capsys.readouterr().err
-    assert {row["model"] for row in rows_of(out)} == {"pendulum", *UNTRAINED, *TRAINED}
+    assert {row["model"] for row in rows_of(out)} == {"payload_filter", *UNTRAINED, *TRAINED}
 
 
 def test_a_pendulum_of_another_vehicle_or_for_arrays_is_bad_input(logs, pendulum, tmp_path, capsys):
@@ -147,7 +159,7 @@ def test_motion_that_makes_the_force_is_predicted_better_than_by_any_naive_row(l
         run(["evaluate", str(logs[1]), "--predictor", str(model), "--json", str(out), "--horizons", "10"])
         == 0
     )
-    assert next(row for row in rows_of(out) if row["model"] == "default")["force_skill"] < 1.0
+    assert next(row for row in rows_of(out) if row["model"] == "delay-modal")["force_skill"] < 1.0
 
 
 def test_both_configurations_are_trained_and_scored(logs, tmp_path, capsys):
@@ -155,13 +167,13 @@ def test_both_configurations_are_trained_and_scored(logs, tmp_path, capsys):
     arguments = ["evaluate", str(logs[1]), "--train", str(logs[0]), "--epochs", "1", "--json", str(out)]
     assert run(arguments) == 0, capsys.readouterr().err
     rows = [(row["model"], (row["horizon"], row["zeta"])) for row in rows_of(out)]
-    assert {model for model, _ in rows} == {"paper", "default", *UNTRAINED, *TRAINED}
+    assert {model for model, _ in rows} == {"paper", "delay-modal", *UNTRAINED, *TRAINED}
     assert len(rows) == len(set(rows))
 
 
 def test_gp_and_knode_are_rows_where_they_are_asked_for(logs, tmp_path, capsys):
     out = tmp_path / "rows.json"
-    arguments = ["evaluate", str(logs[1]), "--train", str(logs[0]), "--only", "default", "--epochs", "1"]
+    arguments = ["evaluate", str(logs[1]), "--train", str(logs[0]), "--only", "delay-modal", "--epochs", "1"]
     arguments += ["--horizons", "1,20", "--json", str(out)]
     assert run([*arguments, "--also", "gp", "--also", "knode"]) == 0, capsys.readouterr().err
     rows = {(row["model"], row["horizon"], row["zeta"]): row["force_rmse"] for row in rows_of(out)}
@@ -190,7 +202,12 @@ def test_without_arguments_it_is_race_track_1(neurobem, tmp_path, monkeypatch, c
     captured = capsys.readouterr()
     assert "race track 1: force" in captured.out
     assert "0.057 N" in captured.out
-    assert {row["model"] for row in rows_of(tmp_path / "rows.json")} >= {"paper", "default", "linear", "mean"}
+    assert {row["model"] for row in rows_of(tmp_path / "rows.json")} >= {
+        "paper",
+        "delay-modal",
+        "linear",
+        "mean",
+    }
 
 
 BAD = {  # arguments: what the line must say
@@ -231,21 +248,21 @@ def test_bad_input_is_one_line_and_leaves_nothing(logs, model, tmp_path, monkeyp
 
 
 def test_without_a_predictor_it_is_the_packaged_one(logs, model, tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr("diagrams.loop.controllers.DEFAULT_MODEL", tmp_path / "none.safetensors")
+    monkeypatch.setattr("diagrams.loop.controllers.NP_MODEL", tmp_path / "none.safetensors")
     assert run(["evaluate", str(logs[1])]) == 2
     assert "--predictor FILE" in capsys.readouterr().err
-    monkeypatch.setattr("diagrams.loop.controllers.DEFAULT_MODEL", model)
+    monkeypatch.setattr("diagrams.loop.controllers.NP_MODEL", model)
     assert run(["evaluate", str(logs[1]), "--horizons", "2"]) == 0
-    assert "default" in capsys.readouterr().out
+    assert "delay-modal" in capsys.readouterr().out
 
 
 def test_left_out_in_turn_every_flight_is_scored_by_models_that_have_not_seen_it(logs, tmp_path, capsys):
     out = tmp_path / "rows.json"
-    arguments = ["evaluate", *map(str, logs[:2]), "--leave-one-out", "--only", "default", "--epochs", "1"]
+    arguments = ["evaluate", *map(str, logs[:2]), "--leave-one-out", "--only", "delay-modal", "--epochs", "1"]
     assert run([*arguments, "--horizons", "1,5", "--json", str(out)]) == 0, capsys.readouterr().err
     rows = rows_of(out)
     assert len({row["flight"] for row in rows}) == 2
-    assert {row["model"] for row in rows} == {"default", *UNTRAINED, *TRAINED}
+    assert {row["model"] for row in rows} == {"delay-modal", *UNTRAINED, *TRAINED}
     assert all(low <= row["force_ratio"] <= high for row in rows for low, high in [row["force_interval"]])
     assert "mean over flights: torque" in capsys.readouterr().out
 
@@ -256,9 +273,9 @@ def test_horizons_are_sorted_and_counted_once():
 
 def test_an_unstable_model_fails(logs, monkeypatch, capsys):
     """A model file refuses such an A, so it comes from elsewhere: the verb says so and leaves with 1."""
-    model = load_model(DEFAULT_MODEL)
+    model = load_model(NP_MODEL)
     broken = dc.replace(model, system=dc.replace(model.system, A=1.05 * model.system.A))
-    monkeypatch.setattr("diagrams.cli.evaluate.load", lambda path: {"default": broken})
+    monkeypatch.setattr("diagrams.cli.evaluate.load", lambda path: {"delay-modal": broken})
     assert run(["evaluate", str(logs[1]), "--horizons", "1"]) == 1
     captured = capsys.readouterr()
     assert "a forecast diverged on test." in captured.err

@@ -10,7 +10,7 @@ import pytest
 from diagrams.cli.main import run
 from np_drake.lifting.model.model_file import load_model
 from np_drake.logs.log_file import read_log, write_log
-from np_drake.payload_filter.model_file import PendulumModel
+from np_drake.payload_filter.model_file import PayloadFilterModel
 from np_drake.residual_models.motion_model import MotionModel
 
 
@@ -21,10 +21,10 @@ def test_training_leaves_a_model_a_curve_and_figures(logs, tmp_path, capsys):
     captured = capsys.readouterr()
     assert code == 0, captured.err
     assert sorted(path.name for path in tmp_path.iterdir()) == ["np.png", "np.safetensors", "train.json"]
-    assert load_model(out).configuration == "default"
+    assert load_model(out).configuration == "delay-modal"
     assert "excitation" in captured.out
     content = json.loads(metrics.read_text())
-    assert content["config"]["configuration"] == "default"
+    assert content["config"]["configuration"] == "delay-modal"
     assert len(content["loss"]) > 0
 
 
@@ -35,7 +35,7 @@ def test_the_paper_configuration_is_trained_by_name(logs, tmp_path, capsys):
     assert load_model(out).configuration == "paper"
 
 
-@pytest.mark.parametrize("name", ["dictionary", "dmdc", "delay-dmdc", "ridge"])
+@pytest.mark.parametrize("name", ["dmdc", "delay-dmdc", "ridge"])
 def test_a_configuration_in_closed_form_is_trained_by_name_and_has_no_epochs(name, logs, tmp_path, capsys):
     outs = [tmp_path / f"{n}.safetensors" for n in (1, 9)]
     for out, epochs in zip(outs, ("1", "9"), strict=True):
@@ -61,7 +61,7 @@ def test_a_pendulum_is_trained_by_name_and_says_what_it_found(logs, tmp_path, ca
     files = ["--out", str(out), "--json", str(metrics)]
     assert run(["train", str(logs[0]), "--configuration", "pendulum", *files]) == 0
     said = capsys.readouterr().out
-    model = PendulumModel.load(out)
+    model = PayloadFilterModel.load(out)
     assert f"{100 * model.thrust_error:.2f}" in said
     assert f"{1e3 * model.rotor_lag:.1f}" in said
     assert re.search(rf"delay of commands \[ms\]\W+{1e3 * model.delay:.1f}\b", said)

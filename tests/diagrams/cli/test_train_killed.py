@@ -17,7 +17,7 @@ from pathlib import Path
 
 from diagrams.cli.main import run
 from np_drake.residual_models import motion_training, predictor_training
-from np_drake.payload_filter import training as pendulum_training
+from np_drake.payload_filter import training as payload_filter_training
 
 Path(sys.argv[1]).touch()
 sys.exit(run(sys.argv[2:]))
@@ -54,7 +54,7 @@ def log(logs, tmp_path_factory):
     return path
 
 
-@pytest.mark.parametrize("configuration", ["gp", "knode", "pendulum", "dictionary"])
+@pytest.mark.parametrize("configuration", ["gp", "knode", "payload_filter", "delay-modal"])
 def test_killed_at_any_instant(configuration, log, tmp_path):
     whole, killed = tmp_path / "whole", tmp_path / "killed"
     training, begun = start(whole, log, configuration), time.monotonic()

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from diagrams.loop.controllers import DEFAULT_MODEL
+from diagrams.loop.controllers import NP_MODEL
 from diagrams.loop.flight_result import fly
 from diagrams.tracking.tracking import Row, configure
 from np_drake.labels import smooth_labels
@@ -26,7 +26,7 @@ def rows(retrained):
     config.duration = 15.0
     flight = fly(config, seed=77)
     log = flight.log()
-    models = {"shipped": NeuralPredictor.load(DEFAULT_MODEL), "retrained": retrained}
+    models = {"shipped": NeuralPredictor.load(NP_MODEL), "retrained": retrained}
     table = skill_table(
         models,
         flight.signals["label"],
@@ -53,6 +53,6 @@ def test_the_shipped_model_predicts_an_unseen_track_better_than_any_naive_row(ro
 
 
 def test_the_shipped_model_is_stable_and_small():
-    model = load_model(DEFAULT_MODEL)
+    model = load_model(NP_MODEL)
     assert np.abs(np.linalg.eigvals(model.system.A)).max() <= 1.0
-    assert DEFAULT_MODEL.stat().st_size < 200_000
+    assert NP_MODEL.stat().st_size < 200_000

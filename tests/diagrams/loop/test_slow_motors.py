@@ -2,7 +2,7 @@
 
 import pytest
 
-from diagrams.loop.controllers import DEFAULT_MODEL, ControllerConfig, make_residual_model
+from diagrams.loop.controllers import NP_MODEL, ControllerConfig, make_residual_model
 from diagrams.loop.flight import FlightConfig
 from diagrams.loop.flight_result import fly
 from np_drake.labels import labelled
@@ -23,7 +23,7 @@ def test_motors_25_ms_slower_than_in_the_training_do_not_lose_a_fast_circle():
 
 
 def test_the_shipped_model_knows_how_late_its_rotors_were():
-    assert NeuralPredictor.load(DEFAULT_MODEL).rotor_lag == pytest.approx(0.03, abs=0.005)  # [s]
+    assert NeuralPredictor.load(NP_MODEL).rotor_lag == pytest.approx(0.03, abs=0.005)  # [s]
 
 
 def test_labels_go_through_the_lag_that_the_model_learned_unless_the_vehicle_file_names_one():

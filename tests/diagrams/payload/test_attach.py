@@ -6,19 +6,19 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from diagrams.loop.controllers import DEFAULT_MODEL
+from diagrams.loop.controllers import NP_MODEL
 from diagrams.payload import attach
 from diagrams.payload.figures import event_responses
 from np_drake.lifting.model.encoders import DelayEncoder
 from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
-from np_drake.lifting.model.lifted_model import DEFAULT, LiftedModel
+from np_drake.lifting.model.lifted_model import DELAY_MODAL, LiftedModel
 
 T = 0.02 * np.arange(-200, 200)  # since the event [s]
 
 
 @pytest.fixture(scope="module")
 def config():
-    return attach.attach_config(attach.ROWS[0], solver="sqp", model=str(DEFAULT_MODEL))
+    return attach.attach_config(attach.ROWS[0], solver="sqp", model=str(NP_MODEL))
 
 
 def lag(tau, size, *, scale=1.0):
@@ -64,7 +64,7 @@ def test_a_payload_tossed_up_is_slack_until_it_has_fallen_back(config, monkeypat
     monkeypatch.setattr(attach, "RAMP", 0.4)
     monkeypatch.setattr(attach, "TIME", 0.6)
     monkeypatch.setattr(attach, "DURATION", 0.8)
-    flight = attach.fly_event("snap", attach.ROWS[0], model=str(DEFAULT_MODEL), seed=1, solver="sqp")
+    flight = attach.fly_event("snap", attach.ROWS[0], model=str(NP_MODEL), seed=1, solver="sqp")
     assert attach.slack_time(flight) == pytest.approx(
         2 * (0.3 / 0.26) / 9.81, abs=0.08
     )  # [s]; the hook sinks
@@ -75,7 +75,7 @@ def test_an_encoder_that_averages_its_window_shows_a_step_in_proportion():
     E[np.arange(6), :, np.arange(6)] = 0.1
     system = LiftedLinearSystem(np.eye(6), np.zeros((6, 6)), np.eye(6), 0.02)
     encoder = DelayEncoder(E.reshape(6, -1), 10, offset=np.ones(6))
-    model = LiftedModel(DEFAULT, system, encoder, 10, np.ones(6), np.ones(6), False)
+    model = LiftedModel(DELAY_MODAL, system, encoder, 10, np.ones(6), np.ones(6), False)
     np.testing.assert_allclose(attach.encoder_step(model), np.linspace(0.0, 1.0, 11), atol=1e-12)
 
 

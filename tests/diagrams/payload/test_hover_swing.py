@@ -29,7 +29,7 @@ def test_only_the_damped_rows_depart_from_the_frozen_weights():
     frozen = load_experiment("hover").controller.mpc
     for row in hover_swing.ROWS:
         mpc = hover_swing.hover_config(row, solver="sqp", model="a file").controller.mpc
-        assert (mpc == frozen) == (row.name not in (hover_swing.DAMPED, hover_swing.PENDULUM_DAMPED))
+        assert (mpc == frozen) == (row.name not in (hover_swing.DAMPED, hover_swing.FILTER_DAMPED))
     assert frozen.weight_swing == 0.0
 
 

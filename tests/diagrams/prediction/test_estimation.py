@@ -21,12 +21,12 @@ def model(flown, name):
 
 
 def test_one_step_ahead_the_default_is_below_the_paper_in_every_cell(flown):
-    table = estimation.estimation_table({"default": model(flown, "default")}, flown[1:])
+    table = estimation.estimation_table({"mode-dictionary": model(flown, "mode-dictionary")}, flown[1:])
     assert set(table.cells) == set(PUBLISHED)
     assert table.at_or_below("ours, default") == 60
     assert table.worst("ours, default") < 0.25
     assert table.at_or_below("persistence") == 60  # the floor, not the goal
-    for found in table.stability["default"].values():
+    for found in table.stability["mode-dictionary"].values():
         assert found.unstable == found.pulled == 0
 
 
@@ -42,7 +42,7 @@ def test_one_step_ahead_the_papers_configuration_is_below_the_paper_on_race_trac
 
 def test_published_rows_stand_as_printed(flown):
     short = array_flights.Flight("melon 2", synthetic_flight(300, 0))
-    table = estimation.estimation_table({"default": model(flown, "default")}, [short])
+    table = estimation.estimation_table({"mode-dictionary": model(flown, "mode-dictionary")}, [short])
     for method in estimation.METHODS:
         assert tuple(table.cells["melon 2"][method].values()) == PUBLISHED["melon 2"][method]
 
@@ -51,7 +51,7 @@ def test_published_rows_stand_as_printed(flown):
 def made():
     """A made flight and a model of it."""
     segment = synthetic_flight(1500, 0)
-    fitted = train([segment], make_config("default", frame="body")).model
+    fitted = train([segment], make_config("mode-dictionary", frame="body")).model
     return fitted, array_flights.Flight("made", segment)
 
 

@@ -12,8 +12,8 @@ from np_drake.lifting.training.train import make_config, train
 def lines():
     training = Flight("training", synthetic_flight(1500, 0))
     tests = [Flight(f"test {k}", synthetic_flight(1500, k)) for k in (1, 2)]
-    config = make_config("default", frame="body")
-    models = {"default": train([training.segment], config).model}
+    config = make_config("mode-dictionary", frame="body")
+    models = {"mode-dictionary": train([training.segment], config).model}
     return dut.response_lines(models, training, tests, config=config, horizons=(10, 20))
 
 

@@ -10,7 +10,10 @@ from np_drake.files.figure_file import png
 from np_drake.lifting.training.train import make_config
 
 SIZES = (600, 1200)
-CONFIGS = {"paper": make_config("paper", epochs=1), "default": make_config("default", frame="body")}
+CONFIGS = {
+    "paper": make_config("paper", epochs=1),
+    "mode-dictionary": make_config("mode-dictionary", frame="body"),
+}
 
 
 @pytest.fixture(scope="module")
@@ -31,7 +34,7 @@ def test_every_model_size_and_horizon_has_its_point(points):
     trained = {(p.row, p.samples, p.pieces, p.horizon) for p in points if p.samples}
     expected = {
         (row, size, count, h)
-        for row in ("paper", "default", "DMDc")
+        for row in ("paper", "mode-dictionary", "DMDc")
         for size, count in ((600, 2), (1200, 1))
         for h in dut.HORIZONS
     }

@@ -55,21 +55,21 @@ def test_the_verb_trains_each_once_and_prints_seed_and_configuration(
 
     monkeypatch.setattr(tracking, "load_experiment", load)
     table, metrics, models = tmp_path / "table.md", tmp_path / "table.json", tmp_path / "models"
-    only = ["--only", "np: dictionary", "--only", "np: ridge"]
+    only = ["--only", "np: dmdc", "--only", "np: ridge"]
     arguments = ["reproduce", "configurations", "--seeds", "1", "--seed", "40", "--jobs", "1", *only]
     files = ["--markdown", str(table), "--json", str(metrics), "--out", str(models)]
     assert run([*arguments, *files]) == 0, capsys.readouterr().err
     out = capsys.readouterr().out
     rows = [line.split(" | ")[1] for line in table.read_text().splitlines() if line.startswith("| ")]
-    assert rows == ["controller", *2 * ["nominal", "np: dictionary", "np: ridge"]]
+    assert rows == ["controller", *2 * ["nominal", "np: dmdc", "np: ridge"]]
     assert sorted(p.name for p in models.glob("*.safetensors")) == [
-        f"{n}_training_circle.safetensors" for n in ("dictionary", "ridge")
+        f"{n}_training_circle.safetensors" for n in ("dmdc", "ridge")
     ]
     content = json.loads(metrics.read_text())
     assert content["config"]["configurations"]["ridge"]["delay"] == make_config("ridge").delay
-    assert {place["row"] for place in content["ranking"]} == {"nominal", "np: dictionary", "np: ridge"}
+    assert {place["row"] for place in content["ranking"]} == {"nominal", "np: dmdc", "np: ridge"}
     below = out[out.index("training: training_circle, seed 40; evaluation: seeds [41]") :]
-    assert "dictionary: DictionaryConfig(" in below
+    assert "dmdc: DmdcConfig(" in below
 
 
 @pytest.mark.parametrize(
@@ -81,7 +81,7 @@ def test_the_verb_trains_each_once_and_prints_seed_and_configuration(
 )
 def test_what_does_not_fit_the_flight_is_refused_in_one_line(frame, step, message, tmp_path, capsys):
     noise = np.random.default_rng(0).standard_normal((200, 12))
-    model = train([Segment(noise[:, :6], noise[:, 6:], step)], make_config("dictionary")).model
+    model = train([Segment(noise[:, :6], noise[:, 6:], step)], make_config("dmdc")).model
     save_model(with_origin(model, {"frame": frame}), tmp_path / "np.safetensors")
     assert run(["fly", "circle", "--predictor", str(tmp_path / "np.safetensors")]) == 2
     error = capsys.readouterr().err.splitlines()

@@ -6,31 +6,31 @@ import shutil
 import numpy as np
 import pytest
 
-from diagrams.loop.controllers import DEFAULT_MODEL, FLYING_MODEL
+from diagrams.loop.controllers import FILTER_MODEL, NP_MODEL
 from diagrams.tracking.packaged import Difference, difference, tensor_difference
-from np_drake.payload_filter.model_file import PendulumModel
+from np_drake.payload_filter.model_file import PayloadFilterModel
 
 
-@pytest.mark.parametrize("packaged", [DEFAULT_MODEL, FLYING_MODEL])
+@pytest.mark.parametrize("packaged", [NP_MODEL, FILTER_MODEL])
 def test_a_copy_does_not_differ(packaged, tmp_path):
     assert difference(shutil.copy(packaged, tmp_path / packaged.name)) == (0, 0)
 
 
 def test_a_change_by_a_tenth_is_a_tenth(tmp_path):
-    model = PendulumModel.load(FLYING_MODEL)
-    path = tmp_path / FLYING_MODEL.name
+    model = PayloadFilterModel.load(FILTER_MODEL)
+    path = tmp_path / FILTER_MODEL.name
     dc.replace(model, drag=1.1 * model.drag).save(path)
     assert difference(path) == (pytest.approx(0.1), 0.0)
 
 
 def test_another_configuration_differs_without_bound(tmp_path):
-    assert difference(shutil.copy(DEFAULT_MODEL, tmp_path / FLYING_MODEL.name)) == (np.inf, np.inf)
+    assert difference(shutil.copy(NP_MODEL, tmp_path / FILTER_MODEL.name)) == (np.inf, np.inf)
 
 
 def test_a_delay_where_the_packaged_model_has_none_differs_by_itself(tmp_path):
-    model = PendulumModel.load(FLYING_MODEL)
+    model = PayloadFilterModel.load(FILTER_MODEL)
     assert model.delay == 0.0
-    path = tmp_path / FLYING_MODEL.name
+    path = tmp_path / FILTER_MODEL.name
     dc.replace(model, delay=0.005).save(path)
     assert difference(path) == (0.0, 0.005)  # [s]
 

@@ -65,7 +65,7 @@ def test_a_campaign_trains_once_a_model_and_flies_every_row(tmp_path, short_expe
         rows=rows,
         on_progress=lambda done, total: seen.append((done, total)),
     )
-    assert [path.name for path in tmp_path.iterdir()] == ["default_training_circle.safetensors"]
+    assert [path.name for path in tmp_path.iterdir()] == ["delay-modal_training_circle.safetensors"]
     assert seen == [(k, 4) for k in (1, 2, 3, 4)]
     assert {(r["row"], r["experiment"]) for r in runs} == {
         (row, track) for row in ("nominal", "np") for track in tracking.TRACKS

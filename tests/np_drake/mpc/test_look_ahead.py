@@ -6,7 +6,7 @@ import pytest
 from np_drake.command_delay import FINE, KEPT, commands_under_way
 from np_drake.mpc.dynamics import DiscreteDynamics
 from np_drake.mpc.look_ahead import LookAhead
-from np_drake.payload_filter.predictor import PendulumPredictor
+from np_drake.payload_filter.predictor import PayloadFilter
 from np_drake.residual_model import Sample
 from np_drake.residual_models.hold import Hold
 from np_drake.residual_models.no_residual import NoResidual
@@ -44,7 +44,7 @@ def test_without_delay_nothing_moves():
 
 
 def test_the_models_memory_goes_along(model):
-    model = PendulumPredictor(model())
+    model = PayloadFilter(model())
     memory = model.initial_memory()
     memory = model.update(memory, Sample(LEVEL, VEHICLE.hover_input, np.full(6, np.nan)))
     later, x = LookAhead(model, VEHICLE)(memory, LEVEL, SENT, 3 * STEP)

@@ -7,7 +7,7 @@ import pytest
 
 from np_drake import attitude
 from np_drake.effects.pendulum import path_many
-from np_drake.payload_filter.model_file import PendulumModel
+from np_drake.payload_filter.model_file import PayloadFilterModel
 from np_drake.residual_model import Sample
 from np_drake.scaling import scales
 from np_drake.vehicle import Vehicle
@@ -16,10 +16,10 @@ STEP, FINE, G, MASS = 0.02, 20, 9.81, 2.0  # sample [s], substeps [1], gravity [
 HOOK = np.array([0.0, 0.0, -0.025])  # [m]
 
 
-def _model(*, thrust_error=0.0, drag=0.125, hook=HOOK, deviation=0.01) -> PendulumModel:
+def _model(*, thrust_error=0.0, drag=0.125, hook=HOOK, deviation=0.01) -> PayloadFilterModel:
     """The vehicle as trained."""
     arm = scales(Vehicle()).length
-    return PendulumModel(
+    return PayloadFilterModel(
         STEP, MASS, G, 0.0, thrust_error, deviation, drag, 0.02, np.array(hook, float), arm=arm
     )
 

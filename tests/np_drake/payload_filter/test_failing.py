@@ -1,13 +1,13 @@
 import numpy as np
 
 from np_drake.labels import ReadsLabels
-from np_drake.payload_filter.predictor import PendulumPredictor
+from np_drake.payload_filter.predictor import PayloadFilter
 from np_drake.residual_model import Plan, ReadsPlan
 from np_drake.residual_models.failing import Failing
 
 
 def test_a_model_that_reads_a_plan_and_raw_labels_goes_on_doing_so_until_it_fails(model, flown):
-    inner = PendulumPredictor(model())
+    inner = PayloadFilter(model())
     dut = Failing(inner, fault="zero", onset=1.0)
     assert isinstance(dut, ReadsPlan)
     assert isinstance(dut, ReadsLabels)

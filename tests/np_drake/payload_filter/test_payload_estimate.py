@@ -6,7 +6,7 @@ import pytest
 from np_drake.payload_filter import kernel
 from np_drake.payload_filter.filter_bank import CONDITIONS
 from np_drake.payload_filter.payload_estimate import payload_estimate
-from np_drake.payload_filter.predictor import PendulumPredictor
+from np_drake.payload_filter.predictor import PayloadFilter
 
 MASS, STEP = 2.0, 0.02  # of the made-up flights: vehicle [kg], sample [s]
 
@@ -52,7 +52,7 @@ def test_the_length_is_that_of_a_payload_if_there_is_one():
 
 def test_after_a_swing_the_truth_lies_in_the_intervals(model, flown):
     flight = flown(length=1.2, seconds=10.0, radius=1.0, swing=0.3, noise=0.02)
-    predictor = PendulumPredictor(model())
+    predictor = PayloadFilter(model())
     memory = predictor.initial_memory()
     for sample in flight.samples:
         memory = predictor.update(memory, sample)

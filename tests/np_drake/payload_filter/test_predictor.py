@@ -13,8 +13,8 @@ from np_drake.labels import ReadsLabels
 from np_drake.payload_filter import kernel
 from np_drake.payload_filter.filter_bank import carries
 from np_drake.payload_filter.forecast import linear_pendulum
-from np_drake.payload_filter.model_file import PendulumModel
-from np_drake.payload_filter.predictor import PendulumPredictor
+from np_drake.payload_filter.model_file import PayloadFilterModel
+from np_drake.payload_filter.predictor import PayloadFilter
 from np_drake.residual_model import Plan, ReadsPlan, Sample
 
 G, MASS, STEP = 9.81, 2.0, 0.02  # of the made-up flights: gravity [m/s²], vehicle [kg], sample [s]
@@ -41,21 +41,21 @@ def mean_force(flight, k, horizon=20, stride=2):
 
 
 def test_it_reads_raw_labels_and_the_plan(model):
-    predictor = PendulumPredictor(model())
+    predictor = PayloadFilter(model())
     assert isinstance(predictor, ReadsPlan)
     assert isinstance(predictor, ReadsLabels)
     assert np.isinf(predictor.label.force_bandwidth)
 
 
 def test_a_hanging_payload_pulls_with_its_weight_over_the_horizon(model, flown):
-    predictor = PendulumPredictor(model())
+    predictor = PayloadFilter(model())
     forecast = predictor.forecast(run(predictor, flown(seconds=4.0).samples), **SPAN)
     force = forecast.rollout(np.zeros((20, 6)))[:, :3]
     np.testing.assert_allclose(force, np.tile([0.0, 0.0, -0.26 * G], (20, 1)), atol=0.06)  # label noise [N]
 
 
 def test_a_vehicle_that_carries_nothing_is_believed_to_carry_nothing_however_long_it_flies(model, flown):
-    predictor = PendulumPredictor(model())
+    predictor = PayloadFilter(model())
     flight = flown(mass=0.0, seconds=30.0, radius=1.25, speed=2.5, noise=0.1)
     memory = run(predictor, flight.samples[:150])
     for sample in flight.samples[150:]:
@@ -66,7 +66,7 @@ def test_a_vehicle_that_carries_nothing_is_believed_to_carry_nothing_however_lon
 
 @pytest.mark.parametrize("swing", [0.0, 0.2])
 def test_a_payload_is_not_taken_for_a_steady_push_upwards_or_a_weak_thrust(swing, model, flown):
-    predictor = PendulumPredictor(model())
+    predictor = PayloadFilter(model())
     flight = flown(mass=0.26, seconds=20.0, radius=1.0, speed=1.0, swing=swing)
     memory = run(predictor, flight.samples[:150])
     for sample in flight.samples[150:]:
@@ -75,7 +75,7 @@ def test_a_payload_is_not_taken_for_a_steady_push_upwards_or_a_weak_thrust(swing
 
 
 def test_without_payload_there_is_no_pull_after_three_seconds(model, flown):
-    predictor = PendulumPredictor(model())
+    predictor = PayloadFilter(model())
     memory = run(predictor, flown(mass=0.0, seconds=3.0).samples)
     assert (
         np.linalg.norm(predictor.pull(memory)) < 0.02 * MASS * G
@@ -89,7 +89,7 @@ def test_a_payload_attached_or_lost_is_followed_within_three_tenths_of_a_second(
     n, change = 301, 200
     masses = np.where(np.arange(n) < change, before, after)
     flight = flown(mass=masses, seconds=(n - 1) * STEP)
-    predictor = PendulumPredictor(model())
+    predictor = PayloadFilter(model())
     memory = run(predictor, flight.samples[: change + round(0.3 / STEP)])
     force = predictor.forecast(memory, **SPAN).rollout(np.zeros((20, 6)))[:, 2]
     np.testing.assert_allclose(
@@ -100,7 +100,7 @@ def test_a_payload_attached_or_lost_is_followed_within_three_tenths_of_a_second(
 @pytest.mark.parametrize("length", [0.4, 0.8, 1.6])
 def test_a_swing_is_foretold_over_the_whole_horizon(length, model, flown):
     flight = flown(length=length, seconds=12.0, radius=1.0, swing=0.2)
-    predictor, k = PendulumPredictor(model()), 500
+    predictor, k = PayloadFilter(model()), 500
     memory = run(predictor, flight.samples[: k + 1])
     plan = plan_from(flight, k)
     force = predictor.forecast_along(memory, plan, **SPAN).rollout(plan.x[:-1, 7:13])[:, :3]
@@ -112,7 +112,7 @@ def test_a_swing_is_foretold_over_the_whole_horizon(length, model, flown):
 
 def test_the_torque_of_the_pull_about_the_hook_is_foretold(model, flown):
     flight = flown(length=0.8, seconds=12.0, radius=1.0, swing=0.2)
-    predictor, k = PendulumPredictor(model()), 500
+    predictor, k = PayloadFilter(model()), 500
     memory = run(predictor, flight.samples[: k + 1])
     plan = plan_from(flight, k)
     tau = predictor.forecast_along(memory, plan, **SPAN).rollout(plan.x[:-1, 7:13])[:, 3:]
@@ -125,7 +125,7 @@ def test_the_torque_of_the_pull_about_the_hook_is_foretold(model, flown):
 
 def test_a_hook_elsewhere_than_in_training_is_found_in_flight(model, flown):
     flight = flown(length=0.8, seconds=12.0, radius=1.0, swing=0.2)
-    predictor, k = PendulumPredictor(model(hook=HOOK + [0.01, 0.0, 0.02])), 500
+    predictor, k = PayloadFilter(model(hook=HOOK + [0.01, 0.0, 0.02])), 500
     memory = run(predictor, flight.samples[: k + 1])
     np.testing.assert_allclose(
         memory["shift"], [-0.01, 0.0, -0.02], atol=0.006
@@ -147,7 +147,7 @@ def test_torque_of_rates_and_velocity_follows_the_plan(model, flown):
     plan = Plan(x, np.tile([MASS * G, 0.0, 0.0, 0.0], (20, 1)))
     tau = []
     for parameters in (plain, moved):
-        predictor = PendulumPredictor(parameters)
+        predictor = PayloadFilter(parameters)
         memory = predictor.initial_memory()
         tau.append(predictor.forecast_along(memory, plan, **SPAN).rollout(x[:-1, 7:13])[:, 3:])
     v = 0.5 * (x[1:, 7:9] + x[:-1, 7:9])
@@ -158,9 +158,7 @@ def test_torque_of_rates_and_velocity_follows_the_plan(model, flown):
 def test_torque_of_rates_and_velocity_is_not_part_of_the_level(model, flown):
     flight = flown(seconds=3.0, radius=1.0, torque_noise=0.0)
     moved = dc.replace(model(), speed_torque=np.array([0.04, 0.05]))
-    levels = [
-        run(PendulumPredictor(moved), samples)["steady"] for samples in (flight.samples, turned(flight))
-    ]
+    levels = [run(PayloadFilter(moved), samples)["steady"] for samples in (flight.samples, turned(flight))]
     assert np.abs(levels[1]).max() < 0.01  # what the hook leaves while the bank settles [N·m]
     assert np.abs(levels[0]).max() > 0.02
 
@@ -176,7 +174,7 @@ def turned(flight):
 
 def test_the_members_of_the_true_length_outweigh_the_others(model, flown):
     flight = flown(length=1.2, seconds=10.0, radius=1.0, swing=0.3, noise=0.02)
-    predictor = PendulumPredictor(model())
+    predictor = PayloadFilter(model())
     memory = run(predictor, flight.samples)
     length = np.exp(memory["weight"] @ memory["mean"][:, kernel.LOG_LENGTH])
     mass = MASS * memory["weight"] @ memory["mean"][:, kernel.MASS]
@@ -185,7 +183,7 @@ def test_the_members_of_the_true_length_outweigh_the_others(model, flown):
 
 
 def test_beside_the_plan_the_forecast_moves_as_a_linear_pendulum(model, flown):
-    predictor = PendulumPredictor(model())
+    predictor = PayloadFilter(model())
     forecast = predictor.forecast(run(predictor, flown(seconds=8.0, swing=0.1, noise=0.01).samples), **SPAN)
     zeta = np.zeros((20, 6))
     zeta[:, 0] = 0.1 * np.sin(2.0 * 0.04 * np.arange(20))
@@ -225,7 +223,7 @@ def test_the_linear_pendulum_is_the_matrix_exponential_and_takes_energy_only(sti
 
 @pytest.mark.parametrize("part", ["x", "u", "chi"])
 def test_a_sample_with_nan_leaves_a_usable_memory(part, model, flown):
-    flight, predictor = flown(seconds=6.0, radius=1.0, swing=0.2), PendulumPredictor(model())
+    flight, predictor = flown(seconds=6.0, radius=1.0, swing=0.2), PayloadFilter(model())
     samples = list(flight.samples[:300])
     for k in (*range(40, 44), 200, 250, 251):
         broken = getattr(samples[k], part).copy()
@@ -240,7 +238,7 @@ def test_a_sample_with_nan_leaves_a_usable_memory(part, model, flown):
 
 
 def test_a_command_of_nan_in_the_first_second_of_hover_does_no_harm(model, flown):
-    flight, predictor = flown(seconds=3.0), PendulumPredictor(model())
+    flight, predictor = flown(seconds=3.0), PayloadFilter(model())
     samples = [
         dc.replace(s, u=np.full(4, np.nan), chi=np.full(6, np.nan)) if 10 <= k < 13 else s
         for k, s in enumerate(flight.samples)
@@ -250,7 +248,7 @@ def test_a_command_of_nan_in_the_first_second_of_hover_does_no_harm(model, flown
 
 
 def test_a_label_that_only_a_member_without_weight_explains_leaves_a_usable_memory(model, flown):
-    predictor = PendulumPredictor(model())
+    predictor = PayloadFilter(model())
     samples = flown(seconds=2.0).samples
     memory = run(predictor, samples[:50])
     bare = ~carries(len(memory["weight"]))
@@ -265,7 +263,7 @@ def test_a_label_that_only_a_member_without_weight_explains_leaves_a_usable_memo
 
 
 def test_an_update_changes_no_memory_but_its_own(model, flown):
-    flight, predictor = flown(seconds=1.0), PendulumPredictor(model())
+    flight, predictor = flown(seconds=1.0), PayloadFilter(model())
     memory = run(predictor, flight.samples[:20])
     before = {name: value.copy() for name, value in memory.items()}
     predictor.update(memory, flight.samples[20])
@@ -276,7 +274,7 @@ def test_an_update_changes_no_memory_but_its_own(model, flown):
 
 def test_rotors_behind_the_command_show_in_the_forecast(model, flown):
     lagging = dc.replace(model(), rotor_lag=0.05)
-    predictor = PendulumPredictor(lagging)
+    predictor = PayloadFilter(lagging)
     memory = run(predictor, flown(mass=0.0, seconds=3.0).samples)
     hover = np.array([MASS * G, 0.0, 0.0, 0.0])
     x = np.tile(memory["x"], (21, 1))
@@ -294,7 +292,7 @@ def test_rotors_behind_the_command_show_in_the_forecast(model, flown):
 @given(st.integers(0, 2**31 - 1), st.floats(0.01, 30.0))
 @settings(max_examples=15, deadline=None)
 def test_whatever_the_labels_tethers_stay_unit_vectors_and_covariances_positive(model, seed, size):
-    predictor, draw = PendulumPredictor(model()), np.random.default_rng(seed)
+    predictor, draw = PayloadFilter(model()), np.random.default_rng(seed)
     memory = predictor.initial_memory()
     for _ in range(60):
         x = np.concatenate([draw.normal(size=3), draw.normal(size=4), size * 0.1 * draw.normal(size=6)])
@@ -350,7 +348,7 @@ def test_a_small_swing_of_one_member_has_the_period_of_a_pendulum():
 def test_a_model_file_gives_back_the_model(tmp_path, model):
     path, before = tmp_path / "m.safetensors", dc.replace(model(), summary={"samples": 3})
     before.save(path)
-    after = PendulumModel.load(path)
+    after = PayloadFilterModel.load(path)
     assert all(np.array_equal(vars(after)[name], value) for name, value in vars(before).items())
     np.testing.assert_array_equal(after.hook, before.hook)
 
@@ -360,7 +358,7 @@ def test_another_file_is_refused_in_one_line(tmp_path, content):
     path = tmp_path / "m.safetensors"
     path.write_bytes(content)
     with pytest.raises(ValueError, match=r"m\.safetensors: .*") as error:
-        PendulumModel.load(path)
+        PayloadFilterModel.load(path)
     assert "\n" not in str(error.value)
 
 
@@ -375,5 +373,5 @@ def test_another_file_is_refused_in_one_line(tmp_path, content):
     ],
 )
 def test_impossible_numbers_are_refused(wrong, model):
-    with pytest.raises(ValueError, match="PendulumModel"):
+    with pytest.raises(ValueError, match="PayloadFilterModel"):
         dc.replace(model(), **wrong)

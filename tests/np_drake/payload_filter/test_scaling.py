@@ -9,8 +9,8 @@ import pytest
 from np_drake.lifting.model.model_file import read_tensors, write_tensors
 from np_drake.payload_filter import kernel
 from np_drake.payload_filter.filter_bank import BankOptions
-from np_drake.payload_filter.model_file import SCHEMA, PendulumModel
-from np_drake.payload_filter.predictor import PendulumPredictor
+from np_drake.payload_filter.model_file import SCHEMA, PayloadFilterModel
+from np_drake.payload_filter.predictor import PayloadFilter
 from np_drake.residual_model import Plan, Sample
 from np_drake.scaling import Scales
 
@@ -37,7 +37,7 @@ def sample_in(sample: Sample, unit: Scales) -> Sample:
     return Sample(state_in(sample.x, unit), command_in(sample.u, unit), sample.chi * wrench)
 
 
-def model_in(model: PendulumModel, unit: Scales) -> PendulumModel:
+def model_in(model: PayloadFilterModel, unit: Scales) -> PayloadFilterModel:
     return dc.replace(
         model,
         step=model.step * unit.time,
@@ -49,8 +49,8 @@ def model_in(model: PendulumModel, unit: Scales) -> PendulumModel:
     )
 
 
-def ran(model: PendulumModel, samples: list[Sample]) -> tuple[PendulumPredictor, dict]:
-    dut = PendulumPredictor(model)
+def ran(model: PayloadFilterModel, samples: list[Sample]) -> tuple[PayloadFilter, dict]:
+    dut = PayloadFilter(model)
     memory = dut.initial_memory()
     for sample in samples:
         memory = dut.update(memory, sample)
@@ -105,11 +105,11 @@ def test_a_small_vehicle_looks_for_short_tethers_that_swing_fast():
 def test_a_file_that_lacks_a_number_is_refused_with_the_remedy(tmp_path, model, missing):
     path = tmp_path / "old.safetensors"
     dc.replace(model(), arm=0.05).save(path)
-    assert PendulumModel.load(path).arm == 0.05
+    assert PayloadFilterModel.load(path).arm == 0.05
     tensors, metadata = read_tensors(path, SCHEMA)
     write_tensors({name: value for name, value in tensors.items() if name != missing}, metadata, path)
     with pytest.raises(ValueError, match=rf"^{path}: .* lacks '{missing}'; train it again$"):
-        PendulumModel.load(path)
+        PayloadFilterModel.load(path)
 
 
 def test_an_arm_must_be_positive(model):

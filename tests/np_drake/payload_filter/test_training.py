@@ -8,7 +8,7 @@ import pytest
 from np_drake import attitude
 from np_drake.actuator_timing import delayed
 from np_drake.flight_log import FlightLog
-from np_drake.payload_filter.training import flight_samples, torque_steps, train_pendulum
+from np_drake.payload_filter.training import flight_samples, torque_steps, train_payload_filter
 from np_drake.residual_model import Sample
 from np_drake.rotor_input import acting_command
 from np_drake.scaling import similar
@@ -40,7 +40,7 @@ def vehicle():
 
 def test_it_finds_thrust_error_drag_and_hook_of_the_vehicle(flown, vehicle):
     flight = flown(seconds=30.0, radius=1.0, dither=0.08, thrust_error=-0.04, drag=0.15, noise=0.05)
-    model = train_pendulum([(as_log(flight, vehicle), vehicle)], step=STEP)
+    model = train_payload_filter([(as_log(flight, vehicle), vehicle)], step=STEP)
     assert model.thrust_error == pytest.approx(-0.04, abs=0.01)  # three tenths of the payload's weight [1]
     assert model.drag == pytest.approx(0.15, abs=0.02)  # [1/s]
     np.testing.assert_allclose(model.hook, [0.0, 0.0, -0.025], atol=0.004)  # noise of the torque label [m]
@@ -54,7 +54,7 @@ def test_torque_of_the_speed_is_not_taken_for_the_hooks(flown, vehicle):
     for sample in flight.samples:
         v = attitude.rotate_back(sample.x[3:7], sample.x[7:10])
         sample.chi[3:5] += speed_torque * v[[1, 0]]
-    model = train_pendulum([(as_log(flight, vehicle), vehicle)], step=STEP)
+    model = train_payload_filter([(as_log(flight, vehicle), vehicle)], step=STEP)
     np.testing.assert_allclose(
         model.speed_torque, speed_torque, atol=0.001
     )  # noise of the torque label [N·s]
@@ -74,8 +74,8 @@ def test_of_similar_vehicles_it_finds_the_same_in_their_own_units(flown, vehicle
         u=log.u * force,
         al=log.al / time**2,
     )
-    expected = train_pendulum([(log, vehicle)], step=STEP)
-    dut = train_pendulum([(own, similar(vehicle, length))], step=STEP * time)
+    expected = train_payload_filter([(log, vehicle)], step=STEP)
+    dut = train_payload_filter([(own, similar(vehicle, length))], step=STEP * time)
     assert dut.arm == pytest.approx(length * expected.arm)
     # The lag is found within 1e-4 s, which is another share of another vehicle's time.
     assert dut.thrust_error == pytest.approx(expected.thrust_error, abs=1e-3)
@@ -86,7 +86,7 @@ def test_of_similar_vehicles_it_finds_the_same_in_their_own_units(flown, vehicle
 
 def test_it_counts_its_passes(flown, vehicle):
     passes = []
-    train_pendulum(
+    train_payload_filter(
         [(as_log(flown(seconds=4.0), vehicle), vehicle)], step=STEP, on_pass=lambda *done: passes.append(done)
     )
     assert passes == [(1, 2), (2, 2)]
@@ -95,14 +95,14 @@ def test_it_counts_its_passes(flown, vehicle):
 def test_flights_of_different_vehicles_are_refused(flown, vehicle):
     log = as_log(flown(seconds=4.0), vehicle)
     with pytest.raises(ValueError, match="one vehicle"):
-        train_pendulum([(log, vehicle), (log, dc.replace(vehicle, mass=3.0))], step=STEP)
+        train_payload_filter([(log, vehicle), (log, dc.replace(vehicle, mass=3.0))], step=STEP)
 
 
 def test_a_log_without_torque_is_refused(flown, vehicle):
     log = as_log(flown(seconds=4.0), vehicle)
     log.u = np.column_stack([log.u[:, 0], np.full((len(log), 3), np.nan)])
     with pytest.raises(ValueError, match="torque"):
-        train_pendulum([(log, vehicle)], step=STEP)
+        train_payload_filter([(log, vehicle)], step=STEP)
 
 
 def test_samples_of_a_flight_pair_a_label_with_the_command_before_it(flown, vehicle):
@@ -121,14 +121,14 @@ def test_it_finds_the_delay_of_the_commands(flown, vehicle):
     late = acting_command(delayed(log, 3 * STEP), lagged) - smooth
     log.a += late[:, :1] * body_z(log.x) / vehicle.mass
     log.al += late[:, 1:] @ np.linalg.inv(vehicle.J).T
-    model = train_pendulum([(log, vehicle)], step=STEP)
+    model = train_payload_filter([(log, vehicle)], step=STEP)
     assert model.delay == pytest.approx(3 * STEP)
     assert model.rotor_lag == pytest.approx(0.03, abs=0.003)
 
 
 def test_commands_that_act_at_once_show_no_delay(flown, vehicle):
     log = as_log(flown(seconds=20.0, radius=1.0, dither=0.08, noise=0.05), vehicle)
-    assert train_pendulum([(log, vehicle)], step=STEP).delay == 0.0
+    assert train_payload_filter([(log, vehicle)], step=STEP).delay == 0.0
 
 
 def test_a_flight_without_torque_labels_is_refused_by_its_name(flown, vehicle):
@@ -136,7 +136,7 @@ def test_a_flight_without_torque_labels_is_refused_by_its_name(flown, vehicle):
     without = dc.replace(log, al=np.full((len(log), 3), np.nan), name="blind")
     for flights in ([without], [log, without]):
         with pytest.raises(ValueError, match=r"^pendulum: flight blind must have torque labels .*\.$"):
-            train_pendulum([(flight, vehicle) for flight in flights], step=STEP)
+            train_payload_filter([(flight, vehicle) for flight in flights], step=STEP)
 
 
 def test_the_torque_across_a_gap_is_no_step():

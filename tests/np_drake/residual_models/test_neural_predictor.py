@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from np_drake.lifting.model.encoders import DelayEncoder, Phi
 from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
-from np_drake.lifting.model.lifted_model import DEFAULT, PAPER, LiftedModel
+from np_drake.lifting.model.lifted_model import DELAY_MODAL, PAPER, LiftedModel
 from np_drake.lifting.model.model_file import save_model
 from np_drake.lifting.model.onsets import Onsets
 from np_drake.residual_model import Sample
@@ -24,7 +24,7 @@ def last_sample_model(torque: bool = True) -> LiftedModel:
     E = np.zeros((6, 12 * D))
     E[:, 12 * (D - 1) : 12 * (D - 1) + 6] = np.eye(6)
     system = LiftedLinearSystem(A, B, np.eye(6), STEP)
-    return LiftedModel(DEFAULT, system, DelayEncoder(E, D), D, np.ones(6), np.ones(6), torque)
+    return LiftedModel(DELAY_MODAL, system, DelayEncoder(E, D), D, np.ones(6), np.ones(6), torque)
 
 
 def paper_model() -> LiftedModel:
@@ -136,7 +136,7 @@ def test_a_long_gap_starts_the_window_afresh():
 
 @given(st.lists(st.sampled_from(["good", "label", "state", "both", "huge"]), max_size=60))
 @settings(max_examples=40)
-@pytest.mark.parametrize("model", [last_sample_model(), paper_model()], ids=[DEFAULT, PAPER])
+@pytest.mark.parametrize("model", [last_sample_model(), paper_model()], ids=[DELAY_MODAL, PAPER])
 def test_no_course_of_samples_makes_the_forecast_unusable(model, course):
     dut = NeuralPredictor(model)
     memory = dut.initial_memory()
@@ -152,7 +152,7 @@ def test_no_course_of_samples_makes_the_forecast_unusable(model, course):
     assert np.all(np.isfinite(chi))
 
 
-@pytest.mark.parametrize("model", [last_sample_model(), paper_model()], ids=[DEFAULT, PAPER])
+@pytest.mark.parametrize("model", [last_sample_model(), paper_model()], ids=[DELAY_MODAL, PAPER])
 def test_updates_are_pure(model):
     dut, samples = NeuralPredictor(model), sequence(60)
     memory = fed(dut, samples[:50])

@@ -7,7 +7,7 @@ import numpy as np
 
 from np_drake.flight_log import FlightLog
 from np_drake.lifting.bounds.forecast_bound import forecast_bound
-from np_drake.payload_filter.predictor import PendulumPredictor
+from np_drake.payload_filter.predictor import PayloadFilter
 from np_drake.residual_model import ReadsPlan
 from np_drake.skill.flight_walk import held_plan, walk
 from np_drake.training_data.sampled_flight import SampledFlight, sampled_flight
@@ -43,7 +43,7 @@ def check_bound(
     largest changes are the flight's own, as in the check of the fixed matrices.
     Args: horizons: ascending [steps].   first: sample from which on forecasts count [1].
     """
-    if not isinstance(model, PendulumPredictor):
+    if not isinstance(model, PayloadFilter):
         return None
     flight = sampled_flight(*opened, step=model.step, label=model.label)
     steps = horizons[-1]

@@ -1,4 +1,4 @@
-"""Flights of the campaign by manoeuvre, and the payload that their logs hold: truth of the told pendulum alone."""
+"""Flights of the campaign by manoeuvre, and the payload that their logs hold: truth of the oracle pendulum alone."""
 
 import dataclasses as dc
 from collections.abc import Sequence
@@ -13,11 +13,11 @@ from diagrams.challenge.real.truth import TRUTHS
 from np_drake.effects.pendulum import Payload
 from np_drake.flight_log import FlightLog
 from np_drake.payload_filter.payload_estimate import Estimate, PayloadEstimate
-from np_drake.skill.told_pendulum import (
+from np_drake.skill.oracle_pendulum import (
     Rest,
     ToldPendulum,
+    oracle_pendulum,
     remaining_drag,
-    told_pendulum,
 )
 from np_drake.training_data.sampled_flight import SampledFlight, sampled_flight
 from np_drake.vehicle import Vehicle
@@ -80,9 +80,9 @@ def open_campaign(folder: Path) -> list[PayloadFlight]:
 def told(flight: PayloadFlight, step: float, rest: Rest | None = None) -> ToldPendulum:
     """Return the pendulum that is told the payload of a flight, sampled at a step [s]."""
     path = (flight.t - flight.log.t[0], flight.p)
-    return told_pendulum(flight.sampled(step), flight.vehicle, true_payload(), path, rest)
+    return oracle_pendulum(flight.sampled(step), flight.vehicle, true_payload(), path, rest)
 
 
 def drag_beside(flights: Sequence[PayloadFlight], step: float) -> Rest:
-    """Return what acts beside the tether on these flights: the drag that told pendulums leave."""
+    """Return what acts beside the tether on these flights: the drag that oracle pendulums leave."""
     return Rest(remaining_drag((flight.sampled(step), told(flight, step)) for flight in flights))

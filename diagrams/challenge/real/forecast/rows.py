@@ -5,11 +5,11 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from np_drake.flight_log import FlightLog
-from np_drake.lifting.model.lifted_model import DEFAULT, PAPER
+from np_drake.lifting.model.lifted_model import DELAY_MODAL, PAPER
 from np_drake.lifting.training.train import make_config, train
-from np_drake.payload_filter.model_file import PENDULUM
-from np_drake.payload_filter.predictor import PendulumPredictor
-from np_drake.payload_filter.training import train_pendulum
+from np_drake.payload_filter.model_file import PAYLOAD_FILTER
+from np_drake.payload_filter.predictor import PayloadFilter
+from np_drake.payload_filter.training import train_payload_filter
 from np_drake.residual_model import ResidualModel
 from np_drake.residual_models.gaussian_process import fit_gaussian_process
 from np_drake.residual_models.hold import Hold
@@ -72,9 +72,9 @@ def train_paper(flights: Sequence[Opened], step: float) -> NeuralPredictor:
     return NeuralPredictor(model, PredictorOptions(torque="predict"))
 
 
-def train_default(flights: Sequence[Opened], step: float) -> NeuralPredictor:
+def train_delay_modal(flights: Sequence[Opened], step: float) -> NeuralPredictor:
     """Return `default` with its usual settings, but for torque, a window of `HISTORY` and a loss over `LONGEST`."""
-    config = make_config(DEFAULT, torque=True, delay=round(HISTORY / step), horizon=round(LONGEST / step))
+    config = make_config(DELAY_MODAL, torque=True, delay=round(HISTORY / step), horizon=round(LONGEST / step))
     model = train(segments_of(flights, step), config).model
     return NeuralPredictor(model, PredictorOptions(torque="predict"))
 
@@ -91,10 +91,10 @@ ROWS: Mapping[str, Trainer] = {
     GP: train_gp,
     KNODE: train_knode,
     PAPER: train_paper,
-    DEFAULT: train_default,
-    PENDULUM: lambda flights, step: PendulumPredictor(train_pendulum(flights, step=step)),
+    DELAY_MODAL: train_delay_modal,
+    PAYLOAD_FILTER: lambda flights, step: PayloadFilter(train_payload_filter(flights, step=step)),
 }
-TOLD, TOLD_WITH_DRAG = "told pendulum", "told + drag"  # not predictors: they are told the truth
+TOLD, TOLD_WITH_DRAG = "oracle pendulum", "told + drag"  # not predictors: they are told the truth
 TOLD_ROWS: Mapping[str, bool] = {TOLD: False, TOLD_WITH_DRAG: True}  # whether anything acts beside the tether
 
 

@@ -11,7 +11,7 @@ from np_drake.effects.pendulum import Payload
 from np_drake.flight_log import FlightLog
 from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem, Mode
 from np_drake.payload_filter.payload_estimate import PayloadEstimate, payload_estimate
-from np_drake.payload_filter.predictor import PendulumPredictor
+from np_drake.payload_filter.predictor import PayloadFilter
 from np_drake.skill.flight_walk import walk
 from np_drake.skill.tether_length import GRAVITY, pendulum_length, pendulum_mode
 from np_drake.training_data.sampled_flight import sampled_flight
@@ -48,7 +48,7 @@ def swing_of(model: Any) -> Swing | None:
 
 def payload_on(model: Any, opened: tuple[FlightLog, Vehicle]) -> PayloadEstimate | None:
     """Return what a pendulum predictor believes of the payload at the end of a flight; None of another model."""
-    if not isinstance(model, PendulumPredictor):
+    if not isinstance(model, PayloadFilter):
         return None
     flight = sampled_flight(*opened, step=model.step, label=model.label)
     ((_, memory),) = deque(walk(model, flight), maxlen=1)

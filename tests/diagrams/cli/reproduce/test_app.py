@@ -23,7 +23,7 @@ BAD = {  # arguments: what the line must say
     ),
     "unknown row": (
         ["configurations", "--only", "np"],
-        "must name rows of the table (nominal; hold; np: default",
+        "must name rows of the table (nominal; hold; np: delay-modal",
     ),
     "no flights": (["theorem"], "NP_DRAKE_NEUROBEM"),
     "no folder": (["theorem", "--neurobem", "nowhere"], "nowhere"),

@@ -9,7 +9,7 @@ import pytest
 
 from diagrams.cli.main import run
 from diagrams.cli.reproduce.experiments import hover_printed, timing_printed
-from diagrams.loop.controllers import DEFAULT_MODEL, FLYING_MODEL
+from diagrams.loop.controllers import FILTER_MODEL, NP_MODEL
 from diagrams.payload import attach, hover_swing
 from diagrams.performance import timing
 from diagrams.tracking.model_files import file_name, key_of
@@ -75,7 +75,7 @@ def test_attach_flies_twenty_seeds_unless_told(monkeypatch, capsys):
     monkeypatch.setattr(attach, "run_attach", runs)
 
     def train(workers, folder, **_):
-        files = dict(zip(attach.ROWS, (DEFAULT_MODEL, FLYING_MODEL), strict=True))
+        files = dict(zip(attach.ROWS, (NP_MODEL, FILTER_MODEL), strict=True))
         return {
             key_of(row): Path(shutil.copy(file, folder / file_name(key_of(row)))).read_bytes()
             for row, file in files.items()

@@ -81,7 +81,7 @@ def test_without_a_fault_a_flight_is_what_it_was():
     np.testing.assert_array_equal(plain["x_true"], none["x_true"])
 
 
-@pytest.mark.parametrize("row", ["nominal", "cascade", "np: pendulum"])
+@pytest.mark.parametrize("row", ["nominal", "cascade", "payload_filter"])
 def test_a_long_burst_of_nan_raises_nothing_and_commands_numbers(row):
     result = faulty(row, "NaN burst", 0.6, sensor="all")
     assert not result["gave_up"]
@@ -169,7 +169,7 @@ def test_the_verb_flies_writes_and_resumes(tmp_path, capsys):
 @pytest.mark.parametrize("seed", [9605, 9611, 9612])  # lost before, with a payload of 3.5 kg in the forecast
 def test_a_jerk_of_the_cable_does_not_make_the_payload_heavy(seed):
     faults = [dc.asdict(Fault("cable snap", 3.0, None, {"impulse": 0.35}))]
-    result = Flying({}, "sqp")({"row": "np: pendulum", "model": "", "faults": faults, "seed": seed})
+    result = Flying({}, "sqp")({"row": "payload_filter", "model": "", "faults": faults, "seed": seed})
     assert result["peak"] < 0.1  # the nominal MPC has 0.05 [m]
 
 

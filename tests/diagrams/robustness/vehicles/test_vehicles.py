@@ -78,10 +78,10 @@ def test_a_case_flies_with_the_model_of_its_own_vehicle():
 
 
 def test_a_row_whose_training_failed_does_not_fly_with_that_vehicle():
-    models = {key: file for key, file in MODELS.items() if key != ("35g", "pendulum")}
+    models = {key: file for key, file in MODELS.items() if key != ("35g", "payload_filter")}
     flown = {(case["vehicle"], case["row"]) for case in flight_cases(ROWS, [1], models)}
-    assert ("35g", "np: pendulum") not in flown
-    assert {("35g", "np"), ("6kg", "np: pendulum")} <= flown
+    assert ("35g", "payload_filter") not in flown
+    assert {("35g", "np"), ("6kg", "payload_filter")} <= flown
 
 
 def test_the_distance_at_which_a_vehicle_is_lost_scales_with_it():
@@ -106,9 +106,9 @@ def test_work_trains_and_flies_with_the_vehicle_of_the_case(monkeypatch):
     monkeypatch.setattr(
         study, "flown", lambda configure, model, seed: seen.setdefault("flown", (model, seed))
     )
-    study.Training(7, "sqp")({"vehicle": "6kg", "model": "pendulum"})
+    study.Training(7, "sqp")({"vehicle": "6kg", "model": "payload_filter"})
     row, of = seen["trained"]
-    assert (row.name, of["vehicle"], of["seed"]) == ("np: pendulum", fleet()["6kg"], 7)
+    assert (row.name, of["vehicle"], of["seed"]) == ("payload_filter", fleet()["6kg"], 7)
     study.Flying(MODELS, "sqp")({"row": "np", "vehicle": "35g", "track": "steps", "seed": 3})
     assert seen["flown"] == (b"35g", 3)
 
@@ -245,7 +245,7 @@ def test_a_changed_setting_of_one_track_is_another_campaign(monkeypatch, track):
 def test_what_a_campaign_depends_on_fits_in_every_file_of_a_case():
     text = json.dumps(plain(campaign_config(1, "sqp")), allow_nan=False)
     assert len(text) < 40_000  # [B], beside hundreds of cases
-    assert json.loads(text)["rows"]["np"]["configuration"] == "default"
+    assert json.loads(text)["rows"]["np"]["configuration"] == "delay-modal"
 
 
 def test_the_rows_of_the_page_are_those_of_the_command():

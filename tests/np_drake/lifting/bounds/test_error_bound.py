@@ -9,7 +9,7 @@ from np_drake.lifting.bounds.bound_check import check_flight
 from np_drake.lifting.bounds.error_bound import TheoremBound, bound, largest_changes
 from np_drake.lifting.model.encoders import DelayEncoder, Phi
 from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
-from np_drake.lifting.model.lifted_model import DEFAULT, PAPER, LiftedModel
+from np_drake.lifting.model.lifted_model import DELAY_MODAL, PAPER, LiftedModel
 from np_drake.lifting.model.onsets import Onsets
 
 ONES = np.ones(6)
@@ -31,7 +31,7 @@ def random_model(seed: int, kind: str, K: int = 8) -> LiftedModel:
     system = LiftedLinearSystem(A, B, C, 0.02)
     if kind == "delay":
         E = generator.standard_normal((K, 12 * 5))
-        return LiftedModel(DEFAULT, system, DelayEncoder(E, 5), 5, CHI_SCALE, ZETA_SCALE, bool(seed % 2))
+        return LiftedModel(DELAY_MODAL, system, DelayEncoder(E, 5), 5, CHI_SCALE, ZETA_SCALE, bool(seed % 2))
     phi = Phi((generator.standard_normal((12, 6)), generator.standard_normal((K, 12))), CHI_SCALE)
     ridge = 0.5 if kind == "refit" else 0.0
     return LiftedModel(PAPER, system, phi, 12, CHI_SCALE, ZETA_SCALE, True, ridge=ridge)

@@ -12,7 +12,7 @@ from safetensors.numpy import load_file, save_file
 
 from np_drake.lifting.model.encoders import DelayEncoder, Phi
 from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
-from np_drake.lifting.model.lifted_model import DEFAULT, ENCODERS, PAPER, LiftedModel
+from np_drake.lifting.model.lifted_model import DELAY_MODAL, ENCODERS, PAPER, LiftedModel
 from np_drake.lifting.model.model_file import SCHEMA, load_model, save_model
 from np_drake.lifting.model.onsets import Onsets
 from np_drake.lifting.model.origin import require_origin, rotor_lag_of
@@ -35,7 +35,7 @@ def rewrite(path: Path, change) -> None:
     """Tensors and header of a good file, changed by `change(tensors, header, metadata)`."""
     tensors = load_file(path)
     metadata = {"schema": SCHEMA, "model": ""}
-    header = {"configuration": DEFAULT, "step": 0.02, "window": 5, "predicts_torque": True, "ridge": 0.0}
+    header = {"configuration": DELAY_MODAL, "step": 0.02, "window": 5, "predicts_torque": True, "ridge": 0.0}
     header["summary"] = {}
     change(tensors, header, metadata)
     save_file(tensors, path, {**metadata, "model": json.dumps(header)})
@@ -43,14 +43,14 @@ def rewrite(path: Path, change) -> None:
 
 @pytest.fixture
 def path(tmp_path: Path) -> Path:
-    save_model(model(DEFAULT), tmp_path / "model.safetensors")
+    save_model(model(DELAY_MODAL), tmp_path / "model.safetensors")
     return tmp_path / "model.safetensors"
 
 
 def test_equal_models_are_equal_files(tmp_path):
     # The library's order of names is drawn anew at every call: two of eight calls differ but for 1 in 128.
     for number in range(8):
-        save_model(model(DEFAULT), tmp_path / f"{number}.safetensors")
+        save_model(model(DELAY_MODAL), tmp_path / f"{number}.safetensors")
     assert len({path.read_bytes() for path in tmp_path.iterdir()}) == 1
 
 
@@ -71,7 +71,7 @@ def with_onsets(odds: np.ndarray | float = 0.1) -> LiftedModel:
     generator = np.random.default_rng(2)
     channels, watch = generator.standard_normal((2, 3, 12)), 0.3 * generator.standard_normal((2, 4, 2, 15))
     onsets = Onsets(channels, watch, np.ones((2, 4)), generator.standard_normal((2, 4, 2, 2)), odds)
-    return dc.replace(model(DEFAULT), onsets=onsets)
+    return dc.replace(model(DELAY_MODAL), onsets=onsets)
 
 
 @pytest.mark.parametrize("odds", [0.1, np.array([0.1, 0.2, 0.3, 4.0])], ids=["one for all", "one an age"])
@@ -136,7 +136,7 @@ FAULTS = {
     "schema must be": lambda t, h, m: m.update(schema="np_drake.lifted_model/0"),
     "lacks 'E'": lambda t, h, m: t.pop("E"),
     "lacks 'step'": lambda t, h, m: h.pop("step"),
-    r"must be default \| paper \| dictionary": lambda t, h, m: h.update(configuration="theirs"),
+    r"must be delay-modal \| paper \| mode-dictionary": lambda t, h, m: h.update(configuration="theirs"),
     "lacks the layers of Phi": lambda t, h, m: h.update(configuration=PAPER),
     "must hold finite": lambda t, h, m: t.update(B=np.full((4, 6), np.nan)),
     "must hold finite floating": lambda t, h, m: t.update(B=np.zeros((4, 6), int)),
@@ -174,7 +174,7 @@ def test_a_failed_write_leaves_the_old_file(path, monkeypatch):
     before = path.read_bytes()
     monkeypatch.setattr(Path, "write_bytes", half)
     with pytest.raises(OSError, match="no space left"):
-        save_model(model(DEFAULT), path)
+        save_model(model(DELAY_MODAL), path)
     assert path.read_bytes() == before
     assert list(path.parent.iterdir()) == [path]
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from np_drake.lifting.model.encoders import DelayEncoder, Phi
 from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
-from np_drake.lifting.model.lifted_model import DEFAULT, PAPER, LiftedModel
+from np_drake.lifting.model.lifted_model import DELAY_MODAL, PAPER, LiftedModel
 from np_drake.lifting.model.window_refit import RADIUS, WindowRefit
 
 SCALE = np.array([1.5, 1.5, 1.5, 0.5, 0.5, 0.5])
@@ -69,7 +69,7 @@ def test_there_is_no_refit_without_a_prior_or_without_phi():
     with pytest.raises(ValueError, match="ridge must be positive"):
         WindowRefit(paper_model(), 0.0)
     model = paper_model()
-    delay = LiftedModel(DEFAULT, model.system, DelayEncoder(np.zeros((8, 60)), 5), 5, SCALE, SCALE, False)
+    delay = LiftedModel(DELAY_MODAL, model.system, DelayEncoder(np.zeros((8, 60)), 5), 5, SCALE, SCALE, False)
     with pytest.raises(ValueError, match="must be Phi"):
         WindowRefit(delay, 1.0)
 

@@ -28,7 +28,7 @@ from np_drake.training_data.segments import Segment
 from np_drake.lifting.training.train import make_config, train
 
 configuration, folder = sys.argv[1], Path(sys.argv[2])
-settings = {"paper": {"epochs": 12}, "default": {"iterations": 60}}[configuration]
+settings = {"paper": {"epochs": 12}, "delay-modal": {"iterations": 60}}[configuration]
 noise = lfilter([0.1], [1.0, -0.9], np.random.default_rng(0).standard_normal((900, 12)), axis=0)
 segment = Segment(noise[:, :6], noise[:, 6:], 0.02)
 (folder / "started").touch()
@@ -55,7 +55,7 @@ def content(path):
     return metadata, {name: value.tobytes() for name, value in load_file(path).items()}
 
 
-@pytest.mark.parametrize("configuration", ["paper", "default"])
+@pytest.mark.parametrize("configuration", ["paper", "delay-modal"])
 def test_a_run_killed_at_any_three_instants_ends_in_the_same_model(configuration, tmp_path):
     whole, killed = tmp_path / "whole", tmp_path / "killed"
     whole.mkdir()

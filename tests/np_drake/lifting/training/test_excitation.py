@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from np_drake.lifting.training import excitation
-from np_drake.lifting.training.default_training import DefaultConfig
+from np_drake.lifting.training.delay_modal_training import DelayModalConfig
 from np_drake.lifting.training.excitation import measure_excitation
 from np_drake.lifting.training.train import train
 
@@ -33,14 +33,14 @@ def test_with_dither_it_is_not(dithered):
 
 
 def test_b_is_shrunk_where_the_flight_said_nothing(plain, trained):
-    assert vertical_gain(train([plain.segment], DefaultConfig()).model) < 0.1
+    assert vertical_gain(train([plain.segment], DelayModalConfig()).model) < 0.1
     assert vertical_gain(trained.model) > 0.1
 
 
 def test_unguarded_the_same_flight_teaches_nonsense(plain, monkeypatch):
     """What the guard is for: believed in every direction, the fit answers v_z with force."""
     monkeypatch.setattr(excitation, "THRESHOLD", 0.0)
-    assert vertical_gain(train([plain.segment], DefaultConfig(delay=25)).model) > 1.0
+    assert vertical_gain(train([plain.segment], DelayModalConfig(delay=25)).model) > 1.0
 
 
 @given(st.integers(0, 1000), st.floats(0.05, 20.0))

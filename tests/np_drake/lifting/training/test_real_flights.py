@@ -26,7 +26,7 @@ def flights(neurobem):
 def trained(flights, names):
     """The predictor, and the mean of its training."""
     model = train(
-        [Segment(*flights[name], 1 / 400) for name in names], make_config("default", frame="body")
+        [Segment(*flights[name], 1 / 400) for name in names], make_config("mode-dictionary", frame="body")
     ).model
     assert model.system.spectral_radius <= 1.0
     dut = NeuralPredictor(model, PredictorOptions(torque="predict"))

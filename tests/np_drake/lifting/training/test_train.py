@@ -3,7 +3,7 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.lifting.training.default_training import DefaultConfig
+from np_drake.lifting.training.delay_modal_training import DelayModalConfig
 from np_drake.lifting.training.delay_regression import Regularisation
 from np_drake.lifting.training.paper_training import PaperConfig
 from np_drake.lifting.training.train import make_config, train
@@ -34,7 +34,9 @@ def test_on_an_unseen_path_it_predicts_far_better_than_holding(trained, lemnisca
 
 
 def test_a_tenfold_run_is_no_better(trained, dithered, lemniscate):
-    config = DefaultConfig(iterations=10 * DefaultConfig().iterations, starts=10)  # each stops when converged
+    config = DelayModalConfig(
+        iterations=10 * DelayModalConfig().iterations, starts=10
+    )  # each stops when converged
     longer = train([dithered.segment], config).model
     for short, long in zip(
         force_rows(trained.model, lemniscate), force_rows(longer, lemniscate), strict=True
@@ -48,7 +50,7 @@ def test_twelve_states_stable_by_construction(trained):
 
 
 def test_the_same_seed_gives_the_same_model(trained, dithered):
-    assert same(train([dithered.segment], DefaultConfig()).model, trained.model)
+    assert same(train([dithered.segment], DelayModalConfig()).model, trained.model)
 
 
 def test_an_interrupted_run_ends_where_an_uninterrupted_one_does(trained, dithered, tmp_path):
@@ -61,15 +63,15 @@ def test_an_interrupted_run_ends_where_an_uninterrupted_one_does(trained, dither
 
     checkpoint = tmp_path / "run.safetensors"
     with pytest.raises(Stop):
-        train([dithered.segment], DefaultConfig(), checkpoint=checkpoint, on_epoch=stop)
-    resumed = train([dithered.segment], DefaultConfig(), checkpoint=checkpoint)
+        train([dithered.segment], DelayModalConfig(), checkpoint=checkpoint, on_epoch=stop)
+    resumed = train([dithered.segment], DelayModalConfig(), checkpoint=checkpoint)
     assert same(resumed.model, trained.model)
     assert resumed.loss == trained.loss
 
 
 def test_a_checkpoint_of_another_run_is_refused(dithered, plain, tmp_path):
     checkpoint = tmp_path / "run.safetensors"
-    config = DefaultConfig(iterations=2, starts=1)
+    config = DelayModalConfig(iterations=2, starts=1)
     train([dithered.segment], config, checkpoint=checkpoint)
     for segments, other in (([plain.segment], config), ([dithered.segment], dc.replace(config, seed=1))):
         with pytest.raises(ValueError, match="checkpoint must be of this configuration and data"):
@@ -78,7 +80,7 @@ def test_a_checkpoint_of_another_run_is_refused(dithered, plain, tmp_path):
 
 def test_progress_ascends_to_its_total(dithered):
     calls: list[tuple[int, int, float]] = []
-    train([dithered.segment], DefaultConfig(starts=2), on_epoch=lambda *call: calls.append(call))
+    train([dithered.segment], DelayModalConfig(starts=2), on_epoch=lambda *call: calls.append(call))
     epochs = [epoch for epoch, _, _ in calls]
     assert epochs == sorted(set(epochs))
     assert epochs[-1] == calls[0][1]
@@ -97,7 +99,7 @@ def test_turning_the_flight_turns_the_forecast(trained, lemniscate):
 
 
 def test_where_constants_are_expected_an_unknown_constant_force_is_held(dithered):
-    config = DefaultConfig(regularisation=Regularisation(unknown_constant=10.0))
+    config = DelayModalConfig(regularisation=Regularisation(unknown_constant=10.0))
     model = train([dithered.segment], config).model
     window = np.zeros((model.window, 12))
     window[:, :3] = [0.5, -0.3, -2.0]  # [N], hovering
@@ -153,13 +155,13 @@ def test_a_wind_that_no_training_showed_is_held_better_where_the_window_may_be_o
         return np.array([5.0, 0.0, 0.0])  # [N]
 
     samples, ages = begun(100, wind), range(52, 58)  # the window of 50 samples is full of it
-    without = train([dithered.segment], DefaultConfig(other_odds=0.0)).model
+    without = train([dithered.segment], DelayModalConfig(other_odds=0.0)).model
     better, worse = (forecast_errors(model, samples, wind, ages) for model in (trained.model, without))
     assert better < 0.8 * worse
 
 
 def test_without_odds_of_onsets_the_encoder_is_linear(dithered):
-    config = DefaultConfig(onset_odds=0.0, starts=1, iterations=2)
+    config = DelayModalConfig(onset_odds=0.0, starts=1, iterations=2)
     assert train([dithered.segment], config).model.onsets is None
 
 
@@ -194,7 +196,7 @@ def test_too_little_or_mixed_data_is_refused():
         train([])
 
 
-@pytest.mark.parametrize("config", [DefaultConfig(), PaperConfig(epochs=1)], ids=["default", "paper"])
+@pytest.mark.parametrize("config", [DelayModalConfig(), PaperConfig(epochs=1)], ids=["delay-modal", "paper"])
 def test_a_flight_that_shows_nothing_teaches_to_hold(config):
     still = Segment(np.tile([0.0, 0.0, -2.5, 0.0, 0.0, 0.0], (300, 1)), np.zeros((300, 6)), 0.02)
     model = train([still], config).model

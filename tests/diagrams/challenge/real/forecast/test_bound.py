@@ -5,8 +5,8 @@ import pytest
 
 from diagrams.challenge.real.forecast import bound as checks
 from diagrams.challenge.real.forecast.bound import bound_lines, check_bound
-from np_drake.payload_filter.predictor import PendulumPredictor
-from np_drake.payload_filter.training import train_pendulum
+from np_drake.payload_filter.predictor import PayloadFilter
+from np_drake.payload_filter.training import train_payload_filter
 from np_drake.residual_models.hold import Hold
 
 
@@ -14,7 +14,7 @@ from np_drake.residual_models.hold import Hold
 def checked(cones):
     flight = cones[0]
     opened = (flight.log, flight.vehicle)
-    model = PendulumPredictor(train_pendulum([opened], step=0.02))
+    model = PayloadFilter(train_payload_filter([opened], step=0.02))
     return model, opened
 
 

@@ -27,7 +27,7 @@ def ratios(lines, row, *, motion="known", kind="lateral force"):
     }
 
 
-def test_the_told_pendulum_is_near_zero_and_persistence_is_one(cones, payload, monkeypatch):
+def test_the_oracle_pendulum_is_near_zero_and_persistence_is_one(cones, payload, monkeypatch):
     monkeypatch.setattr(folds, "true_payload", lambda: payload)
     lines = run_study(cones, [PERSISTENCE, TOLD, TOLD_WITH_DRAG], step=0.02, workers=Here()).lines()
     assert set(ratios(lines, PERSISTENCE).values()) == {1.0}

@@ -6,8 +6,8 @@ from diagrams.challenge.real.forecast.swing import payload_on, swing_of
 from np_drake.effects.pendulum import Payload
 from np_drake.lifting.model.encoders import DelayEncoder
 from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
-from np_drake.payload_filter.model_file import PendulumModel
-from np_drake.payload_filter.predictor import PendulumPredictor
+from np_drake.payload_filter.model_file import PayloadFilterModel
+from np_drake.payload_filter.predictor import PayloadFilter
 from np_drake.residual_models.hold import Hold
 from np_drake.residual_models.linear_baselines import LinearBaseline
 from np_drake.scaling import scales
@@ -37,8 +37,10 @@ def test_a_model_without_modes_shows_none():
 def test_a_pendulum_tells_its_payload_at_the_end_of_a_flight(cones, payload):
     flight = cones[-1]
     arm = scales(flight.vehicle).length
-    model = PendulumModel(0.02, flight.vehicle.mass, 9.81, 0.0, 0.0, 0.01, 0.0, 0.02, np.zeros(3), arm=arm)
-    found = payload_on(PendulumPredictor(model), (flight.log, flight.vehicle))
+    model = PayloadFilterModel(
+        0.02, flight.vehicle.mass, 9.81, 0.0, 0.0, 0.01, 0.0, 0.02, np.zeros(3), arm=arm
+    )
+    found = payload_on(PayloadFilter(model), (flight.log, flight.vehicle))
     assert found.mass.low < payload.mass / flight.vehicle.mass < found.mass.high
     assert found.length.low < payload.length < found.length.high
 

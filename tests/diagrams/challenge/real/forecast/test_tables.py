@@ -51,7 +51,7 @@ def test_a_cell_tells_what_it_is():
 def payload(manoeuvre, low, high):
     """A flight whose estimates of all three have this interval."""
     return FlownPayload(
-        "pendulum", "a", manoeuvre, PayloadEstimate(*[Estimate(0.5 * (low + high), low, high)] * 3)
+        "payload_filter", "a", manoeuvre, PayloadEstimate(*[Estimate(0.5 * (low + high), low, high)] * 3)
     )
 
 

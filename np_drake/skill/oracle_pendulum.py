@@ -45,7 +45,7 @@ class ToldPendulum:
         step: float,
         rest: Rest | None = None,
     ):
-        self.name = "told pendulum" if rest is None else "told + drag"
+        self.name = "oracle pendulum" if rest is None else "told + drag"
         self.payload, self.step = payload, step
         self._truth = TrueModel(vehicle, payload, [], [])
         self._r, self._r_rate, self._rest = r, r_rate, rest
@@ -102,7 +102,7 @@ def mean_velocity(x: np.ndarray) -> np.ndarray:
     return 0.5 * (x[1:, 7:10] + x[:-1, 7:10])
 
 
-def told_pendulum(
+def oracle_pendulum(
     flight: SampledFlight,
     vehicle: Vehicle,
     payload: Payload,
@@ -125,7 +125,7 @@ def told_pendulum(
 
 
 def remaining_drag(flights: Iterable[tuple[SampledFlight, ToldPendulum]]) -> float:
-    """Return the drag coefficient that explains best what told pendulums leave of the lateral labels [N s/m].
+    """Return the drag coefficient that explains best what oracle pendulums leave of the lateral labels [N s/m].
 
     Least squares beside a constant for every flight and axis.
     """

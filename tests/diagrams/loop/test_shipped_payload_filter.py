@@ -1,34 +1,34 @@
-"""The pendulum model that ships with the package: made anew from its training flight, and flown."""
+"""The payload filter that ships with the package: made anew from its training flight, and flown."""
 
 import dataclasses as dc
 
 import numpy as np
 import pytest
 
-from diagrams.loop.controllers import DEFAULT_MODEL, FLYING_MODEL, ControllerConfig, make_residual_model
+from diagrams.loop.controllers import FILTER_MODEL, NP_MODEL, ControllerConfig, make_residual_model
 from diagrams.loop.flight_result import fly
 from diagrams.tracking.packaged import difference
 from diagrams.tracking.tracking import Row, configure, train_models
-from np_drake.payload_filter.model_file import NUMBERS, PENDULUM, PendulumModel
-from np_drake.payload_filter.predictor import PendulumPredictor
+from np_drake.payload_filter.model_file import NUMBERS, PAYLOAD_FILTER, PayloadFilterModel
+from np_drake.payload_filter.predictor import PayloadFilter
 from np_drake.vehicle import Vehicle
 
-TRAINED = Row("np: pendulum", "np", training="training_circle", configuration=PENDULUM)
+TRAINED = Row("payload_filter", "payload_filter", training="training_circle", configuration=PAYLOAD_FILTER)
 
 
 @pytest.fixture(scope="module")
 def retrained(remade):
-    return PendulumModel.load(remade[1])
+    return PayloadFilterModel.load(remade[1])
 
 
 def test_training_anew_gives_the_shipped_model(remade, retrained):
-    shipped = PendulumModel.load(FLYING_MODEL)
+    shipped = PayloadFilterModel.load(FILTER_MODEL)
     for name in NUMBERS:
         assert getattr(retrained, name) == pytest.approx(
             getattr(shipped, name), rel=1e-3
         )  # another processor
     np.testing.assert_allclose(retrained.hook, shipped.hook, atol=1e-5)  # [m]
-    assert remade[1].name == FLYING_MODEL.name
+    assert remade[1].name == FILTER_MODEL.name
     apart = difference(remade[1])
     assert apart.relative < 1e-2  # small numbers of a torque, another processor
     assert apart.from_zero == 0.0
@@ -42,25 +42,23 @@ def test_training_finds_what_the_real_vehicle_has(retrained):
     np.testing.assert_allclose(retrained.hook, reality.payload.hook, atol=0.005)  # [m]
 
 
-def test_np_flies_with_it_unless_a_file_is_named():
+def test_it_flies_its_own_vehicle_and_no_other():
     vehicle = Vehicle().check()
-    assert isinstance(make_residual_model(ControllerConfig(kind="np"), vehicle), PendulumPredictor)
-    other = make_residual_model(ControllerConfig(kind="np", predictor=str(DEFAULT_MODEL)), vehicle)
-    assert not isinstance(other, PendulumPredictor)
+    assert isinstance(make_residual_model(ControllerConfig(PAYLOAD_FILTER), vehicle), PayloadFilter)
     with pytest.raises(ValueError, match="mass"):
-        make_residual_model(ControllerConfig(kind="np"), dc.replace(vehicle, mass=1.0))
+        make_residual_model(ControllerConfig(PAYLOAD_FILTER), dc.replace(vehicle, mass=1.0))
 
 
 @pytest.mark.parametrize("payload", [0.0, 0.5])
 def test_on_another_payload_it_is_better_than_the_model_of_one_payload(payload):
     errors = {}
-    for name, model in (("pendulum", FLYING_MODEL), ("default", DEFAULT_MODEL)):
-        config = configure("circle", Row("np", "np"), solver="sqp", model=str(model))
+    for name, model in ((PAYLOAD_FILTER, FILTER_MODEL), ("np", NP_MODEL)):
+        config = configure("circle", Row(name, name), solver="sqp", model=str(model))
         config.duration = 10.0
         config.reality.payload.mass = payload or 0.26
         config.reality.payload.tether = "cable" if payload else "none"
         errors[name] = fly(config.check(), seed=77).metrics()["E_xy"]
-    assert errors["pendulum"] < 0.5 * errors["default"], errors
+    assert errors[PAYLOAD_FILTER] < 0.5 * errors["np"], errors
 
 
 def test_the_tables_train_it_as_any_other_row(tmp_path, monkeypatch):
@@ -69,8 +67,8 @@ def test_the_tables_train_it_as_any_other_row(tmp_path, monkeypatch):
         "diagrams.tracking.tracking.training_flight", lambda experiment, **_: made.append(experiment)
     )
     monkeypatch.setattr(
-        "diagrams.tracking.tracking.train_pendulum_model", lambda flight, path: made.append(path.name)
+        "diagrams.tracking.tracking.train_payload_filter_model", lambda flight, path: made.append(path.name)
     )
     files = train_models((TRAINED,), tmp_path, seed=0, solver="sqp")
-    assert made == ["training_circle", "pendulum_training_circle.safetensors"]
-    assert list(files) == [("training_circle", PENDULUM)]
+    assert made == ["training_circle", "payload_filter_training_circle.safetensors"]
+    assert list(files) == [("training_circle", PAYLOAD_FILTER)]

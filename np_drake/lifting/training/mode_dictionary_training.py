@@ -1,4 +1,4 @@
-"""Training of the `dictionary` configuration, which is `default` where the wrench is in body axes.
+"""Training of the `mode-dictionary` configuration, for wrenches in body axes.
 
 It is in closed form: nothing is drawn at random and nothing is iterated.
 """
@@ -10,7 +10,7 @@ import numpy as np
 
 from np_drake.lifting.model.delay_taps import DelayTaps
 from np_drake.lifting.model.encoders import DelayEncoder
-from np_drake.lifting.model.lifted_model import DEFAULT, DICTIONARY, LiftedModel
+from np_drake.lifting.model.lifted_model import MODE_DICTIONARY, LiftedModel
 from np_drake.lifting.model.trust import Trust
 from np_drake.lifting.training.checkpoint import Checkpoint
 from np_drake.lifting.training.excitation import measure_excitation
@@ -21,7 +21,6 @@ from np_drake.lifting.training.horizon_ridge import (
     horizon_ridge,
     relative_error,
 )
-from np_drake.lifting.training.joint_response import JointPiece, fit_jointly
 from np_drake.lifting.training.mode_dictionary import ModeDictionary, time_constants
 from np_drake.lifting.training.zeta_response import coupled, fit_response
 from np_drake.training_data.segments import Segment, check_segments, group_scale
@@ -30,13 +29,12 @@ LEVEL_MEMORY = 200.0  # time constant of what is held [s]
 
 
 @dc.dataclass(frozen=True)
-class DictionaryConfig:
-    """Parameters of the `dictionary` configuration; the defaults are for wrenches in body axes.
+class ModeDictionaryConfig:
+    """Parameters of the `mode-dictionary` configuration.
 
     Steps are those of the data (2.5 ms on the paper's arrays).
     """
 
-    configuration: str = DEFAULT  # name of the model
     delay: int = 87  # samples the encoder sees [1]
     dense: int = 12  # of them one by one, the newest [1]
     averages: int = 11  # the others in so many averages [1]
@@ -55,7 +53,6 @@ class DictionaryConfig:
     input_noise: float = 0.01  # of the coming zeta, in units of its scale [1]
     strength: float = 0.03  # prior deviation of what a unit of zeta adds to chi in each mode, both scaled [1]
     symmetry: float = 0.8  # how symmetric the airframe is taken to be: about body z and left to right [1]
-    joint: bool = False  # E and B in one fit, for a known coming motion; else E for a held one, then B
     trust_half: float = 200.0  # horizon at which half a departure is believed before any evidence [steps]
     max_origins: int = 4000  # of a segment; thinned beyond [1]
     seed: int = 0  # nothing is drawn; kept for the one interface of all configurations
@@ -71,27 +68,13 @@ class DictionaryConfig:
         return horizon_grid(self.horizon, self.horizons)
 
 
-FLIGHT_DICTIONARY = DictionaryConfig(  # for wrenches in world axes at the controller's 50 Hz
-    configuration=DICTIONARY,
-    delay=60,
-    horizon=40,
-    horizons=25,
-    force_modes=(1.5, 3.0, 6.0, 12.0, 24.0, 48.0),
-    torque_modes=(1.5, 4.0, 10.0, 25.0, 60.0),
-    noise=0.1,
-    strength=5.0,
-    symmetry=1.0,
-    joint=True,
-)
-
-
-def train_dictionary(
+def train_mode_dictionary(
     segments: list[Segment],
-    config: DictionaryConfig,
+    config: ModeDictionaryConfig,
     checkpoint: Checkpoint,
     on_epoch: Callable[[int, int, float], None] = lambda *_: None,
 ) -> tuple[LiftedModel, list[float]]:
-    """Return (model, [loss]) of the `dictionary` configuration.
+    """Return (model, [loss]) of the `mode-dictionary` configuration.
 
     The loss is the mean square of the held forecast's error over that of the better naive row [1]. The checkpoint is
     not used: there is nothing to resume.
@@ -112,12 +95,9 @@ def train_dictionary(
     modes = time_constants(config.force_modes, config.torque_modes, LEVEL_MEMORY / step)
     weights = np.sqrt(np.mean([1.0 / flight.power for flight in flights], axis=0))
     projector = modes.projector(config.grid, weights)
-    if config.joint:
-        encoder, B = _joint(segments, flights, modes, config, scale)
-    else:
-        W = horizon_ridge(flights, noise=config.noise)
-        encoder = np.einsum("khc,phc->kp", projector, W)
-        B = _response(segments, flights, encoder, modes, config, scale)
+    W = horizon_ridge(flights, noise=config.noise)
+    encoder = np.einsum("khc,phc->kp", projector, W)
+    B = _response(segments, flights, encoder, modes, config, scale)
     fitted = np.einsum("hck,kp->phc", modes.readout(config.grid), encoder)
     loss = float(np.mean([relative_error(flight, fitted) for flight in flights]))
     on_epoch(len(segments) + 2, len(segments) + 2, loss)
@@ -139,7 +119,7 @@ def _scales(segments: list[Segment]) -> np.ndarray:
 
 def _response(
     segments: list[Segment], flights: list[Moments], encoder: np.ndarray, modes: ModeDictionary,
-    config: DictionaryConfig, scale: np.ndarray,
+    config: ModeDictionaryConfig, scale: np.ndarray,
 ) -> np.ndarray:  # fmt: skip
     """Return B (K, 6), scaled, on origins thinned to a quarter of those of the encoder."""
     readout, pieces = modes.readout(config.grid), []
@@ -161,20 +141,6 @@ def _response(
     )
 
 
-def _joint(
-    segments: list[Segment], flights: list[Moments], modes: ModeDictionary, config: DictionaryConfig, scale: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
-    """Return the encoder (K, p) and B (K, 6), scaled, fitted together."""
-    pieces = [
-        JointPiece(_samples(s) / scale, s.goal / scale[:6], f.power)
-        for s, f in zip(segments, flights, strict=True)
-    ]
-    return fit_jointly(
-        pieces, modes, config.grid, config.taps, noise=config.noise, input_noise=config.input_noise,
-        strength=config.strength, symmetry=config.symmetry, max_origins=config.max_origins,
-    )  # fmt: skip
-
-
 def _assemble(config, modes, encoder, B, projector, scale, step, segments) -> LiftedModel:
     """Return the model in physical units."""
     channel = np.concatenate([[c] * len(p) for c, p in enumerate(modes.poles)])
@@ -190,17 +156,15 @@ def _assemble(config, modes, encoder, B, projector, scale, step, segments) -> Li
     ahead = config.grid > 0
     readout = modes.readout(config.grid[ahead])
     unread = np.zeros((*readout.shape[:2], 6))  # the last zeta
-    trust = None  # trust evaluates forecasts for a held motion, for which a joint fit is not made
-    if not config.joint:
-        trust = Trust(
-            config.grid[ahead],
-            np.concatenate([readout, unread], axis=2),
-            np.concatenate([projector[:, ahead], np.zeros((6, ahead.sum(), 6))]),
-            np.mean([segment.goal.mean(axis=0) for segment in segments], axis=0),
-            half=config.trust_half,
-        )
+    trust = Trust(
+        config.grid[ahead],
+        np.concatenate([readout, unread], axis=2),
+        np.concatenate([projector[:, ahead], np.zeros((6, ahead.sum(), 6))]),
+        np.mean([segment.goal.mean(axis=0) for segment in segments], axis=0),
+        half=config.trust_half,
+    )
     return LiftedModel(
-        config.configuration,
+        MODE_DICTIONARY,
         system,
         DelayEncoder(E, config.delay, offset),
         config.delay,

@@ -1,4 +1,4 @@
-"""Training of the `default` configuration: delay encoder and stable A, B, C on a multi-step loss."""
+"""Training of the `delay-modal` configuration: delay encoder and stable A, B, C on a multi-step loss."""
 
 import dataclasses as dc
 from collections.abc import Callable
@@ -9,7 +9,7 @@ import scipy.linalg
 from np_drake.lifting.model.channel_views import Block, free_blocks, symmetric_blocks, turns
 from np_drake.lifting.model.encoders import DelayEncoder
 from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
-from np_drake.lifting.model.lifted_model import DEFAULT, LiftedModel
+from np_drake.lifting.model.lifted_model import DELAY_MODAL, LiftedModel
 from np_drake.lifting.model.onsets import Onsets
 from np_drake.lifting.training.checkpoint import Checkpoint
 from np_drake.lifting.training.delay_regression import Regularisation, compress
@@ -23,8 +23,8 @@ SETTLED = 10  # steps after which a label no longer shows how it began [1]
 
 
 @dc.dataclass(frozen=True)
-class DefaultConfig:
-    """Parameters of the `default` configuration.
+class DelayModalConfig:
+    """Parameters of the `delay-modal` configuration.
 
     Force, torque, v and omega are each divided by one scale.
     """
@@ -65,13 +65,13 @@ class DefaultConfig:
         return free_blocks(self.size or 24, torque=self.torque)
 
 
-def train_default(
+def train_delay_modal(
     segments: list[Segment],
-    config: DefaultConfig,
+    config: DelayModalConfig,
     checkpoint: Checkpoint,
     on_epoch: OnEpoch = lambda *_: None,
 ) -> tuple[LiftedModel, list[float]]:
-    """Return (model, loss after each iteration) of the `default` configuration.
+    """Return (model, loss after each iteration) of the `delay-modal` configuration.
 
     Finished descents are in the checkpoint; a resumed run repeats the others, which draw from seeds of their
     own, and so ends where an uninterrupted one does.
@@ -95,7 +95,9 @@ def train_default(
     system, encoder = _assemble(blocks, fitted, config.delay, step, chi_scale, zeta_scale, excitation)
     onsets = _onsets(blocks, begun, config, chi_scale, zeta_scale, excitation)
     summary = {"samples": sum(map(len, segments)), "loss": losses, "excitation": excitation.text}
-    model = LiftedModel(DEFAULT, system, encoder, config.delay, chi_scale, zeta_scale, config.torque, summary)
+    model = LiftedModel(
+        DELAY_MODAL, system, encoder, config.delay, chi_scale, zeta_scale, config.torque, summary
+    )
     return dc.replace(model, onsets=onsets), runs.history
 
 
@@ -126,7 +128,7 @@ class _Runs:
 
 
 def _best_descent(
-    modal: ModalBlock, config: DefaultConfig, number: int, runs: _Runs
+    modal: ModalBlock, config: DelayModalConfig, number: int, runs: _Runs
 ) -> tuple[np.ndarray, float]:
     """Return the parameters of the least loss over the starts, and that loss."""
     found = []
@@ -138,7 +140,7 @@ def _best_descent(
     return theta, loss
 
 
-def _excitation(segments: list[Segment], config: DefaultConfig, step: float) -> Excitation:
+def _excitation(segments: list[Segment], config: DelayModalConfig, step: float) -> Excitation:
     """Return the excitation of the segments and, where x and y are tied, of their rotations and mirror images."""
     zeta = [segment.zeta for segment in segments]
     if config.symmetric:
@@ -146,7 +148,7 @@ def _excitation(segments: list[Segment], config: DefaultConfig, step: float) -> 
     return measure_excitation(zeta, config.zeta_noise, step=step)
 
 
-def _modal_block(block: Block, scaled: list, config: DefaultConfig, step: float) -> ModalBlock:
+def _modal_block(block: Block, scaled: list, config: DelayModalConfig, step: float) -> ModalBlock:
     pieces = [
         (chi @ view.labels.T, zeta @ view.inputs.T, goal @ view.selected.T)
         for chi, zeta, goal in scaled
@@ -183,7 +185,7 @@ def _assemble(
 
 
 def _block_onsets(
-    block: Block, modal: ModalBlock, m: BlockMatrices, scaled: list, config: DefaultConfig
+    block: Block, modal: ModalBlock, m: BlockMatrices, scaled: list, config: DelayModalConfig
 ) -> BlockOnsets | None:
     """Return the onsets of a block: levels in every block, and oscillation where something swings."""
     if not config.onsets:
@@ -200,7 +202,7 @@ def _block_onsets(
 
 
 def _onsets(
-    blocks: list[Block], begun: list[BlockOnsets | None], config: DefaultConfig,
+    blocks: list[Block], begun: list[BlockOnsets | None], config: DelayModalConfig,
     chi_scale: np.ndarray, zeta_scale: np.ndarray, excitation: Excitation,
 ) -> Onsets | None:  # fmt: skip
     """Return all views' onsets, in physical units."""

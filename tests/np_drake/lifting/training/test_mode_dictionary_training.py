@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from np_drake.lifting.model.model_file import load_model, save_model
-from np_drake.lifting.training.dictionary_training import DictionaryConfig
+from np_drake.lifting.training.mode_dictionary_training import ModeDictionaryConfig
 from np_drake.lifting.training.train import make_config, train
 from np_drake.residual_model import Sample
 from np_drake.residual_models.neural_predictor import NeuralPredictor, PredictorOptions
@@ -14,7 +14,7 @@ from np_drake.skill.skill import model_predictions, skill_table
 from np_drake.training_data.segments import Segment
 
 STEP, HORIZONS = 0.0025, [5, 20, 40]  # [s]; one step ahead, smooth motion is a straight line
-CONFIG = DictionaryConfig(delay=30, averages=4, horizon=60, horizons=10)
+CONFIG = ModeDictionaryConfig(delay=30, averages=4, horizon=60, horizons=10)
 
 
 def flight(seed: int, n: int = 3000) -> Segment:
@@ -39,10 +39,12 @@ def dut(model):
 
 
 def test_default_in_body_axes_is_this_configuration():
-    assert isinstance(make_config("default", frame="body"), DictionaryConfig)
-    assert not isinstance(make_config("default"), DictionaryConfig)
+    assert isinstance(make_config("mode-dictionary", frame="body"), ModeDictionaryConfig)
+    assert not isinstance(make_config(""), ModeDictionaryConfig)
+    with pytest.raises(ValueError, match="world axes need delay-modal"):
+        make_config("mode-dictionary")
     with pytest.raises(ValueError, match="frame must be"):
-        make_config("default", frame="moon")
+        make_config("delay-modal", frame="moon")
 
 
 def test_it_is_stable_whatever_the_data_say(model):

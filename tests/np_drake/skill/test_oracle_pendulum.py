@@ -4,7 +4,7 @@ import pytest
 from np_drake.effects.pendulum import Payload
 from np_drake.residual_model import ReadsPlan
 from np_drake.skill.flight_walk import flight_forecasts, held_plan
-from np_drake.skill.told_pendulum import Rest, remaining_drag, told_pendulum
+from np_drake.skill.oracle_pendulum import Rest, oracle_pendulum, remaining_drag
 from np_drake.training_data.sampled_flight import sampled_flight
 from np_drake.vehicle import Vehicle
 
@@ -17,7 +17,7 @@ HORIZONS = [1, 10, 50]
 def errors(log, path, *, motion="known", rest=None, first=10):
     """Errors of the force over the horizons, (origins, H, 3) [N]."""
     flight = sampled_flight(log, VEHICLE, step=0.02)
-    dut = told_pendulum(flight, VEHICLE, PAYLOAD, path, rest)
+    dut = oracle_pendulum(flight, VEHICLE, PAYLOAD, path, rest)
     chi_hat = flight_forecasts(dut, flight, HORIZONS, first=first, motion=motion)
     goal = np.full_like(chi_hat, np.nan)
     for i, h in enumerate(HORIZONS):
@@ -26,7 +26,7 @@ def errors(log, path, *, motion="known", rest=None, first=10):
 
 
 @pytest.mark.parametrize("velocity", [(0.0, 0.0, 0.0), (1.0, -2.0, 0.5)])
-def test_the_told_pendulum_forecasts_a_conical_swing(flown, velocity):
+def test_the_oracle_pendulum_forecasts_a_conical_swing(flown, velocity):
     log, path = flown.conical_flight(VEHICLE, PAYLOAD, angle=0.4, velocity=velocity)
     error = errors(log, path)
     # The rows of a label lie 2 ms after the middle of its step (0.8 % of the swing); the integration adds 0.6 %.
@@ -57,14 +57,14 @@ def test_the_drag_beside_the_tether_is_found(flown):
     log = flown.carried(VEHICLE, t, p, v, a, -0.3 * v + [0.1, 0.2, 0.0], "drag")
     flight = sampled_flight(log, VEHICLE, step=0.02)
     light = Payload(mass=1e-9, length=0.6, hook=(0.0, 0.0, 0.0))
-    dut = told_pendulum(flight, VEHICLE, light, (t, p - [0.0, 0.0, 0.6]))
+    dut = oracle_pendulum(flight, VEHICLE, light, (t, p - [0.0, 0.0, 0.6]))
     assert remaining_drag([(flight, dut)]) == pytest.approx(0.3, rel=1e-2)  # mean of a step by its ends
 
 
 def test_it_reads_a_plan_and_without_one_holds_the_motion(flown):
     log, path = flown.conical_flight(VEHICLE, PAYLOAD, angle=0.4, velocity=(1.0, 0.0, 0.0))
     flight = sampled_flight(log, VEHICLE, step=0.02)
-    dut = told_pendulum(flight, VEHICLE, PAYLOAD, path)
+    dut = oracle_pendulum(flight, VEHICLE, PAYLOAD, path)
     assert isinstance(dut, ReadsPlan)
     memory = dut.update(dut.initial_memory(), flight.sample(0))
     plan = held_plan(flight.x[0], flight.u[0], steps=10, step=0.04)
@@ -78,7 +78,7 @@ def test_it_reads_a_plan_and_without_one_holds_the_motion(flown):
 def test_a_sample_of_nan_leaves_a_usable_memory(flown):
     log, path = flown.conical_flight(VEHICLE, PAYLOAD, angle=0.4)
     flight = sampled_flight(log, VEHICLE, step=0.02)
-    dut = told_pendulum(flight, VEHICLE, PAYLOAD, path, Rest(0.1))
+    dut = oracle_pendulum(flight, VEHICLE, PAYLOAD, path, Rest(0.1))
     memory = dut.update(dut.initial_memory(), flight.sample(0))
     flight.x[1], flight.u[1], flight.chi[1] = np.nan, np.nan, np.nan
     memory = dut.update(memory, flight.sample(1))
