@@ -4,6 +4,8 @@ import dataclasses as dc
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+from np_drake.effects.mass_error import MassError
+
 EXACT, APPROXIMATE, LEFT_OUT = "exact", "approximate", "left out"
 Law = Mapping[str, tuple[str, str]]  # identifier of an effect -> how a format carries it, and in words
 _SENSOR = (LEFT_OUT, "an error of the sensors, not of the motion")
@@ -29,4 +31,6 @@ def carried(effects: Iterable[Any], law: Law) -> list[Carried]:
 
 def how_carried(effect: Any, law: Law) -> tuple[str, str]:
     """Return how a format with this law carries an effect (object or class), and in words."""
+    if getattr(effect, "place", "") == "mass":  # any change of mass and inertia goes where theirs go
+        return law.get(effect.identifier) or law.get(MassError.identifier, _UNKNOWN)
     return law.get(effect.identifier, _SENSOR if hasattr(effect, "measure") else _UNKNOWN)

@@ -1,7 +1,7 @@
 """Adds an effect, flies with it in Drake, and finds it again in the flight logs.
 
 Shows: one frozen dataclass serves the simulator and the diagnosis. `register` puts it into the list of effects that the
-diagnosis tries; a `RealityConfig` that returns it among its wrench effects puts it into the simulation.
+diagnosis tries and a scenario may name.
 """
 
 import dataclasses as dc
@@ -14,6 +14,7 @@ from diagrams.loop.flight_result import fly
 from diagrams.loop.reality import RealityConfig
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.effects.base import Parameter, WrenchEffect
+from np_drake.effects.effect_entry import EffectEntry
 from np_drake.effects.library import register
 from np_drake.flight_log import FlightLog
 from np_drake.references.config import ReferenceConfig
@@ -35,16 +36,11 @@ class GroundSpring(WrenchEffect):
         return np.concatenate([force, np.zeros_like(force)], axis=-1)
 
 
-class Reality(RealityConfig):
-    """The real vehicle with the cord."""
-
-    def wrench_effects(self):
-        return [*super().wrench_effects(), GroundSpring(0.5)]
-
-
 def main() -> None:
     """Flies a circle and a lemniscate with the cord, diagnoses them, prints the verdict and the stiffness."""
-    reality = Reality(PayloadConfig(tether="none"), rotor_drag=0.0, motor_lag=0.0, thrust_scale=1.0)
+    cord = EffectEntry.of(GroundSpring(0.5))
+    nothing = PayloadConfig(tether="none")
+    reality = RealityConfig(nothing, rotor_drag=0.0, motor_lag=0.0, thrust_scale=1.0, effects=[cord])
     logs: list[FlightLog] = []
     for track, speed in (("circle", 1.5), ("lemniscate", 2.0)):
         reference = ReferenceConfig(track, speed=speed, ramp=3.0, dither=[0.08, 0.08, 0.08])

@@ -4,6 +4,7 @@ import dataclasses as dc
 
 import numpy as np
 
+from np_drake.effects.base import Effect
 from np_drake.vehicle import Vehicle
 
 REAL = 0.002  # tolerance of the attitude above which sensors are real ones [rad]
@@ -41,15 +42,10 @@ class Tolerance:
         """Whether the sensors are real ones."""
         return self.attitude > REAL
 
-    def of(self, identifier: str) -> float:
+    def of(self, effect: Effect | type[Effect]) -> float:
         """Return the tolerance of the sensor that an effect is about; 0 for others."""
-        names = {
-            "accelerometer_bias": self.acceleration,
-            "attitude_bias": self.attitude,
-            "gyro_bias": self.rate,
-            "velocity_bias": self.velocity,
-        }
-        return names.get(identifier, 0.0)
+        sensor = effect.tolerance and effect.place == "measurement"
+        return float(getattr(self, effect.tolerance)) if sensor else 0.0
 
     def with_vehicle(self, vehicle: Vehicle) -> "Tolerance":
         """Return the tolerance whose mass and thrust are at least what the vehicle file states for its own."""

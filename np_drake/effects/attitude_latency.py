@@ -22,6 +22,8 @@ class AttitudeLatency(SensorEffect):
     latency: float = 0.01  # [s]
 
     identifier: ClassVar[str] = "attitude_latency"
+    named: ClassVar[str] = "a latency of the attitude"
+    grows_with: ClassVar[str] = "rate"
     linear: ClassVar[bool] = False
     small: ClassVar[bool] = True
     corrupts: ClassVar[tuple[str, ...]] = ("qw", "qx", "qy", "qz")

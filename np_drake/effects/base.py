@@ -13,6 +13,8 @@ from typing import Any, ClassVar, Protocol
 import numpy as np
 
 from np_drake import attitude
+from np_drake.effects.parameter import Parameter, usual_size
+from np_drake.effects.random_sizes import log_uniform
 from np_drake.rigid_body import Q
 from np_drake.vehicle import Vehicle
 
@@ -20,34 +22,18 @@ _STILL = np.zeros(3)  # no wind, for motions without any [m/s]
 _STEADY = np.zeros(4)  # constant rotor speed [rad/s²]
 
 
-@dc.dataclass(frozen=True)
-class Parameter:
-    """Range and scale of one parameter of an effect.
-
-    neutral: value at which the effect vanishes, if `vanishes`.   lower, upper: bounds of a fit.
-    typical: usual distance from neutral: the deviation of the prior, and the scale of finite differences.
-    choices: the only values, where it is not continuous.
-    """
-
-    name: str
-    unit: str
-    neutral: float
-    lower: float
-    upper: float
-    typical: float
-    choices: tuple[float, ...] = ()
-    vanishes: bool = True
-
-
 class Effect:
-    """Base class of all effects.
+    """Base class of all effects: all that simulator, diagnosis and report know of one.
 
-    A subclass is a frozen dataclass whose fields carry the parameters' names.
+    A subclass is a frozen dataclass whose fields carry the parameters' names. It states `identifier`, `parameters` and
+    its function; everything else has a default.
     """
 
     identifier: ClassVar[str]
     place: ClassVar[str]  # wrench | actuator | mass | measurement
     parameters: ClassVar[tuple[Parameter, ...]]
+
+    # Its mathematics.
     linear: ClassVar[bool] = True  # in all parameters
     begins: ClassVar[bool] = True  # may begin in mid-flight
     needs: ClassVar[tuple[str, ...]] = ()  # it acts through one of these (wind through a drag)
@@ -55,6 +41,20 @@ class Effect:
         tuple[tuple[float, ...], ...]
     ] = ()  # of its continuous parameters; (): none [1]
     widens: ClassVar[bool] = False  # its prior widens to the size of its estimate: usual sizes are not known
+    has_hidden_state: ClassVar[bool] = False  # a motion of its own, which no log holds (a payload's swing)
+    shifts_commands: ClassVar[bool] = False  # in time against the state: a lag, a delay, another clock
+    pure_delay: ClassVar[bool] = False  # it does nothing but that
+    requires: ClassVar[tuple[str, ...]] = ()  # what a log must tell: keys of `library.REQUIREMENTS`
+    tolerance: ClassVar[str] = ""  # field of `Tolerance`: how far vehicle file or sensor may be off
+
+    # Its words in a report.
+    named: ClassVar[str] = ""  # within a sentence, with its article; "": the identifier's words
+    phrase: ClassVar[str] = ""  # with its size, as in "a {mass} payload on {length}"; "": composed
+    shares: ClassVar[bool] = False  # its dimensionless parameters are shown in per cent
+    bench_check: ClassVar[str] = ""  # how to see it without a flight
+    excited_by: ClassVar[str] = ""  # manoeuvre that shows it
+    told_from: ClassVar[Mapping[str, str]] = {}  # identifier of another effect: manoeuvre that tells the two
+    grows_with: ClassVar[str] = ""  # speed | rate | torque | duration, without which it leaves no trace
 
     @property
     def values(self) -> dict[str, float]:
@@ -69,6 +69,37 @@ class Effect:
     def time_shift(self, vehicle: Vehicle) -> float:
         """Return the time by which commands act later on the state, beyond what the vehicle file says [s]."""
         return 0.0
+
+    @classmethod
+    def title(cls) -> str:
+        """Return its name within a sentence, with its article."""
+        return cls.named or cls.identifier.replace("_", " ")
+
+    @classmethod
+    def grid(cls, vehicle: Vehicle) -> list[dict[str, float]]:
+        """Return the values of its parameters at which a search linearises it; [] where it is linear enough."""
+        if cls.linear or cls.needs or cls.place in ("mass", "measurement"):
+            return []
+        free = [p for p in cls.parameters if not p.choices]
+        return [{p.name: p.neutral + sign * p.typical for p in free} for sign in (0.5, 1.0, -0.5)]
+
+    @classmethod
+    def draw(cls, rng: np.random.Generator, vehicle: Vehicle, seconds: float) -> dict[str, float]:
+        """Return random parameters of a simulated case, log-uniform from invisible to strong.
+
+        Args:
+            rng: source of the draw.
+            vehicle: on which the effect acts.
+            seconds: duration of the flights [s].
+        Source: own choice: the weak end drowns in sensor noise, the strong end is what a controller still flies.
+        """
+        drawn = {}
+        for p in cls.parameters:
+            away = usual_size(p, vehicle) * log_uniform(rng, 0.1, 3.0)
+            sign = 1.0 if p.lower == p.neutral else -1.0 if p.upper == p.neutral else rng.choice([-1.0, 1.0])
+            value = rng.choice(p.choices) if p.choices else np.clip(p.neutral + sign * away, p.lower, p.upper)
+            drawn[p.name] = float(value)
+        return drawn
 
     @classmethod
     def neutral(cls) -> "Effect":

@@ -19,6 +19,8 @@ class BatterySag(ActuatorEffect):
     rate: float = -0.002  # [1/s]
 
     identifier: ClassVar[str] = "battery_sag"
+    named: ClassVar[str] = "battery sag"
+    bench_check: ClassVar[str] = "log the battery's voltage"
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("rate", "1/s", 0.0, -0.1, 0.1, 0.002),)
 
     def thrust(

@@ -7,6 +7,7 @@ import numpy as np
 
 from np_drake.effects.air_speed import air_velocity_B, chi_from_body
 from np_drake.effects.base import Motion, Parameter, WrenchEffect
+from np_drake.effects.random_sizes import arm, log_uniform
 from np_drake.vehicle import Vehicle
 
 
@@ -20,9 +21,17 @@ class BladeFlapping(WrenchEffect):
     moment: float = 0.02  # [N·m·s/m]
 
     identifier: ClassVar[str] = "blade_flapping"
+    named: ClassVar[str] = "blade flapping"
+    excited_by: ClassVar[str] = "level sprints with sudden reversals"
+    grows_with: ClassVar[str] = "speed"
     feels_rotor_rate: ClassVar[bool] = False
     pushes: ClassVar[bool] = False
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("moment", "N·m·s/m", 0.0, -0.2, 0.2, 0.02),)
+
+    @classmethod
+    def draw(cls, rng: np.random.Generator, vehicle: Vehicle, seconds: float) -> dict[str, float]:
+        """Return random parameters of a simulated case."""
+        return {"moment": float(log_uniform(rng, 3e-4, 2e-2) * vehicle.mass * 9.81 * arm(vehicle))}
 
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
         """Return chi of the moment, (..., 6) [N, N·m]."""

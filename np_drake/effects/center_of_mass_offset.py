@@ -6,6 +6,8 @@ from typing import ClassVar
 import numpy as np
 
 from np_drake.effects.base import MassEffect, MassProperties, Parameter
+from np_drake.effects.random_sizes import arm, direction, log_uniform
+from np_drake.vehicle import Vehicle
 
 
 @dc.dataclass(frozen=True)
@@ -22,10 +24,20 @@ class CenterOfMassOffset(MassEffect):
     z: float = 0.0  # [m]
 
     identifier: ClassVar[str] = "center_of_mass_offset"
+    named: ClassVar[str] = "an offset of the centre of mass"
+    bench_check: ClassVar[str] = "balance the vehicle on an edge along each axis"
+    excited_by: ClassVar[str] = "thrust steps: climb and descend hard with level attitude"
+    requires: ClassVar[tuple[str, ...]] = ("torque",)
     linear: ClassVar[bool] = False
     parameters: ClassVar[tuple[Parameter, ...]] = tuple(
         Parameter(axis, "m", 0.0, -0.15, 0.15, 0.01) for axis in "xyz"
     )
+
+    @classmethod
+    def draw(cls, rng: np.random.Generator, vehicle: Vehicle, seconds: float) -> dict[str, float]:
+        """Return random parameters of a simulated case, about level."""
+        size = log_uniform(rng, 0.005 * arm(vehicle), 0.2 * arm(vehicle))
+        return dict(zip("xyz", size * direction(rng, 0.5), strict=True))
 
     def properties(self, nominal: MassProperties) -> MassProperties:
         """Return `nominal` with the centre of mass moved."""

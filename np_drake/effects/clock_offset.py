@@ -3,7 +3,10 @@
 import dataclasses as dc
 from typing import ClassVar
 
+import numpy as np
+
 from np_drake.effects.base import Parameter, SensorEffect
+from np_drake.effects.random_sizes import signed
 from np_drake.vehicle import Vehicle
 
 
@@ -18,12 +21,29 @@ class ClockOffset(SensorEffect):
     offset: float = 0.02  # [s]
 
     identifier: ClassVar[str] = "clock_offset"
+    named: ClassVar[str] = "a clock offset"
+    bench_check: ClassVar[str] = "synchronise the clocks of state and command"
+    excited_by: ClassVar[str] = "sharp doublets"
+    grows_with: ClassVar[str] = "torque"
+    requires: ClassVar[tuple[str, ...]] = ("commands",)
+    shifts_commands: ClassVar[bool] = True
+    pure_delay: ClassVar[bool] = True
     linear: ClassVar[bool] = False
     corrupts: ClassVar[tuple[str, ...]] = (
         *("px", "py", "pz", "qw", "qx", "qy", "qz", "vx", "vy", "vz", "wx", "wy", "wz"),
         *("ax", "ay", "az", "alx", "aly", "alz"),
     )
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("offset", "s", 0.0, 0.0, 0.3, 0.02),)
+
+    @classmethod
+    def draw(cls, rng: np.random.Generator, vehicle: Vehicle, seconds: float) -> dict[str, float]:
+        """Return random parameters of a simulated case."""
+        return {"offset": float(signed(rng, 0.003, 0.06))}
+
+    @classmethod
+    def grid(cls, vehicle: Vehicle) -> list[dict[str, float]]:
+        """Return the offsets; the other way it is a delay of the commands, at which a search linearises it."""
+        return [{"offset": float(v)} for v in np.geomspace(0.003, 0.06, 10)]
 
     def time_shift(self, vehicle: Vehicle) -> float:
         """Return the time by which commands act later on what the state columns show [s]."""

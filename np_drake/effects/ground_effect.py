@@ -7,6 +7,7 @@ import numpy as np
 
 from np_drake.effects.air_speed import chi_from_body
 from np_drake.effects.base import Motion, Parameter, WrenchEffect
+from np_drake.effects.random_sizes import log_uniform
 from np_drake.vehicle import Vehicle
 
 _LARGEST_SHARE = 1 / 3  # of (R / 4h)²: thrust at most 1.5 times; the formula diverges at h = R / 4
@@ -24,10 +25,22 @@ class GroundEffect(WrenchEffect):
     effective_radius: float = 0.25  # [m]
 
     identifier: ClassVar[str] = "ground_effect"
+    named: ClassVar[str] = "ground effect"
+    excited_by: ClassVar[str] = "a descent to below two rotor radii"
     feels_rotor_rate: ClassVar[bool] = False
     linear: ClassVar[bool] = False
     widens: ClassVar[bool] = False
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("effective_radius", "m", 0.0, 0.0, 2.0, 0.2),)
+
+    @classmethod
+    def draw(cls, rng: np.random.Generator, vehicle: Vehicle, seconds: float) -> dict[str, float]:
+        """Return random parameters of a simulated case."""
+        return {"effective_radius": float(vehicle.rotor_radius * log_uniform(rng, 1.0, 6.0))}
+
+    @classmethod
+    def grid(cls, vehicle: Vehicle) -> list[dict[str, float]]:
+        """Return the radii at which a search linearises it."""
+        return [{"effective_radius": v * vehicle.rotor_radius} for v in (1.0, 1.6, 2.4, 3.5, 5.0)]
 
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
         """Return chi of the additional thrust and torque, (..., 6) [N, N·m]."""

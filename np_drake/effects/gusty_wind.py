@@ -7,6 +7,8 @@ import numpy as np
 
 from np_drake.effects.base import Parameter, WrenchEffect
 from np_drake.effects.gauss_markov_lines import LINES, lines
+from np_drake.effects.random_sizes import direction, log_uniform
+from np_drake.vehicle import Vehicle
 
 
 @dc.dataclass(frozen=True)
@@ -25,6 +27,11 @@ class GustyWind(WrenchEffect):
     seed: int = 0  # of the phases
 
     identifier: ClassVar[str] = "gusty_wind"
+    named: ClassVar[str] = "a gusty wind"
+    phrase: ClassVar[str] = "a gusty wind of {deviation} deviation"
+    bench_check: ClassVar[str] = "measure the wind, or fly indoors"
+    excited_by: ClassVar[str] = "hover for a minute, then fly the same place again"
+    grows_with: ClassVar[str] = "speed"
     feels_rotor_rate: ClassVar[bool] = False
     pushes: ClassVar[bool] = False
     turns: ClassVar[bool] = False
@@ -35,6 +42,17 @@ class GustyWind(WrenchEffect):
         Parameter("deviation", "m/s", 0.0, 0.0, 8.0, 1.0),
         Parameter("correlation_time", "s", 1.0, 0.05, 20.0, 1.0, vanishes=False),
     )
+
+    @classmethod
+    def draw(cls, rng: np.random.Generator, vehicle: Vehicle, seconds: float) -> dict[str, float]:
+        """Return random parameters of a simulated case."""
+        strength = log_uniform(rng, 0.3, 3.0)
+        mean = strength * rng.uniform(0.3, 2.0) * direction(rng, 0.1)
+        return {
+            **dict(zip(("mean_x", "mean_y", "mean_z"), mean, strict=True)),
+            "deviation": strength,
+            "correlation_time": log_uniform(rng, 0.4, 3.0),
+        }
 
     @property
     def foreseen(self) -> "GustyWind":

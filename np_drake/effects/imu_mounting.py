@@ -24,6 +24,7 @@ class ImuMounting(SensorEffect):
     yaw: float = 0.0  # [rad]
 
     identifier: ClassVar[str] = "imu_mounting"
+    named: ClassVar[str] = "a tilted IMU"
     linear: ClassVar[bool] = False
     small: ClassVar[bool] = True
     corrupts: ClassVar[tuple[str, ...]] = ("qw", "qx", "qy", "qz", "wx", "wy", "wz")

@@ -6,6 +6,8 @@ from typing import ClassVar
 import numpy as np
 
 from np_drake.effects.base import MassEffect, MassProperties, Parameter
+from np_drake.effects.random_sizes import log_uniform
+from np_drake.vehicle import Vehicle
 
 
 @dc.dataclass(frozen=True)
@@ -20,9 +22,24 @@ class InertiaError(MassEffect):
     scale_zz: float = 1.2  # [1]
 
     identifier: ClassVar[str] = "inertia_error"
+    named: ClassVar[str] = "an inertia error"
+    shares: ClassVar[bool] = True
+    excited_by: ClassVar[str] = "fast doublets about all three axes"
+    grows_with: ClassVar[str] = "torque"
+    requires: ClassVar[tuple[str, ...]] = ("torque",)
     parameters: ClassVar[tuple[Parameter, ...]] = tuple(
         Parameter(name, "1", 1.0, 0.3, 3.0, 0.15) for name in ("scale_xx", "scale_yy", "scale_zz")
     )
+
+    @classmethod
+    def draw(cls, rng: np.random.Generator, vehicle: Vehicle, seconds: float) -> dict[str, float]:
+        """Return random parameters of a simulated case, those of a rigid body."""
+        size = log_uniform(rng, 0.02, 0.6)
+        while True:
+            scale = 1 + size * rng.uniform(-0.8, 1.0, 3)
+            moments = np.sort(scale * vehicle.J.diagonal())
+            if moments[2] < 0.98 * (moments[0] + moments[1]):
+                return dict(zip(("scale_xx", "scale_yy", "scale_zz"), scale, strict=True))
 
     def properties(self, nominal: MassProperties) -> MassProperties:
         """Return `nominal` with the diagonal of J scaled."""

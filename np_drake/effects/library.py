@@ -1,11 +1,13 @@
 """All effects by identifier, as the diagnosis searches them.
 
-A new effect is one file and one line here.
+A new effect is one file, and one registration: `@register` on its class, or its line here.
 """
 
 from np_drake.effects.accelerometer_bias import AccelerometerBias
 from np_drake.effects.attitude_bias import AttitudeBias
+from np_drake.effects.attitude_latency import AttitudeLatency
 from np_drake.effects.base import Effect, SensorEffect, WrenchEffect
+from np_drake.effects.battery_sag import BatterySag
 from np_drake.effects.blade_flapping import BladeFlapping
 from np_drake.effects.center_of_mass_offset import CenterOfMassOffset
 from np_drake.effects.clock_offset import ClockOffset
@@ -14,6 +16,7 @@ from np_drake.effects.constant_wind import ConstantWind
 from np_drake.effects.ground_effect import GroundEffect
 from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.gyro_bias import GyroBias
+from np_drake.effects.imu_mounting import ImuMounting
 from np_drake.effects.inertia_error import InertiaError
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
@@ -23,6 +26,7 @@ from np_drake.effects.quadratic_drag import QuadraticDrag
 from np_drake.effects.rotor_gyroscopic import RotorGyroscopic
 from np_drake.effects.rotor_inflow import RotorInflow
 from np_drake.effects.suspended_payload import SuspendedPayload
+from np_drake.effects.throttle_curve import ThrottleCurve
 from np_drake.effects.thrust_ceiling import ThrustCeiling
 from np_drake.effects.thrust_drift import ThrustDrift
 from np_drake.effects.thrust_scale import ThrustScale
@@ -50,6 +54,10 @@ LIBRARY: dict[str, type[Effect]] = {effect.identifier: effect for effect in _OUR
 MEASURED_ROTORS: dict[str, type[Effect]] = {MixerGain.identifier: MixerGain}
 # Besides the library, in scenarios alone: the diagnosis does not look for them.
 SIMULATED: dict[str, type[Effect]] = {ThrustCeiling.identifier: ThrustCeiling}
+# Errors of the vehicle file or the input that every model holds: never a cause.
+NUISANCES: dict[str, type[Effect]] = {
+    effect.identifier: effect for effect in (BatterySag, ThrottleCurve, ImuMounting, AttitudeLatency)
+}
 
 
 def in_scenarios() -> dict[str, type[Effect]]:
@@ -62,15 +70,26 @@ def effects_for(log_input: str) -> dict[str, type[Effect]]:
     return LIBRARY | MEASURED_ROTORS if log_input == "rotor_speed" else LIBRARY
 
 
-# Effects that logs of an input cannot tell.
-TIMING = ("motor_lag", "command_delay", "clock_offset")
-TORQUE = ("inertia_error", "center_of_mass_offset", "weak_rotor")  # besides effects without a force
-SCALE = ("mass_error", "thrust_scale", "thrust_drift")
-_UNOBSERVABLE: dict[str, tuple[tuple[tuple[str, ...], str], ...]] = {
+def effect_of(identifier: str) -> type[Effect]:
+    """Return the class of an effect; for what is none, as a structure `unknown:…`, the defaults of all effects."""
+    for known in (LIBRARY, MEASURED_ROTORS, SIMULATED, NUISANCES):
+        if identifier in known:
+            return known[identifier]
+    return Effect
+
+
+# What a log must tell for some effects, and what is said of a log that does not.
+REQUIREMENTS = {
+    "commands": "the input is measured rotor speed, not a command",
+    "thrust": "thrust over throttle is known up to a scale that falls with the battery",
+    "torque": "the log has no torque",
+    "accelerations": "the log has no accelerations",
+}
+_MISSING = {
     "command": (),
-    "rotor_speed": ((TIMING, "the input is measured rotor speed, not a command"),),
-    "thrust_only": (),
-    "normalised": ((SCALE, "thrust over throttle is known up to a scale that falls with the battery"),),
+    "rotor_speed": ("commands",),
+    "thrust_only": ("torque",),
+    "normalised": ("thrust",),
 }
 
 
@@ -82,14 +101,24 @@ def unobservable(log_input: str, *, accelerations: bool = True, torque: bool = T
         accelerations: whether the log has an accelerometer's reading.
         torque: whether a torque is known, also where the input is `normalised`.
     """
-    rules = list(_UNOBSERVABLE[log_input])
-    if not torque or log_input == "thrust_only":
-        turning = tuple(i for i, effect in effects_for(log_input).items() if _only_turns(effect))
-        rules.append(((*TORQUE, *turning), "the log has no torque"))
-    if not accelerations:
-        reading = tuple(i for i, effect in LIBRARY.items() if _only_in_accelerations(effect))
-        rules.append((reading, "the log has no accelerations"))
-    return {identifier: reason for identifiers, reason in rules for identifier in identifiers}
+    absent = [
+        *_MISSING[log_input],
+        *([] if torque else ["torque"]),
+        *([] if accelerations else ["accelerations"]),
+    ]
+    return {
+        identifier: REQUIREMENTS[quantity]
+        for quantity in absent
+        for identifier, effect in effects_for(log_input).items()
+        if quantity in _required(effect)
+    }
+
+
+def _required(effect: type[Effect]) -> tuple[str, ...]:
+    """Return what a log must tell for an effect: what it states, and what follows from where it acts."""
+    torque = issubclass(effect, WrenchEffect) and effect.turns and not effect.pushes
+    accelerations = issubclass(effect, SensorEffect) and set(effect.corrupts) == {"ax", "ay", "az"}
+    return (*effect.requires, *["torque"] * torque, *["accelerations"] * accelerations)
 
 
 def register(effect: type[Effect]) -> type[Effect]:
@@ -122,11 +151,3 @@ def _acts_through_others(effect: type[Effect]) -> bool:
     if effect.needs or not issubclass(effect, WrenchEffect):
         return bool(effect.needs)
     return effect.air_velocity is not WrenchEffect.air_velocity and effect.wrench is WrenchEffect.wrench
-
-
-def _only_turns(effect: type[Effect]) -> bool:
-    return issubclass(effect, WrenchEffect) and effect.turns and not effect.pushes
-
-
-def _only_in_accelerations(effect: type[Effect]) -> bool:
-    return issubclass(effect, SensorEffect) and set(effect.corrupts) == {"ax", "ay", "az"}

@@ -10,6 +10,7 @@ from np_drake.attitude_kernel import turned
 from np_drake.compiled import compiled
 from np_drake.effects.air_speed import ALIKE, air_velocity_B, chi_from_body
 from np_drake.effects.base import Motion, Parameter, WrenchEffect
+from np_drake.effects.random_sizes import drag_coefficients
 from np_drake.vehicle import Vehicle
 
 
@@ -25,12 +26,20 @@ class LinearDrag(WrenchEffect):
     d_z: float = 0.25  # [N·s/m]
 
     identifier: ClassVar[str] = "linear_drag"
+    named: ClassVar[str] = "linear drag"
+    excited_by: ClassVar[str] = "sprints at several speeds in both horizontal directions and vertically"
+    grows_with: ClassVar[str] = "speed"
     feels_rotor_rate: ClassVar[bool] = False
     turns: ClassVar[bool] = False
     prior_correlation: ClassVar[tuple[tuple[float, ...], ...]] = ALIKE
     parameters: ClassVar[tuple[Parameter, ...]] = tuple(
         Parameter(name, "N·s/m", 0.0, 0.0, 3.0, 0.3) for name in ("d_x", "d_y", "d_z")
     )
+
+    @classmethod
+    def draw(cls, rng: np.random.Generator, vehicle: Vehicle, seconds: float) -> dict[str, float]:
+        """Return random parameters of a simulated case: a heavy vehicle has more drag."""
+        return dict(zip(("d_x", "d_y", "d_z"), drag_coefficients(rng, vehicle, 0.01, 0.3), strict=True))
 
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
         """Return chi of the drag, (..., 6) [N, N·m]; it acts at the centre of mass."""

@@ -1,9 +1,14 @@
 """Effect `mass_error`: a mass that differs from the vehicle file."""
 
 import dataclasses as dc
+from collections.abc import Mapping
 from typing import ClassVar
 
+import numpy as np
+
 from np_drake.effects.base import MassEffect, MassProperties, Parameter
+from np_drake.effects.random_sizes import signed
+from np_drake.vehicle import Vehicle
 
 
 @dc.dataclass(frozen=True)
@@ -16,7 +21,22 @@ class MassError(MassEffect):
     delta_mass: float = 0.1  # [kg]
 
     identifier: ClassVar[str] = "mass_error"
+    named: ClassVar[str] = "a mass error"
+    bench_check: ClassVar[str] = "weigh the vehicle with its battery"
+    excited_by: ClassVar[str] = (
+        "steep climbs and descents with roll and pitch doublets (torque tells thrust from mass)"
+    )
+    told_from: ClassVar[Mapping[str, str]] = {
+        "thrust_scale": "fast roll and pitch doublets: torque scales with thrust, not with mass"
+    }
+    requires: ClassVar[tuple[str, ...]] = ("thrust",)
+    tolerance: ClassVar[str] = "mass"
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("delta_mass", "kg", 0.0, -1.0, 2.0, 0.2),)
+
+    @classmethod
+    def draw(cls, rng: np.random.Generator, vehicle: Vehicle, seconds: float) -> dict[str, float]:
+        """Return random parameters of a simulated case."""
+        return {"delta_mass": float(vehicle.mass * np.clip(signed(rng, 0.01, 0.25), -0.15, 0.25))}
 
     def properties(self, nominal: MassProperties) -> MassProperties:
         """Return `nominal` with the additional mass."""

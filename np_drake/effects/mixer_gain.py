@@ -25,6 +25,9 @@ class MixerGain(WrenchEffect):
     yaw: float = 0.7  # [1]
 
     identifier: ClassVar[str] = "mixer_gain"
+    named: ClassVar[str] = "a gain of the mixer"
+    shares: ClassVar[bool] = True
+    grows_with: ClassVar[str] = "torque"
     begins: ClassVar[bool] = False
     feels_rotor_rate: ClassVar[bool] = False
     pushes: ClassVar[bool] = False

@@ -7,6 +7,7 @@ import numpy as np
 from scipy import signal
 
 from np_drake.effects.base import ActuatorEffect, Parameter
+from np_drake.effects.random_sizes import log_uniform
 from np_drake.vehicle import Vehicle
 
 
@@ -20,10 +21,28 @@ class MotorLag(ActuatorEffect):
     time_constant: float = 0.03  # [s]
 
     identifier: ClassVar[str] = "motor_lag"
+    named: ClassVar[str] = "motor lag"
+    bench_check: ClassVar[str] = "measure the response of a rotor to a step"
+    excited_by: ClassVar[str] = "sharp doublets, and a log of rotor speed"
+    grows_with: ClassVar[str] = "torque"
+    requires: ClassVar[tuple[str, ...]] = ("commands",)
+    shifts_commands: ClassVar[bool] = True
     linear: ClassVar[bool] = False
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("time_constant", "s", 0.0, 0.0, 0.3, 0.03),)
     state_size: ClassVar[int] = 4
     turns_rotor: ClassVar[bool] = True
+
+    @classmethod
+    def draw(cls, rng: np.random.Generator, vehicle: Vehicle, seconds: float) -> dict[str, float]:
+        """Return random parameters of a simulated case, a lag longer than the vehicle file's."""
+        own = vehicle.rotor_time_constant
+        return {"time_constant": float(own + log_uniform(rng, 0.008, 0.085 - own))}
+
+    @classmethod
+    def grid(cls, vehicle: Vehicle) -> list[dict[str, float]]:
+        """Return the lags at which a search linearises it."""
+        own = vehicle.rotor_time_constant
+        return [{"time_constant": own + float(v)} for v in np.geomspace(0.006, 0.12, 9)]
 
     def time_shift(self, vehicle: Vehicle) -> float:
         """Return the time by which commands act later than with the lag of the vehicle file [s]."""

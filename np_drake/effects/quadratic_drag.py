@@ -1,12 +1,14 @@
 """Effect `quadratic_drag`: drag of the airframe, quadratic in the body's air speed."""
 
 import dataclasses as dc
+from collections.abc import Mapping
 from typing import ClassVar
 
 import numpy as np
 
 from np_drake.effects.air_speed import ALIKE, air_velocity_B, chi_from_body
 from np_drake.effects.base import Motion, Parameter, WrenchEffect
+from np_drake.effects.random_sizes import drag_coefficients
 from np_drake.vehicle import Vehicle
 
 
@@ -22,12 +24,23 @@ class QuadraticDrag(WrenchEffect):
     c_z: float = 0.05  # [N·s²/m²]
 
     identifier: ClassVar[str] = "quadratic_drag"
+    named: ClassVar[str] = "quadratic drag"
+    excited_by: ClassVar[str] = "sprints at 1, 3 and 6 m/s: the square shows at speed"
+    grows_with: ClassVar[str] = "speed"
+    told_from: ClassVar[Mapping[str, str]] = {
+        "linear_drag": "sprints at 1, 3 and 6 m/s: the square shows at speed"
+    }
     feels_rotor_rate: ClassVar[bool] = False
     turns: ClassVar[bool] = False
     prior_correlation: ClassVar[tuple[tuple[float, ...], ...]] = ALIKE
     parameters: ClassVar[tuple[Parameter, ...]] = tuple(
         Parameter(name, "N·s²/m²", 0.0, 0.0, 2.0, 0.08) for name in ("c_x", "c_y", "c_z")
     )
+
+    @classmethod
+    def draw(cls, rng: np.random.Generator, vehicle: Vehicle, seconds: float) -> dict[str, float]:
+        """Return random parameters of a simulated case: a heavy vehicle has more drag."""
+        return dict(zip(("c_x", "c_y", "c_z"), drag_coefficients(rng, vehicle, 0.003, 0.08), strict=True))
 
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
         """Return chi of the drag, (..., 6) [N, N·m]."""

@@ -6,6 +6,7 @@ from typing import ClassVar
 import numpy as np
 
 from np_drake.effects.base import Motion, Parameter, WrenchEffect
+from np_drake.effects.random_sizes import log_uniform
 from np_drake.rigid_body import W
 from np_drake.vehicle import Vehicle
 
@@ -21,10 +22,18 @@ class RotorGyroscopic(WrenchEffect):
     rotor_inertia: float = 6.0e-5  # of one rotor about its axis [kg·m²]
 
     identifier: ClassVar[str] = "rotor_gyroscopic"
+    named: ClassVar[str] = "the rotors' gyroscopic moment"
+    excited_by: ClassVar[str] = "roll and pitch doublets while yawing hard"
+    grows_with: ClassVar[str] = "rate"
     pushes: ClassVar[bool] = False
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("rotor_inertia", "kg·m²", 0.0, -2e-4, 3e-3, 1e-4),
     )
+
+    @classmethod
+    def draw(cls, rng: np.random.Generator, vehicle: Vehicle, seconds: float) -> dict[str, float]:
+        """Return random parameters of a simulated case."""
+        return {"rotor_inertia": float(vehicle.J[2, 2] * log_uniform(rng, 2e-4, 2e-2))}
 
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
         """Return chi of the torque, (..., 6) [N, N·m]; no force."""

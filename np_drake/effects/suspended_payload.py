@@ -7,6 +7,7 @@ import numpy as np
 
 from np_drake.effects.base import Motion, Parameter, WrenchEffect
 from np_drake.effects.pendulum import Payload, hook_acceleration, hook_velocity, hook_wrench, swing
+from np_drake.effects.random_sizes import arm, log_uniform
 from np_drake.rigid_body import Q
 from np_drake.vehicle import Vehicle
 
@@ -38,6 +39,11 @@ class SuspendedPayload(WrenchEffect):
     damping: float = 0.0  # drag over mass and velocity [1/s]
 
     identifier: ClassVar[str] = "suspended_payload"
+    named: ClassVar[str] = "a suspended payload"
+    phrase: ClassVar[str] = "a {mass} payload on {length}"
+    bench_check: ClassVar[str] = "weigh what hangs below, and measure its tether"
+    excited_by: ClassVar[str] = "sudden stops that make the payload swing"
+    has_hidden_state: ClassVar[bool] = True
     linear: ClassVar[bool] = False
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("mass", "kg", 0.0, 0.0, 2.0, 0.2),
@@ -45,6 +51,18 @@ class SuspendedPayload(WrenchEffect):
         *(Parameter(f"hook_{axis}", "m", 0.0, -0.3, 0.3, 0.03) for axis in "xyz"),
         Parameter("damping", "1/s", 0.0, 0.0, 1.0, 0.15, vanishes=False),
     )
+
+    @classmethod
+    def draw(cls, rng: np.random.Generator, vehicle: Vehicle, seconds: float) -> dict[str, float]:
+        """Return random parameters of a simulated case."""
+        x, y = 0.15 * arm(vehicle) * rng.uniform(-1, 1, 2)
+        return {
+            "mass": log_uniform(rng, 0.01, 0.3) * vehicle.mass,
+            "length": rng.uniform(0.3, 1.5),
+            "hook_x": x,
+            "hook_y": y,
+            "hook_z": -arm(vehicle) * rng.uniform(0.05, 0.3),
+        }
 
     @property
     def payload(self) -> Payload:

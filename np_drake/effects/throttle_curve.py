@@ -20,6 +20,7 @@ class ThrottleCurve(ActuatorEffect):
     curve: float = 0.2  # [1]
 
     identifier: ClassVar[str] = "throttle_curve"
+    named: ClassVar[str] = "the throttle curve"
     linear: ClassVar[bool] = False
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("curve", "1", 0.0, -0.9, 2.0, 0.1),)
 

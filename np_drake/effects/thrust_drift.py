@@ -6,6 +6,7 @@ from typing import ClassVar
 import numpy as np
 
 from np_drake.effects.base import ActuatorEffect, Parameter
+from np_drake.effects.random_sizes import signed
 from np_drake.vehicle import Vehicle
 
 
@@ -20,10 +21,21 @@ class ThrustDrift(ActuatorEffect):
     rate: float = -0.005  # [1/s]
 
     identifier: ClassVar[str] = "thrust_drift"
+    named: ClassVar[str] = "a drift of thrust"
+    phrase: ClassVar[str] = "a drift of thrust of {rate}"
+    bench_check: ClassVar[str] = "log the battery's voltage, and look whether it sags"
+    excited_by: ClassVar[str] = "the same manoeuvre at the start and at the end of a longer flight"
+    grows_with: ClassVar[str] = "duration"
+    requires: ClassVar[tuple[str, ...]] = ("thrust",)
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("start", "1", 1.0, 0.4, 1.6, 0.1),
         Parameter("rate", "1/s", 0.0, -0.1, 0.1, 0.005),
     )
+
+    @classmethod
+    def draw(cls, rng: np.random.Generator, vehicle: Vehicle, seconds: float) -> dict[str, float]:
+        """Return random parameters of a simulated case."""
+        return {"start": 1 + rng.uniform(-0.03, 0.03), "rate": signed(rng, 0.01, 0.15) / seconds}
 
     def thrust(
         self, vehicle: Vehicle, state: np.ndarray, command: np.ndarray, t: np.ndarray | float = 0.0

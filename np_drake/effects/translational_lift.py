@@ -7,6 +7,7 @@ import numpy as np
 
 from np_drake.effects.air_speed import air_velocity_B, chi_from_body
 from np_drake.effects.base import Motion, Parameter, WrenchEffect
+from np_drake.effects.random_sizes import log_uniform
 from np_drake.vehicle import Vehicle
 
 
@@ -20,9 +21,17 @@ class TranslationalLift(WrenchEffect):
     lift: float = 0.05  # [N·s²/m²]
 
     identifier: ClassVar[str] = "translational_lift"
+    named: ClassVar[str] = "translational lift"
+    excited_by: ClassVar[str] = "sprints at constant height, then hover"
+    grows_with: ClassVar[str] = "speed"
     feels_rotor_rate: ClassVar[bool] = False
     turns: ClassVar[bool] = False
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("lift", "N·s²/m²", 0.0, 0.0, 1.0, 0.05),)
+
+    @classmethod
+    def draw(cls, rng: np.random.Generator, vehicle: Vehicle, seconds: float) -> dict[str, float]:
+        """Return random parameters of a simulated case."""
+        return {"lift": float(log_uniform(rng, 3e-4, 2e-2) * vehicle.mass * 9.81)}
 
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
         """Return chi of the thrust, (..., 6) [N, N·m]."""

@@ -6,6 +6,7 @@ from typing import ClassVar
 import numpy as np
 
 from np_drake.effects.base import ActuatorEffect, Parameter
+from np_drake.effects.random_sizes import log_uniform
 from np_drake.vehicle import Vehicle
 
 
@@ -20,10 +21,21 @@ class WeakRotor(ActuatorEffect):
     efficiency: float = 0.85  # [1]
 
     identifier: ClassVar[str] = "weak_rotor"
+    named: ClassVar[str] = "a weak rotor"
+    phrase: ClassVar[str] = "rotor {rotor} at {efficiency} of nominal"
+    shares: ClassVar[bool] = True
+    bench_check: ClassVar[str] = "look at this rotor's propeller and motor"
+    excited_by: ClassVar[str] = "thrust steps and yaw doublets"
+    requires: ClassVar[tuple[str, ...]] = ("torque",)
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("rotor", "", 1.0, 1.0, 4.0, 1.0, choices=(1.0, 2.0, 3.0, 4.0)),
         Parameter("efficiency", "1", 1.0, 0.0, 1.5, 0.1),
     )
+
+    @classmethod
+    def draw(cls, rng: np.random.Generator, vehicle: Vehicle, seconds: float) -> dict[str, float]:
+        """Return random parameters of a simulated case."""
+        return {"rotor": float(rng.integers(1, 5)), "efficiency": 1 - log_uniform(rng, 0.01, 0.25)}
 
     def thrust(
         self, vehicle: Vehicle, state: np.ndarray, command: np.ndarray, t: np.ndarray | float = 0.0

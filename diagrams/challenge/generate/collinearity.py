@@ -19,7 +19,9 @@ from np_drake.diagnosis.regressors import (
 )
 from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.diagnosis.tolerance import Tolerance
-from np_drake.effects.library import LIBRARY
+from np_drake.effects.base import Effect
+from np_drake.effects.clock_offset import ClockOffset
+from np_drake.effects.command_delay import CommandDelay
 
 DISTANCE = (
     14.0  # squared whitened distance below which noise hides the difference; own choice: about four sigma
@@ -139,18 +141,16 @@ def _options(flights: Sequence[FlightResiduals], priors: Priors, onset: Onset) -
 
 def _mirror_images(flights: Sequence[FlightResiduals], term: Term, onset: dict) -> list[Candidate]:
     """Return a delay and a clock offset of the size of the given shift, because they are not linear in it."""
-    shift = {"command_delay": 1.0, "clock_offset": -1.0}
-    if term.effect.identifier not in shift:
+    if not term.effect.pure_delay:
         return []
-    delay = shift[term.effect.identifier] * next(iter(term.effect.values.values()))
-    twins = [("clock_offset", {"offset": -delay})] + (
-        [("command_delay", {"delay": delay})] if delay > 0 else []
-    )
+    delay = term.effect.time_shift(flights[0].vehicle)
+    twins: list[tuple[type[Effect], dict[str, float]]] = [(ClockOffset, {"offset": -delay})]
+    twins += [(CommandDelay, {"delay": delay})] if delay > 0 else []
     stages = {e.name: StageCache() for e in flights}
     return [
-        at_value(LIBRARY[name], flights, onset, values, 1, stages)
-        for name, values in twins
-        if not (onset and not LIBRARY[name].begins)
+        at_value(effect, flights, onset, values, 1, stages)
+        for effect, values in twins
+        if not onset or effect.begins
     ]
 
 

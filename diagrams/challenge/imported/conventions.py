@@ -11,13 +11,14 @@ import numpy as np
 
 from diagrams.batch.failed_run import FailedRun
 from diagrams.batch.workers import Workers, results
-from diagrams.challenge.generate.magnitudes import COMPANION_DRAG, MAGNITUDES
+from diagrams.challenge.generate.magnitudes import companion_drag
 from diagrams.challenge.generate.sensor_quality import SensorQuality, draw_sensor_quality, with_sensor_noise
 from diagrams.challenge.generate.trajectories import draw_plan
 from diagrams.challenge.generate.vehicles import draw_vehicle
 from diagrams.challenge.imported.written import columns_in, default_map, quantities_of, write_table
 from diagrams.challenge.simulators.drake.simulator import fly
-from np_drake.effects.library import LIBRARY
+from np_drake.effects.center_of_mass_offset import CenterOfMassOffset
+from np_drake.effects.constant_wind import ConstantWind
 from np_drake.flight_log import FlightLog
 from np_drake.logs.errors import LogError
 from np_drake.logs.importing.conventions import Change, WrongConventions, changed
@@ -130,11 +131,9 @@ def _draw_flight(index: int, rng: np.random.Generator) -> tuple[str, FlightLog]:
     kind = KINDS[index % len(KINDS)]
     plan = draw_plan(rng, vehicle, SECONDS, kind)
     effects = [
-        LIBRARY["linear_drag"].of(COMPANION_DRAG(rng, vehicle, SECONDS)),
-        LIBRARY["constant_wind"].of(
-            {k: 0.4 * v for k, v in MAGNITUDES["constant_wind"](rng, vehicle, SECONDS).items()}
-        ),
-        LIBRARY["center_of_mass_offset"].of(MAGNITUDES["center_of_mass_offset"](rng, vehicle, SECONDS)),
+        companion_drag(rng, vehicle),
+        ConstantWind(**{k: 0.4 * v for k, v in ConstantWind.draw(rng, vehicle, SECONDS).items()}),
+        CenterOfMassOffset(**CenterOfMassOffset.draw(rng, vehicle, SECONDS)),
     ]
     sensors = draw_sensor_quality(quality, rng, 500.0)
     log = fly(

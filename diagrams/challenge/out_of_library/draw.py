@@ -5,8 +5,8 @@ from collections.abc import Callable
 import numpy as np
 
 from diagrams.challenge.out_of_library import actuators, aerodynamic, contact, ground_and_walls, wind
-from diagrams.challenge.random_magnitudes import arm, direction, log_uniform, signed
 from np_drake.effects.base import Effect
+from np_drake.effects.random_sizes import arm, direction, log_uniform, signed
 from np_drake.vehicle import Vehicle
 
 Draw = Callable[[np.random.Generator, Vehicle], Effect]

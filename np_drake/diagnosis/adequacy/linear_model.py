@@ -23,7 +23,7 @@ class LinearModel:
     def __init__(self, ranking: Ranking):
         self.flights, self.fit, self._priors = ranking.problem.flights, ranking.best, ranking.options.priors
         self.structure = generic_candidates(self.flights, self._priors)
-        drifting = [c for c in ranking.problem.nuisance if c.variant == "wander"]
+        drifting = [c for c in ranking.problem.nuisance if c.variant == "sensor drift"]
         now, free = self.fit.everything, self.fit.free
         self._root = np.linalg.inv(prior_whitening(now, free))
         grams = [self._gram(e, ranking, drifting) for e in self.flights]

@@ -49,14 +49,12 @@ def size_of(
         float(np.sqrt(force / rows)) / weight,
         float(np.sqrt(torque / max(command, 1e-12))),
         float(own / max(gap, own, 1e-9)),
-        float(np.linalg.norm(list(effect.values.values()))) / max(tolerance.of(effect.identifier), 1e-9),
+        float(np.linalg.norm(list(effect.values.values()))) / max(tolerance.of(effect), 1e-9),
     )
-
-
-CALIBRATION = ("mass_error", "thrust_scale")  # within tolerance they are no cause
 
 
 def within_calibration(term: Term, options: Options) -> bool:
     """Return whether the term is what a vehicle file may be off by; not if it begins in flight."""
     late = any(begin is not None for begin in term.onset.values())
-    return term.effect.identifier in CALIBRATION and options.tolerance.real and not late
+    stated = term.effect.tolerance and term.effect.place != "measurement"
+    return bool(stated) and options.tolerance.real and not late

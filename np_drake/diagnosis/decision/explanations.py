@@ -89,7 +89,7 @@ def _material(
     found = []
     for i, term in enumerate(fit.terms):
         size = size_of(fit, i, ranking.problem.flights, ranking.noise, options.tolerance, unseen)
-        sensor = options.tolerance.of(term.effect.identifier) > 0
+        sensor = options.tolerance.of(term.effect) > 0
         if size.material(
             options.materiality, calibration=within_calibration(term, options), sensor=sensor
         ) or _needed(term.effect.identifier, fit):

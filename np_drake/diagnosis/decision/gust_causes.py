@@ -13,6 +13,7 @@ from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.diagnosis.result import Cause
 from np_drake.diagnosis.selection import Ranking
 from np_drake.diagnosis.wind import as_gusts
+from np_drake.effects.gusty_wind import GustyWind
 
 
 def with_gusts(
@@ -44,7 +45,7 @@ def in_gusts(held: HeldOut, causes: Sequence[Cause], flights: Sequence[FlightRes
     causes: the gusts and the drag that feels them among them, each from when on it acts.
     """
     by_name = {c.identifier: c for c in causes}
-    gusts, drag = by_name["gusty_wind"], by_name[DRAG]
+    gusts, drag = by_name[GustyWind.identifier], by_name[DRAG]
     assert gusts.effect is not None
     assert drag.effect is not None
     terms, residual = dict(held.terms), dict(held.residual)

@@ -13,6 +13,7 @@ from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.diagnosis.result import Cause, Finding
 from np_drake.diagnosis.selection import Ranking, SearchResult, find_map_model, ranked
 from np_drake.diagnosis.wind import position_p_value, with_drag
+from np_drake.effects.gusty_wind import GustyWind
 
 SLOW = Finding("slow force", "a level force that comes and goes, of which no wind can be made", 1.0, {})
 PLACE = Finding("place", "a slow force tied to a place", 1.0, {})
@@ -88,7 +89,7 @@ def _in_gusts(
     held = on_held_out(ranking.best, held_out, ranking.noise, ranking.options.priors)
     causes, minor = causes_of(ranking, linear, structure, held_out, held, gusty=True)
     causes = with_gusts(ranking, held_out, held, causes, unexplained)
-    if not any(c.identifier == "gusty_wind" for c in causes):
+    if not any(c.identifier == GustyWind.identifier for c in causes):
         return None
     return ranking, in_gusts(held, causes, held_out), unexplained, causes, minor
 

@@ -74,7 +74,7 @@ def judge(
         relative_sizes(fit, i, flights),
         options.materiality,
         calibration=within_calibration(fit.terms[i], options),
-        sensor=tolerance.of(effect.identifier) > 0,
+        sensor=tolerance.of(effect) > 0,
     )
     materiality = options.materiality
     material *= wind_share(fit, i, flights, materiality.still_air, materiality.sensor * tolerance.lean)

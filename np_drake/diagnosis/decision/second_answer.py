@@ -13,6 +13,7 @@ from np_drake.diagnosis.held_out import misfit
 from np_drake.diagnosis.residuals import FlightResiduals, make_flight_residuals
 from np_drake.diagnosis.result import CHANNELS, Cause, Finding
 from np_drake.diagnosis.selection import find_map_model
+from np_drake.effects.gusty_wind import GustyWind
 
 NAME = "first half of {}"
 LEAST_HALF = 4.0  # duration of either half of a flight, below which it stays whole [s]; own choice
@@ -24,7 +25,9 @@ def novelty(first: Inference) -> tuple[Finding, ...]:
     Gusts, which repeat nowhere, and a payload, whose swing may be lost, do not count.
     """
     ranking = first.ranking
-    if any(c.identifier == "gusty_wind" for c in first.causes) or any(t.swings for t in ranking.best.terms):
+    if any(c.identifier == GustyWind.identifier for c in first.causes) or any(
+        t.swings for t in ranking.best.terms
+    ):
         return ()
     ratio = misfit(first.held, ranking.noise)
     channel = int(np.argmax(ratio))

@@ -5,10 +5,11 @@ from collections.abc import Sequence
 
 from np_drake.diagnosis.doctor.log_report import NEVER, NO, YES, Answer
 from np_drake.diagnosis.doctor.smallest_sizes import Smallest
-from np_drake.diagnosis.doctor.traces import DRAG, GUSTS, WIND
-from np_drake.diagnosis.localisation.manoeuvres import PAIRS, manoeuvre
+from np_drake.diagnosis.doctor.traces import GUSTS
+from np_drake.diagnosis.localisation.manoeuvres import manoeuvre, tells_apart
+from np_drake.diagnosis.regressors import DRAG, WIND
 from np_drake.effects.library import LIBRARY, effects_for, unobservable
-from np_drake.effects.usual_size import usual_size
+from np_drake.effects.parameter import usual_size
 from np_drake.vehicle import Vehicle
 
 FAR = 100.0  # usual sizes beyond which a smallest size is infinite [1]
@@ -77,8 +78,7 @@ def _answers(s: Smallest, effect, vehicle: Vehicle, scale: float, *, told: bool)
             todo = manoeuvre((s.identifier,))
         elif verdict == NO:
             reason = f"it cannot be told from {', '.join(s.resembles)} in these flights"
-            pair = frozenset((s.identifier, s.resembles[0]))
-            todo = PAIRS.get(pair, manoeuvre((s.identifier,)))
+            todo = tells_apart(s.identifier, s.resembles[0]) or manoeuvre((s.identifier,))
         if s.identifier == WIND:
             reason = reason or ("with their drag" if told else "with usual drag: these flights tell none")
         alone, beside = (float(v) if v <= far else math.inf for v in (alone, beside))

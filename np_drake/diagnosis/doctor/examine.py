@@ -12,8 +12,9 @@ from np_drake.diagnosis.doctor.log_report import FlightFacts, LogReport
 from np_drake.diagnosis.doctor.residual_noise import explain, nuisance_of, options_of
 from np_drake.diagnosis.doctor.smallest_sizes import Information, smallest_gust, smallest_sizes
 from np_drake.diagnosis.doctor.swing_test import swing_test
-from np_drake.diagnosis.doctor.traces import PAYLOAD, nearest_usual, payload_at, traces
+from np_drake.diagnosis.doctor.traces import nearest_usual, payload_at, traces
 from np_drake.diagnosis.localisation import excitation, excited
+from np_drake.diagnosis.regressors import PAYLOAD
 from np_drake.diagnosis.residuals import FORCE, FlightResiduals, make_flight_residuals, natural_step
 from np_drake.flight_log import FlightLog
 from np_drake.vehicle import Vehicle

@@ -5,10 +5,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.doctor.traces import DRAG, Trace
+from np_drake.diagnosis.doctor.traces import Trace
 from np_drake.diagnosis.numerics import Gram, NoiseModel, scale_only
 from np_drake.diagnosis.options import Options
-from np_drake.diagnosis.regressors import Candidate, calibration, sensor_drift, tolerance_of, with_input
+from np_drake.diagnosis.regressors import DRAG, Candidate, calibration, sensor_drift, tolerance_of, with_input
 from np_drake.diagnosis.residuals import WRENCH, FlightResiduals, find_shocks
 from np_drake.diagnosis.result import CHANNELS
 from np_drake.diagnosis.selection.initial_noise import noise_of

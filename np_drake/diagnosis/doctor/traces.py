@@ -8,19 +8,22 @@ import numpy as np
 
 from np_drake.diagnosis.options import Priors
 from np_drake.diagnosis.regressors import (
+    PAYLOAD,
+    WIND,
     Candidate,
     PayloadColumns,
     library_candidates,
     payloads_of,
     wind_candidates,
 )
-from np_drake.diagnosis.regressors.library import nonlinear_grid
 from np_drake.diagnosis.residuals import WRENCH, FlightResiduals
 from np_drake.effects.base import Parameter
+from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.library import LIBRARY, effects_for
-from np_drake.effects.usual_size import correlation_root, usual_size
+from np_drake.effects.parameter import usual_size
+from np_drake.effects.parameter_prior import correlation_root
 
-PAYLOAD, WIND, GUSTS, DRAG = "suspended_payload", "constant_wind", "gusty_wind", "linear_drag"
+GUSTS = GustyWind.identifier
 LENGTHS = np.geomspace(0.3, 1.5, 5)  # of the tethers at which a payload is asked for [m]; own choice
 
 
@@ -59,7 +62,7 @@ def _of_candidate(c: Candidate, flights: Sequence[FlightResiduals]) -> Trace:
     free = tuple(p for p in effect.parameters if not p.choices)
     vehicle = flights[0].vehicle
     usual = tuple(usual_size(p, vehicle) for p in free)
-    if effect.linear or len(free) < len(effect.parameters) or not nonlinear_grid(effect, flights[0]):
+    if effect.linear or len(free) < len(effect.parameters) or not effect.grid(vehicle):
         alone = np.linalg.inv(correlation_root(effect))  # each parameter by itself
         return Trace(identifier, free, usual, {n: X @ alone for n, X in c.columns.items()})
     values = next(iter(c.terms(np.array([0.5])))).effect.values

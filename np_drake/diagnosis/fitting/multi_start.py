@@ -94,7 +94,7 @@ def _descend(
     noise: NoiseModel,
     iterations: int,
 ) -> Fit:
-    drifting = [c for c in problem.nuisance if c.variant == "wander"]
+    drifting = [c for c in problem.nuisance if c.variant == "sensor drift"]
     fit = refine(
         start,
         calibration_terms(problem.flights[0].vehicle, tolerance),

@@ -25,7 +25,7 @@ class Term:
     @property
     def swings(self) -> bool:
         """Whether the effect has a hidden swing."""
-        return hasattr(self.effect, "payload")
+        return self.effect.has_hidden_state
 
     def begins(self, flight: str) -> float | None:
         """Return the onset in this flight [s]."""

@@ -6,6 +6,8 @@ from np_drake.diagnosis.regressors.library import (
     DRAG,
     DRAGS,
     GUSTY,
+    PAYLOAD,
+    WIND,
     Candidate,
     Onset,
     at_value,
@@ -22,7 +24,6 @@ from np_drake.diagnosis.regressors.nuisance import (
 from np_drake.diagnosis.regressors.payload import AT_REST, SHAPE, WIDEST, Guess, PayloadColumns, heavy_enough
 from np_drake.diagnosis.regressors.payload_grid import payload_about, payload_candidates, payloads_of
 from np_drake.diagnosis.regressors.regression_problem import (
-    SHIFTING,
     Model,
     RegressionProblem,
     prior_of,
@@ -35,10 +36,11 @@ __all__ = [
     "DRAG",
     "DRAGS",
     "GUSTY",
+    "PAYLOAD",
     "PREFIX",
     "SHAPE",
-    "SHIFTING",
     "WIDEST",
+    "WIND",
     "Candidate",
     "Guess",
     "Model",

@@ -11,12 +11,18 @@ from scipy import special
 from np_drake.diagnosis.forward_model import StageCache, Term, predicted_residual
 from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.effects.base import Effect
+from np_drake.effects.constant_wind import ConstantWind
 from np_drake.effects.library import LIBRARY, effects_for, unobservable
-from np_drake.effects.usual_size import prior_root, usual_size
+from np_drake.effects.linear_drag import LinearDrag
+from np_drake.effects.parameter import usual_size
+from np_drake.effects.parameter_prior import prior_root
+from np_drake.effects.suspended_payload import SuspendedPayload
 
-DRAG = "linear_drag"  # the effect through which winds act
-DRAGS = (DRAG, "quadratic_drag")
-SHIFTS = np.geomspace(0.003, 0.06, 10)  # grid of shifts of commands against states [s]
+DRAG = LinearDrag.identifier  # the effect through which winds act
+DRAGS = ConstantWind.needs
+WIND = ConstantWind.identifier
+GUSTY = (DRAG, WIND)  # effects that gusts mask in a held-out flight
+PAYLOAD = SuspendedPayload.identifier
 Onset = dict[str, float | None]
 Mended = tuple[np.ndarray, float]  # physical coefficients and their log probability
 
@@ -73,27 +79,6 @@ class Candidate:
         return c, log_probability
 
 
-def nonlinear_grid(effect: type[Effect], flight: FlightResiduals) -> list[dict[str, float]]:
-    """Return the parameter values at which a nonlinear effect is linearised; [] for effects treated otherwise."""
-    grids: dict[str, list[dict[str, float]]] = {
-        "motor_lag": [
-            {"time_constant": flight.vehicle.rotor_time_constant + float(v)}
-            for v in np.geomspace(0.006, 0.12, 9)
-        ],
-        "command_delay": [{"delay": float(v)} for v in SHIFTS],
-        "clock_offset": [{"offset": float(v)} for v in SHIFTS],  # the other way it is a delay of the commands
-        "ground_effect": [
-            {"effective_radius": v * flight.vehicle.rotor_radius} for v in (1.0, 1.6, 2.4, 3.5, 5.0)
-        ],
-    }
-    if effect.identifier in grids:
-        return grids[effect.identifier]
-    if effect.linear or effect.needs or effect.place in ("mass", "measurement"):
-        return []
-    free = [p for p in effect.parameters if not p.choices]
-    return [{p.name: p.neutral + sign * p.typical for p in free} for sign in (0.5, 1.0, -0.5)]
-
-
 def library_candidates(flights: Sequence[FlightResiduals], onset: Onset | None = None) -> list[Candidate]:
     """Return candidates for all effects of the library except wind and payload.
 
@@ -108,7 +93,7 @@ def library_candidates(flights: Sequence[FlightResiduals], onset: Onset | None =
     log = flights[0].log
     hidden = unobservable(log.input, accelerations=log.a is not None, torque=flights[0].knows_torque)
     for identifier, effect in effects_for(flights[0].log.input).items():
-        if effect.needs or identifier == "suspended_payload" or (onset and not effect.begins):
+        if effect.needs or effect.has_hidden_state or (onset and not effect.begins):
             continue
         if identifier in hidden:
             continue
@@ -135,7 +120,7 @@ def effect_candidates(
     settings: list[dict[str, float]] = [{}]
     for p in discrete:
         settings = [{**s, p.name: choice} for s in settings for choice in p.choices]
-    grid = nonlinear_grid(effect, flights[0])
+    grid = effect.grid(flights[0].vehicle)
     if effect.linear or discrete or not grid:
         return [_linear(effect, flights, onset, s, len(settings), stages) for s in settings]
     return [at_value(effect, flights, onset, values, len(grid), stages) for values in grid]
@@ -226,9 +211,9 @@ def wind_candidates(
     A drag that is weak or negative starts as a weak positive one, with a wind of the same force. Drag and wind of
     opposite sign push alike, and a local optimiser cannot pass from one to the other.
     """
-    if "constant_wind" not in LIBRARY or DRAG not in LIBRARY:
+    if WIND not in LIBRARY or DRAG not in LIBRARY:
         return []
-    wind_class, drag_class = LIBRARY["constant_wind"], LIBRARY[DRAG]
+    wind_class, drag_class = LIBRARY[WIND], LIBRARY[DRAG]
     onset = onset or {}
     vehicle = flights[0].vehicle
     typical = usual_size(drag_class.parameters[0], vehicle)
@@ -252,7 +237,7 @@ def wind_candidates(
             values = dict(zip("xyz", np.clip(wind, -14.0, 14.0).tolist(), strict=True))
             return [dc.replace(felt, effect=drag_class.of(d)), Term(wind_class.of(values), onset)]
 
-        out.append(Candidate((DRAG, "constant_wind"), drag.variant, columns, terms, drag.log_prior, onset))
+        out.append(Candidate((DRAG, WIND), drag.variant, columns, terms, drag.log_prior, onset))
     return out
 
 
@@ -264,6 +249,3 @@ def switched(candidate: Candidate, flights: Sequence[FlightResiduals], onset: On
         return [dc.replace(term, onset=onset) for term in candidate.terms(c)]
 
     return Candidate(candidate.identifiers, candidate.variant, columns, terms, candidate.log_prior, onset)
-
-
-GUSTY = (DRAG, "constant_wind")  # effects that gusts mask in a held-out flight

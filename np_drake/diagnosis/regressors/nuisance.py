@@ -65,7 +65,7 @@ def sensor_drift(flights: Sequence[FlightResiduals], tolerance: Tolerance) -> Ca
         return None
     sensors: tuple[type[Effect], ...] = (AccelerometerBias, AttitudeBias, GyroBias, VelocityBias)
     units = [
-        (sensor, p.name, tolerance.of(sensor.identifier))
+        (sensor, p.name, tolerance.of(sensor))
         for sensor in sensors
         for p in sensor.parameters
         if not p.choices and not (sensor is AccelerometerBias and flights[0].log.a is None)
@@ -77,7 +77,7 @@ def sensor_drift(flights: Sequence[FlightResiduals], tolerance: Tolerance) -> Ca
             values = {p.name: deviation if p.name == name else p.neutral for p in sensor.parameters}
             X[..., i * len(units) + j] = predicted_residual(e, [Term(sensor.of(values))])
         columns[e.name] = X
-    return Candidate((), "wander", columns, lambda c: [])
+    return Candidate((), "sensor drift", columns, lambda c: [])
 
 
 REAL = 1e-3  # attitude noise above which sensors are taken as real [rad]

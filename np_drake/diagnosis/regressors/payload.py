@@ -10,7 +10,7 @@ from scipy import special
 
 from np_drake.diagnosis.forward_model import Term, padded, swing_units
 from np_drake.diagnosis.options import Priors
-from np_drake.diagnosis.regressors.library import Candidate, Mended, Onset
+from np_drake.diagnosis.regressors.library import PAYLOAD, Candidate, Mended, Onset
 from np_drake.diagnosis.residuals import WRENCH, FlightResiduals
 from np_drake.effects.library import LIBRARY
 
@@ -120,7 +120,7 @@ class PayloadColumns:
         guess = self.moved(c)
         values = {"mass": max(c[0], LIGHTEST) * self.unit, "length": guess.length, "damping": guess.damping}
         values |= dict(zip(("hook_x", "hook_y", "hook_z"), guess.hook.tolist(), strict=True))
-        return [Term(LIBRARY["suspended_payload"].of(values), self.onset, guess.swing)]
+        return [Term(LIBRARY[PAYLOAD].of(values), self.onset, guess.swing)]
 
     def candidate(self, flights: Sequence[FlightResiduals]) -> Candidate:
         """Return a candidate with columns for all channels."""
@@ -129,7 +129,7 @@ class PayloadColumns:
             columns[e.name] = np.zeros((*e.y.shape, self.size))
             columns[e.name][:, WRENCH][..., self.at(e.name)] = self.own[e.name]
         return Candidate(
-            ("suspended_payload",),
+            (PAYLOAD,),
             f"length={self.guess.length:.3g}",
             columns,
             self.terms,

@@ -8,7 +8,7 @@ import numpy as np
 from np_drake import attitude
 from np_drake.diagnosis.forward_model import NEVER, STATE, hidden_size, specific_pull, swing_units
 from np_drake.diagnosis.options import Priors
-from np_drake.diagnosis.regressors.library import Candidate, Onset
+from np_drake.diagnosis.regressors.library import PAYLOAD, Candidate, Onset
 from np_drake.diagnosis.regressors.payload import AT_REST, SHAPE, SMALL, Guess, PayloadColumns
 from np_drake.diagnosis.residuals import FORCE, TORQUE, FlightResiduals
 from np_drake.effects.library import LIBRARY
@@ -26,7 +26,7 @@ def payload_candidates(
         lengths: tether lengths [m].
         onset: onsets by flight [s].
     """
-    if "suspended_payload" not in LIBRARY:
+    if PAYLOAD not in LIBRARY:
         return []
     return [columns.candidate(flights) for columns in payloads_of(flights, lengths, priors, onset)]
 

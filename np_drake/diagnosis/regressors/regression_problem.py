@@ -11,10 +11,7 @@ from np_drake.diagnosis.numerics import Gram, NoiseModel
 from np_drake.diagnosis.options import Options, Priors
 from np_drake.diagnosis.regressors.library import Candidate
 from np_drake.diagnosis.residuals import FlightResiduals
-from np_drake.effects.library import LIBRARY
-
-SHIFTS = ("command_delay", "clock_offset")  # same prediction but for the sign
-SHIFTING = ("motor_lag", *SHIFTS)  # effects that shift commands against states
+from np_drake.effects.library import LIBRARY, effect_of
 
 
 def prior_of(identifiers: Iterable[str], priors: Priors) -> float:
@@ -149,9 +146,9 @@ class RegressionProblem:
         return total
 
     def fits_together(self, members: Sequence[int]) -> bool:
-        """Return whether no effect occurs twice and at most one shifts commands against states."""
+        """Return whether no effect occurs twice and at most one is a pure delay: these predict the same."""
         names = [name for i in members for name in self.candidates[i].identifiers]
-        return len(names) == len(set(names)) and sum(name in SHIFTS for name in names) < 2
+        return len(names) == len(set(names)) and sum(effect_of(name).pure_delay for name in names) < 2
 
 
 def sum_grams(grams: list[Gram]) -> Gram:

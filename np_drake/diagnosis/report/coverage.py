@@ -9,18 +9,10 @@ from np_drake.diagnosis.localisation.localisation import quantities
 from np_drake.diagnosis.report.words import capital, listed, measure, name_of, percent
 from np_drake.diagnosis.residuals import WRENCH, FlightResiduals
 from np_drake.diagnosis.result import Cause
+from np_drake.effects.library import effect_of
 
 LEAST = 1 / 3  # of what it is in training, below which nothing is tested [1]; own choice
 UPPER = 0.95  # quantile of a quantity that a flight is said to reach [1]
-GROWS_WITH = {  # effect: the quantity without which it leaves no trace
-    **dict.fromkeys(
-        ("linear_drag", "quadratic_drag", "blade_flapping", "translational_lift", "rotor_inflow"), "speed"
-    ),
-    **dict.fromkeys(("constant_wind", "gusty_wind"), "speed"),
-    **dict.fromkeys(("inertia_error", "mixer_gain", "motor_lag", "command_delay", "clock_offset"), "torque"),
-    **dict.fromkeys(("rotor_gyroscopic", "attitude_latency"), "rate"),
-    "thrust_drift": "duration",
-}
 ALSO = {"speed": "grows with speed", "rate": "grows with body rates"}  # said of a quantity without a cause
 
 Reach = dict[str, tuple[float, str]]  # by quantity, what flights reach and its unit
@@ -45,13 +37,13 @@ def coverage(
     untested = [name for name, ratio in traces.items() if ratio < LEAST]
     out = []
     for quantity in low:
-        names = [name for name in untested if GROWS_WITH.get(name) == quantity]
-        tested = any(GROWS_WITH.get(name) == quantity for name in set(traces) - set(untested))
+        names = [name for name in untested if effect_of(name).grows_with == quantity]
+        tested = any(effect_of(name).grows_with == quantity for name in set(traces) - set(untested))
         if names or (quantity in ALSO and not tested):
             what = listed([name_of(name) for name in names]) if names else f"what {ALSO[quantity]}"
             out.append(_less(here, there, quantity, len(held_out)) + _not_tested(what, len(names)))
     for name in untested:
-        if GROWS_WITH.get(name) not in low:
+        if effect_of(name).grows_with not in low:
             out.append(_faint(name, traces[name], len(held_out)))
     return tuple(out) or (_all_tested(traces, len(held_out)),)
 

@@ -1,28 +1,12 @@
 """Next steps: what to measure, fly or change after a diagnosis."""
 
-from np_drake.diagnosis.localisation.manoeuvres import SHOWS, manoeuvre
+from np_drake.diagnosis.localisation.manoeuvres import manoeuvre
 from np_drake.diagnosis.report.summary import main_remainder, named_causes
 from np_drake.diagnosis.report.words import capital, described, listed, name_of
 from np_drake.diagnosis.result import UNKNOWN, Cause, Diagnosis
+from np_drake.effects.library import effect_of
 
 LOOSE = 0.5  # half-width of an interval over the value, above which it is loose [1]; own choice
-CHECKS = {  # effect: how to see it without a flight
-    "mass_error": "weigh the vehicle with its battery",
-    "center_of_mass_offset": "balance the vehicle on an edge along each axis",
-    "suspended_payload": "weigh what hangs below, and measure its tether",
-    "thrust_scale": "measure thrust on a stand",
-    "thrust_drift": "log the battery's voltage, and look whether it sags",
-    "battery_sag": "log the battery's voltage",
-    "weak_rotor": "look at this rotor's propeller and motor",
-    "motor_lag": "measure the response of a rotor to a step",
-    "command_delay": "log rotor speed, and compare it with the command",
-    "clock_offset": "synchronise the clocks of state and command",
-    "accelerometer_bias": "calibrate the accelerometer",
-    "gyro_bias": "calibrate the gyroscope at rest",
-    "attitude_bias": "level the IMU, or the frame of the motion capture",
-    "constant_wind": "measure the wind, or fly indoors",
-    "gusty_wind": "measure the wind, or fly indoors",
-}
 
 
 def next_steps(diagnosis: Diagnosis) -> list[str]:
@@ -34,7 +18,9 @@ def next_steps(diagnosis: Diagnosis) -> list[str]:
         ]
     causes = named_causes(diagnosis)
     out = [
-        f"To check {name_of(c.identifier)}: {CHECKS[c.identifier]}." for c in causes if c.identifier in CHECKS
+        f"To check {name_of(c.identifier)}: {check}."
+        for c in causes
+        if (check := effect_of(c.identifier).bench_check)
     ]
     for cause in causes:
         others = cause.indistinguishable_from
@@ -43,7 +29,7 @@ def next_steps(diagnosis: Diagnosis) -> list[str]:
             how = manoeuvre((cause.identifier, *others)).rstrip(".")
             out.append(f"To tell {between}, fly: {how}; or a flight designed by np-drake next-flight.")
         elif loose := _loose(cause):
-            more = SHOWS.get(cause.identifier, "a longer one with more motion")
+            more = effect_of(cause.identifier).excited_by or "a longer one with more motion"
             out.append(
                 f"Intervals of {cause.identifier} are wide ({listed(loose)}); a better flight: {more}."
             )

@@ -3,52 +3,10 @@
 import math
 from collections.abc import Sequence
 
-from np_drake.diagnosis.result import Cause, Estimate, Finding
+from np_drake.diagnosis.result import UNKNOWN, Cause, Estimate, Finding
+from np_drake.effects.base import Effect
+from np_drake.effects.library import effect_of
 
-NAMES = {  # identifier: name of the effect within a sentence
-    "mass_error": "a mass error",
-    "inertia_error": "an inertia error",
-    "center_of_mass_offset": "an offset of the centre of mass",
-    "suspended_payload": "a suspended payload",
-    "thrust_scale": "a thrust scale",
-    "thrust_drift": "a drift of thrust",
-    "battery_sag": "battery sag",
-    "throttle_curve": "the throttle curve",
-    "weak_rotor": "a weak rotor",
-    "mixer_gain": "a gain of the mixer",
-    "motor_lag": "motor lag",
-    "command_delay": "a command delay",
-    "linear_drag": "linear drag",
-    "quadratic_drag": "quadratic drag",
-    "blade_flapping": "blade flapping",
-    "translational_lift": "translational lift",
-    "rotor_inflow": "inflow of the rotors",
-    "constant_wind": "a constant wind",
-    "gusty_wind": "a gusty wind",
-    "ground_effect": "ground effect",
-    "rotor_gyroscopic": "the rotors' gyroscopic moment",
-    "accelerometer_bias": "an accelerometer bias",
-    "gyro_bias": "a gyroscope bias",
-    "velocity_bias": "a velocity bias",
-    "attitude_bias": "an attitude bias",
-    "attitude_latency": "a latency of the attitude",
-    "imu_mounting": "a tilted IMU",
-    "clock_offset": "a clock offset",
-    "unknown": "something unknown",
-}
-PHRASES = {  # identifier: the effect with its size in few words
-    "suspended_payload": "a {mass} payload on {length}",
-    "thrust_scale": "thrust at {scale} of nominal",
-    "weak_rotor": "rotor {rotor} at {efficiency} of nominal",
-    "thrust_drift": "a drift of thrust of {rate}",
-    "gusty_wind": "a gusty wind of {deviation} deviation",
-}
-FACTORS = (
-    "thrust_scale",
-    "weak_rotor",
-    "inertia_error",
-    "mixer_gain",
-)  # whose dimensionless parameters are shares
 NOTHING = "–"
 NBSP = "\u00a0"  # a number and its unit stay on one line
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -68,8 +26,11 @@ UNITS = {  # SI unit: (from this size on [SI], factor, unit shown), the largest 
 
 
 def name_of(identifier: str) -> str:
-    """Return the name of an effect with its article; for a user's own effect, its identifier."""
-    return NAMES.get(identifier, identifier.replace("_", " "))
+    """Return the name of an effect with its article; of what is none, the words of its identifier."""
+    if identifier == UNKNOWN:
+        return "something unknown"
+    effect = effect_of(identifier)
+    return identifier.replace("_", " ") if effect is Effect else effect.title()
 
 
 def bare_name(identifier: str) -> str:
@@ -157,7 +118,7 @@ def percent_interval(bounds: tuple[float, float]) -> str:
 
 def unit_of(cause: Cause, parameter: Estimate) -> str:
     """Return the unit of a parameter: shares for factors, '1' where it has none."""
-    return "share" if parameter.unit == "1" and cause.identifier in FACTORS else parameter.unit or "1"
+    return "share" if parameter.unit == "1" and effect_of(cause.identifier).shares else parameter.unit or "1"
 
 
 def estimate(parameter: Estimate, unit: str, *, brief: bool = False) -> tuple[str, str]:
@@ -187,8 +148,8 @@ def phrase(cause: Cause) -> str:
     name, parameters = name_of(cause.identifier), cause.parameters
     values = {n: estimate(p, unit_of(cause, p), brief=True)[0] for n, p in parameters.items()}
     (unit, *others) = {p.unit for p in parameters.values()} or {""}
-    if cause.identifier in PHRASES and values:
-        return PHRASES[cause.identifier].format(**values)
+    if (own := effect_of(cause.identifier).phrase) and values:
+        return own.format(**values)
     if len(values) == 1:
         return f"{name} of {next(iter(values.values()))}"
     if others or unit in ("", "1"):

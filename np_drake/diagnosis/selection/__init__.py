@@ -1,7 +1,6 @@
 """Search over sets of effects, change points and model ranking."""
 
 from np_drake.diagnosis.selection.map_model import SearchResult, find_map_model
-from np_drake.diagnosis.selection.payload_search import PAYLOAD
 from np_drake.diagnosis.selection.ranking import (
     Ranking,
     names_of,
@@ -12,7 +11,6 @@ from np_drake.diagnosis.selection.ranking import (
 )
 
 __all__ = [
-    "PAYLOAD",
     "Ranking",
     "SearchResult",
     "find_map_model",

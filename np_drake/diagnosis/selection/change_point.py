@@ -8,6 +8,7 @@ import numpy as np
 
 from np_drake.diagnosis.regressors import (
     AT_REST,
+    PAYLOAD,
     Candidate,
     RegressionProblem,
     Sums,
@@ -16,10 +17,12 @@ from np_drake.diagnosis.regressors import (
     switched,
 )
 from np_drake.diagnosis.selection.onset_grid import TriedOnsets, at_rows, possible_onsets
-from np_drake.diagnosis.selection.payload_search import PAYLOAD, PayloadSearch
+from np_drake.diagnosis.selection.payload_search import PayloadSearch
 from np_drake.effects.library import effects_for
+from np_drake.effects.mass_error import MassError
+from np_drake.effects.thrust_scale import ThrustScale
 
-WEIGHTS = (("mass_error",), ("thrust_scale",))
+WEIGHTS = ((MassError.identifier,), (ThrustScale.identifier,))
 LEAST_GAIN = 1.0  # log evidence, prior included, from which an onset is tried
 MOST_COLUMNS = 8  # of a candidate that is scanned
 VARIANTS = 2  # of an effect that are scanned

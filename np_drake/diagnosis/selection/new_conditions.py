@@ -4,7 +4,6 @@ import dataclasses as dc
 
 from np_drake.diagnosis.forward_model import NEVER
 from np_drake.diagnosis.regressors import DRAG, Candidate, RegressionProblem, switched, wind_candidates
-from np_drake.diagnosis.selection.payload_search import PAYLOAD
 from np_drake.effects.library import LIBRARY
 
 
@@ -25,4 +24,4 @@ def new_conditions(problem: RegressionProblem) -> list[Candidate]:
 
 def _begins(candidate: Candidate) -> bool:
     (name,) = candidate.identifiers
-    return name in LIBRARY and LIBRARY[name].begins and name != PAYLOAD
+    return name in LIBRARY and LIBRARY[name].begins and not LIBRARY[name].has_hidden_state

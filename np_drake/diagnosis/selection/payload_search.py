@@ -15,12 +15,19 @@ import numpy as np
 from np_drake.diagnosis.forward_model import NEVER
 from np_drake.diagnosis.numerics import NoiseModel
 from np_drake.diagnosis.options import Options
-from np_drake.diagnosis.regressors import Candidate, Guess, Onset, PayloadColumns, payload_about, payloads_of
+from np_drake.diagnosis.regressors import (
+    PAYLOAD,
+    Candidate,
+    Guess,
+    Onset,
+    PayloadColumns,
+    payload_about,
+    payloads_of,
+)
 from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.diagnosis.selection.payload_evidence import HORIZONS, Beside
 from np_drake.effects.library import LIBRARY
 
-PAYLOAD = "suspended_payload"
 LENGTHS = (0.15, 2.5, 96)  # shortest, longest [m], number: 3 % apart
 KEPT = 3  # candidates of the search
 FOLLOWED = 2  # lengths followed from each profile

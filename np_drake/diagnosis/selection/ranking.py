@@ -9,8 +9,9 @@ from np_drake.diagnosis.fitting import Fit, refit, restarted
 from np_drake.diagnosis.forward_model import predicted_residual
 from np_drake.diagnosis.numerics import NoiseModel
 from np_drake.diagnosis.options import Options, Priors
-from np_drake.diagnosis.regressors import SHIFTING, Model, RegressionProblem, prior_of
+from np_drake.diagnosis.regressors import Model, RegressionProblem, prior_of
 from np_drake.diagnosis.selection.map_model import SearchResult
+from np_drake.effects.library import effect_of
 
 REFINED = 3  # models refined, with what is simpler than these
 MARGIN = 12.0  # log evidence below the best at which a model is not refined
@@ -68,7 +69,7 @@ def simpler(problem: RegressionProblem, model: Model, fit: Fit) -> list[Model]:
     """
     own = {i: _trace(fit, problem.candidates[i].identifiers, problem) for i in model.members}
     whole = _trace(fit, None, problem)
-    shifting = [i for i in model.members if problem.candidates[i].identifiers[0] in SHIFTING]
+    shifting = [i for i in model.members if effect_of(problem.candidates[i].identifiers[0]).shifts_commands]
     lesser = sorted(shifting, key=lambda i: own[i])[:-1]
     faint = [i for i in model.members if own[i] < FAINT * whole or i in lesser]
     dropped = dict.fromkeys([tuple(faint), tuple(shifting if lesser else []), *((i,) for i in faint)])

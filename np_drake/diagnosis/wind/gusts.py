@@ -58,7 +58,7 @@ def as_gusts(
         return causes
     parameters = _statistics(flights, force, drag, options)
     effect = GustyWind.of({name: e.value for name, e in parameters.items()})
-    gusts = Cause("gusty_wind", probability, parameters, onset, (), effect=effect)
+    gusts = Cause(GustyWind.identifier, probability, parameters, onset, (), effect=effect)
     others = [c for c in causes if c.identifier not in GUSTY[1:]]
     return [*(drag if c.identifier == DRAG else c for c in others), gusts]
 

@@ -10,7 +10,6 @@ import diagrams.challenge
 PACKAGE = "diagrams.challenge"
 ROOT = Path(diagrams.challenge.__file__).parent
 FLOORS = (  # from the ground up
-    ("random_magnitudes",),
     ("out_of_library",),
     ("simulators",),
     ("generate",),

@@ -119,7 +119,7 @@ def test_wander_takes_what_is_a_flights_own(seen, noise):
     drift = np.zeros((*flight.y.shape, 1))
     drift[:, 2] = 1.0  # [N]
     pushed = dc.replace(flight, y=flight.y + 1.7 * drift[..., 0])
-    sensor_drift = Candidate((), "wander", {"a": drift}, lambda c: [])
+    sensor_drift = Candidate((), "sensor drift", {"a": drift}, lambda c: [])
     fit = refine(
         [Term(LinearDrag(0, 0, 0))],
         [],

@@ -11,8 +11,8 @@ from np_drake.diagnosis.regressors.library import library_candidates
 from np_drake.diagnosis.regressors.regression_problem import RegressionProblem
 from np_drake.effects.gyro_bias import GyroBias
 from np_drake.effects.linear_drag import LinearDrag
+from np_drake.effects.parameter_prior import prior_root
 from np_drake.effects.quadratic_drag import QuadraticDrag
-from np_drake.effects.usual_size import prior_root
 
 OPTIONS = Options.for_sensors(True)
 PRIORS = OPTIONS.priors

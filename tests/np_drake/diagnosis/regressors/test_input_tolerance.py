@@ -13,7 +13,7 @@ from np_drake.diagnosis.residuals import TORQUE, make_flight_residuals
 from np_drake.diagnosis.tolerance import Tolerance
 from np_drake.effects.clock_offset import ClockOffset
 from np_drake.effects.command_delay import CommandDelay
-from np_drake.effects.library import SCALE, TIMING, unobservable
+from np_drake.effects.library import unobservable
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
 from np_drake.effects.motor_lag import MotorLag
@@ -170,7 +170,7 @@ def test_the_map_of_a_throttle_is_found_up_to_the_noise(fly):
 
 def test_each_input_names_what_it_cannot_tell():
     assert unobservable("command") == {}
-    assert set(unobservable("rotor_speed")) == set(TIMING)
-    assert set(SCALE) <= set(unobservable("normalised"))
+    assert set(unobservable("rotor_speed")) == {"motor_lag", "command_delay", "clock_offset"}
+    assert {"mass_error", "thrust_scale", "thrust_drift"} <= set(unobservable("normalised"))
     assert "accelerometer_bias" in unobservable("command", accelerations=False)
     assert "inertia_error" in unobservable("normalised", torque=False)

@@ -25,8 +25,8 @@ from np_drake.diagnosis.residuals.flight_residuals import make_flight_residuals
 from np_drake.effects.library import LIBRARY
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
+from np_drake.effects.parameter_prior import correlation_root
 from np_drake.effects.suspended_payload import SuspendedPayload
-from np_drake.effects.usual_size import correlation_root
 from np_drake.vehicle import Vehicle
 
 REAL, IDEAL = Options.for_sensors(True), Options.for_sensors(False)

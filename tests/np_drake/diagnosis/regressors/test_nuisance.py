@@ -11,7 +11,9 @@ from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors.input_tolerance import LATENCY, MOUNTING, with_input
 from np_drake.diagnosis.regressors.nuisance import calibration, calibration_terms, sensor_drift, tolerance_of
 from np_drake.diagnosis.tolerance import IDEAL_SENSORS, Tolerance
+from np_drake.effects.accelerometer_bias import AccelerometerBias
 from np_drake.effects.gyro_bias import GyroBias
+from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
 from np_drake.vehicle import Vehicle
 
@@ -51,9 +53,9 @@ def test_a_throttle_opens_the_mounting_and_the_latency_of_its_autopilot(flights)
 
 
 def test_a_tolerance_is_of_a_sensor_and_of_nothing_else():
-    assert Tolerance().of("gyro_bias") == Tolerance().rate
-    assert Tolerance().of("accelerometer_bias") == Tolerance().acceleration
-    assert Tolerance().of("linear_drag") == 0.0
+    assert Tolerance().of(GyroBias) == Tolerance().rate
+    assert Tolerance().of(AccelerometerBias) == Tolerance().acceleration
+    assert Tolerance().of(LinearDrag) == Tolerance().of(MassError) == 0.0
 
 
 def test_calibration_is_mass_and_thrust_at_their_deviations(flights):

@@ -5,8 +5,13 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.effects.library import SCALE, TIMING, TORQUE
+from np_drake.effects.library import LIBRARY
 from np_drake.logs.importing.sheet_content import unanswerable
+
+TIMING, TORQUE, SCALE = (
+    tuple(i for i, effect in LIBRARY.items() if quantity in effect.requires)
+    for quantity in ("commands", "torque", "thrust")
+)
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from diagrams.batch.failed_run import FailedRun
-from diagrams.challenge.generate.magnitudes import MAGNITUDES, draw_effect
+from diagrams.challenge.generate.magnitudes import draw_effect
 from diagrams.challenge.generate.sensor_quality import SensorQuality
 from diagrams.challenge.generate.trajectories import draw_plan
 from diagrams.challenge.generate.vehicles import VEHICLES
@@ -37,10 +37,6 @@ def clean(vehicle, plan, t):
 
 def commanded(log, vehicle):
     return log.u @ vehicle.unmixer.T
-
-
-def test_strengths_are_those_of_the_library():
-    assert set(MAGNITUDES) == set(LIBRARY)
 
 
 @pytest.mark.parametrize("nominal", VEHICLES, ids=lambda vehicle: vehicle.name)

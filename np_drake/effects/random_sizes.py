@@ -26,3 +26,15 @@ def direction(rng: np.random.Generator, rise: float | None = None) -> np.ndarray
     if rise is not None:
         n[2] = rise * n[2] * np.hypot(n[0], n[1])
     return n / np.linalg.norm(n)
+
+
+def drag_coefficients(rng: np.random.Generator, vehicle: Vehicle, low: float, high: float) -> np.ndarray:
+    """Draw drag coefficients (3,) in body axes: a heavy vehicle has more drag, and the level axes about the same.
+
+    Args:
+        rng: source of the draw.
+        vehicle: whose mass scales them.
+        low, high: range of the lateral coefficient over mass.
+    """
+    lateral = log_uniform(rng, low, high) * vehicle.mass
+    return lateral * rng.uniform([0.8, 0.8, 0.3], [1.2, 1.2, 1.2])
