@@ -6,8 +6,7 @@ import numpy as np
 
 from np_drake import attitude
 from np_drake.logs.checks import GAP, LEAST_ROWS, quaternion_norm
-from np_drake.logs.columns import COLUMNS, FIELDS
-from np_drake.logs.table import Table
+from np_drake.logs.columns import COLUMNS, FIELDS, Table
 
 LONGEST = 0.1  # gap that is bridged [s]; own choice: a flight's motion is known across it, its command is not
 HELD = ("u", "throttle", "throttles", "thrust")  # fields that are held, not interpolated

@@ -3,10 +3,9 @@
 import numpy as np
 
 from np_drake.logs.checks import LEAST_ROWS, NORM_TOLERANCE, is_figure, quaternion_norm
-from np_drake.logs.columns import COLUMNS, FIELDS
+from np_drake.logs.columns import COLUMNS, FIELDS, Table
 from np_drake.logs.gaps import LONGEST as LONGEST_RUN
 from np_drake.logs.gaps import fill_cells, replaced
-from np_drake.logs.table import Table
 
 LARGEST_SHARE = 0.02  # of the rows that may be dropped or changed
 NORM_RANGE = (0.5, 2.0)  # a quaternion outside it is not normalised but interpolated [1]

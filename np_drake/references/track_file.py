@@ -5,9 +5,9 @@ from pathlib import Path
 
 import numpy as np
 
-from np_drake.logs.csv_file import read_csv
+from np_drake.logs.columns import Table
 from np_drake.logs.errors import LogError
-from np_drake.logs.table import Table
+from np_drake.logs.formats.csv_file import read_csv
 from np_drake.references.trajectory import LEAST_ROWS, Trajectory
 from np_drake.references.waypoints import Waypoints
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from np_drake.logs.csv_file import write_csv
+from np_drake.logs.formats.csv_file import write_csv
 from np_drake.references.base import Reference
 from np_drake.references.track_file import ACCELERATION, FEEDFORWARD, POSITION, TIME, VELOCITY
 from np_drake.references.trajectory import LEAST_ROWS

@@ -5,8 +5,8 @@ import dataclasses as dc
 import numpy as np
 
 from np_drake.logs.errors import LogError
+from np_drake.logs.formats.format import Recording, Stream, find_column
 from np_drake.logs.importing.log_map import UNITS, LogMap
-from np_drake.logs.recording import Recording, Stream, find_column
 
 
 def with_map_time(recording: Recording, log_map: LogMap) -> Recording:

@@ -6,8 +6,8 @@ import numpy as np
 
 from np_drake.logs.checks import LARGEST
 from np_drake.logs.errors import LogError
+from np_drake.logs.formats.format import Recording, find_column
 from np_drake.logs.importing.log_map import LogMap, Source
-from np_drake.logs.recording import Recording, find_column
 
 REPEATED = (
     0.3  # share of rows equal to the row before, from which a signal is one of a slower rate [1]; own choice

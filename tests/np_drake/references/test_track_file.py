@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from np_drake.logs.csv_file import read_csv
+from np_drake.logs.formats.csv_file import read_csv
 from np_drake.references.config import TRACKS, ReferenceConfig, make_reference
 from np_drake.references.flatness import targets
 from np_drake.references.pace import Paced

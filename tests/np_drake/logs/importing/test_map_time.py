@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from np_drake.logs.errors import LogError
+from np_drake.logs.formats.format import Recording, Stream
 from np_drake.logs.importing.log_map import LogMap, Source, load_map
 from np_drake.logs.importing.map_time import with_map_time
-from np_drake.logs.recording import Recording, Stream
 
 RECORDING = Recording(
     "made.log",

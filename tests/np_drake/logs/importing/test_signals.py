@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from np_drake.logs.errors import LogError
+from np_drake.logs.formats.format import Recording, Stream
 from np_drake.logs.importing.alignment import GAP
 from np_drake.logs.importing.log_map import LogMap, Source
 from np_drake.logs.importing.signals import gather
-from np_drake.logs.recording import Recording, Stream
 
 MAP = LogMap(position=Source(["x", "y", "z"]))
 
