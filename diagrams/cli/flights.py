@@ -8,8 +8,8 @@ from np_drake.flight_log import FlightLog
 from np_drake.logs import opening
 from np_drake.logs.formats.neurobem import is_array, is_neurobem, published_vehicle, read_wrenches
 from np_drake.training_data.accelerations import with_accelerations
+from np_drake.training_data.segments import WrenchSequence
 from np_drake.training_data.training_segments import Flight, require_torque
-from np_drake.training_data.wrench_sequence import WrenchSequence
 from np_drake.vehicle import Vehicle, load_vehicle
 
 if TYPE_CHECKING:

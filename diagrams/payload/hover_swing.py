@@ -23,7 +23,8 @@ from diagrams.tracking.model_files import (
     trained_models,
 )
 from diagrams.tracking.tracking import Row, configure, training_config
-from np_drake import metrics, swing_metrics
+from np_drake import metrics
+from np_drake import metrics as swing_metrics
 from np_drake.payload_filter.model_file import PENDULUM
 from np_drake.residual_models.motion_model import GP, KNODE
 

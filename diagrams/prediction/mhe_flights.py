@@ -23,7 +23,7 @@ from np_drake.logs.formats.neurobem import (
     read_wrenches,
 )
 from np_drake.logs.opening import open_flights
-from np_drake.training_data.wrench_sequence import WrenchSequence
+from np_drake.training_data.segments import WrenchSequence
 
 PUBLISHED_ROW = "NeuroMHE"  # name of its row
 NAIVE_ROW = "persistence"  # name of its row

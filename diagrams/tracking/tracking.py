@@ -10,9 +10,9 @@ from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight import FlightConfig
 from diagrams.loop.flight_result import FlightResult, fly
 from diagrams.prediction.learning import train_pendulum_model, train_predictor, train_reaction
+from np_drake.metrics import half_width
 from np_drake.payload_filter.model_file import PENDULUM
 from np_drake.residual_models.motion_model import GP, KNODE, REACTIONS
-from np_drake.swing_metrics import half_width
 from np_drake.vehicle import Vehicle
 
 TRACKS = ("circle", "lemniscate")  # experiments that are flown

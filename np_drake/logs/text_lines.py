@@ -10,8 +10,7 @@ from typing import IO, Any
 
 import numpy as np
 
-from np_drake.files.input_file import cell_budget, text_budget
-from np_drake.files.input_guard import note_input
+from np_drake.files.input_file import cell_budget, note_input, text_budget
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.format import Progress
 

@@ -18,9 +18,8 @@ from np_drake.residual_models.neural_predictor import NeuralPredictor, Predictor
 from np_drake.skill.skill import UNTRAINED, skill_table
 from np_drake.skill.window_stability import walked_stability, window_stability
 from np_drake.training_data.sampled_flight import SampledFlight
-from np_drake.training_data.segments import Segment
+from np_drake.training_data.segments import Segment, WrenchSequence
 from np_drake.training_data.training_segments import Flight, flown_segments
-from np_drake.training_data.wrench_sequence import WrenchSequence
 
 OURS = (PAPER, DEFAULT, PENDULUM)
 WARM_UP = 40  # samples before the first origin, at least [1]

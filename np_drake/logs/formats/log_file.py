@@ -15,8 +15,8 @@ from np_drake.logs.formats.format import FlightFormat
 from np_drake.logs.formats.table import first_line
 from np_drake.logs.formats.table_text import split_header
 from np_drake.logs.gaps import LONGEST, bridge_gaps, split_at_gaps
+from np_drake.logs.gaps import repair as repair_table
 from np_drake.logs.import_sheet import read_sheet
-from np_drake.logs.repair import repair as repair_table
 from np_drake.logs.throttle_input import with_throttle_input
 from np_drake.logs.units import check_units
 from np_drake.rotor_input import with_rotor_input

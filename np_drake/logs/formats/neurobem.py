@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from np_drake import attitude
-from np_drake.files.input_guard import note_input
+from np_drake.files.input_file import note_input
 from np_drake.flight_log import FlightLog
 from np_drake.logs.checks import check_table
 from np_drake.logs.columns import COLUMNS, Table
@@ -21,10 +21,10 @@ from np_drake.logs.formats.csv_file import read_csv
 from np_drake.logs.formats.format import FlightFormat, first_bytes
 from np_drake.logs.formats.table import first_line
 from np_drake.logs.gaps import bridge_gaps, without_long_gaps
-from np_drake.logs.repair import repair as repair_table
+from np_drake.logs.gaps import repair as repair_table
 from np_drake.logs.units import check_units
 from np_drake.rotor_input import with_rotor_input
-from np_drake.training_data.wrench_sequence import WrenchSequence
+from np_drake.training_data.segments import WrenchSequence
 from np_drake.vehicle import Vehicle, load_vehicle
 
 GRAVITY = 9.81  # [m/s²]; the CSV's hover reading of specific force

@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 
 from np_drake.files.atomic_file import atomic_path
-from np_drake.files.input_file import cell_budget, text_budget
-from np_drake.files.input_guard import note_input
+from np_drake.files.input_file import cell_budget, note_input, text_budget
 from np_drake.logs.columns import Table
 from np_drake.logs.errors import LogError, place
 from np_drake.logs.formats.format import Progress

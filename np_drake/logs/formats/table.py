@@ -91,7 +91,7 @@ def default_map(contents: Contents) -> LogMap | None:
 def read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Recording:
     """Return the wanted columns as one stream, its times from the first of `TIMES` that is there.
 
-    Without such a column all times are NaN: `importing.map_time` takes them from the column that the map names.
+    Without such a column all times are NaN: `with_map_time` takes them from the column that the map names.
     Raises: LogError: one line with file, row and column, on a damaged file or a wanted cell that is no number.
     """
     known = contents(path)[STREAM]

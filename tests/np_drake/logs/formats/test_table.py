@@ -18,7 +18,7 @@ from np_drake.logs.formats.format import Stream
 from np_drake.logs.formats.log_file import write_log
 from np_drake.logs.formats.table import TABLE
 from np_drake.logs.importing.log_map import LogMap, Source
-from np_drake.logs.importing.map_time import with_map_time
+from np_drake.logs.importing.signals import with_map_time
 
 SUFFIXES = (".csv", ".csv.gz", ".txt", ".tsv", ".parquet")
 WAYS = ("pyarrow", "plain")
