@@ -19,7 +19,7 @@ from diagrams.loop.experiments import load_experiment
 from np_drake.files.input_file import read_json
 from np_drake.lifting.model.model_file import load_model
 from np_drake.logs.formats.format import Stream
-from np_drake.logs.formats.neurobem import FIRST_COLUMNS
+from np_drake.logs.formats.neurobem import FIRST_COLUMNS, read_wrenches
 from np_drake.logs.importing.log_map import load_map_file
 from np_drake.logs.opening import open_flights
 from np_drake.payload_filter.model_file import PendulumModel
@@ -198,7 +198,7 @@ TARGETS = {
         ),
         Target("parquet", ".parquet", open_flights, _parquet),
         Target("neurobem", ".csv", open_flights, _neurobem),
-        Target("array", ".npy", open_flights, _array),
+        Target("array", ".npy", read_wrenches, _array),
         Target("table", ".csv", open_flights, _written("table", "a.csv", {"table": stream("x", "y", "yaw")})),
         Target(
             "neural_fly",
