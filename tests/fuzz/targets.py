@@ -129,7 +129,7 @@ def _parquet(folder: Path) -> list[bytes]:
 
 
 def _neurobem(folder: Path) -> list[bytes]:
-    return [FIRST_COLUMNS + b",x\n0,1,2\n"]
+    return [FIRST_COLUMNS.encode() + b",x\n0,1,2\n"]
 
 
 def _array(folder: Path) -> list[bytes]:
