@@ -5,7 +5,7 @@ import dataclasses as dc
 import numpy as np
 
 from np_drake import attitude, rigid_body
-from np_drake.finite import finite
+from np_drake.compiled import finite
 from np_drake.residual_model import Memory
 from np_drake.rotor_input import rotor_decay, rotor_speed, rotor_wrench
 from np_drake.scaling import ratios

@@ -1,4 +1,4 @@
-"""Compilation of inner loops."""
+"""Compilation of inner loops, and the compiled functions that many of them share."""
 
 import logging
 import sys
@@ -40,3 +40,23 @@ def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
         return njit(cache=True, error_model="numpy")(function)
     except RuntimeError:
         return njit(error_model="numpy")(function)
+
+
+@compiled
+def finite(values):
+    """Return whether all entries of a contiguous array of any shape are finite."""
+    nothing = 0.0
+    for value in values.ravel():
+        nothing += 0.0 * value
+    return nothing == 0.0
+
+
+@compiled
+def turned(w, x, y, z, a, b, c):
+    """Return the vector (a, b, c) in B turned to W by the unit quaternion (w, x, y, z); its conjugate turns back."""
+    i, j, k = y * c - z * b, z * a - x * c, x * b - y * a
+    return (
+        a + 2 * (w * i + y * k - z * j),
+        b + 2 * (w * j + z * i - x * k),
+        c + 2 * (w * k + x * j - y * i),
+    )

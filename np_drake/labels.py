@@ -13,8 +13,7 @@ import numpy as np
 from scipy import signal
 
 from np_drake import rigid_body
-from np_drake.compiled import compiled
-from np_drake.finite import finite
+from np_drake.compiled import compiled, finite
 from np_drake.flight_log import FlightLog
 from np_drake.residual_model import KnowsRotorLag, Memory
 from np_drake.rotor_input import acting_command, rotor_decay, rotor_speed, rotor_wrench

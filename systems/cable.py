@@ -6,8 +6,7 @@ import numpy as np
 from pydrake.systems.framework import BasicVector, LeafSystem
 
 from np_drake import attitude
-from np_drake.attitude_kernel import turned
-from np_drake.compiled import compiled
+from np_drake.compiled import compiled, turned
 
 
 class Cable(LeafSystem):

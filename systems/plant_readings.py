@@ -7,8 +7,7 @@ from pydrake.multibody.math import SpatialForce
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import LeafSystem
 
-from np_drake.attitude_kernel import turned
-from np_drake.compiled import compiled
+from np_drake.compiled import compiled, turned
 
 
 @compiled

@@ -5,8 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from pydrake.systems.framework import LeafSystem
 
-from np_drake.attitude_kernel import turned
-from np_drake.compiled import compiled
+from np_drake.compiled import compiled, turned
 from np_drake.effects.base import Motion, WrenchEffect
 from np_drake.effects.combine import NO_ONSETS, Onsets, acting, total_wrench
 from np_drake.vehicle import Vehicle

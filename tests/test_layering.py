@@ -35,9 +35,9 @@ DIAGNOSIS = (
     ),
 )
 GROUND = (
-    *("attitude", "compiled", "attitude_kernel", "files", "finite", "flight_log", "metrics", "swing_metrics"),
+    *("attitude", "compiled", "files", "flight_log", "metrics"),
     *("vehicle", "rigid_body", "rotor_input", "scaling", "vehicle_estimate"),
-    *("residual_model", "command_delay", "labels", "actuator_timing"),
+    *("residual_model", "command_delay", "labels"),
     *("training_data", "effects", "logs", "references", "control", "diagnosis", "flight_design"),
     *("mpc", "estimation", "faults"),
     *("lifting", "payload_filter", "residual_models", "skill", "__main__"),

@@ -11,7 +11,7 @@ from pydrake.systems.analysis import SimulatorConfig
 
 from diagrams.loop.flight import FlightConfig
 from np_drake.effects.library import LIBRARY, effects_for
-from np_drake.files.yaml_kinds import fields_of
+from np_drake.files.yaml_file import fields_of
 from np_drake.logs.columns import NAMES
 from np_drake.logs.importing.log_map import UNITS, LogMap, Source, load_map
 from np_drake.vehicle import Vehicle

@@ -54,7 +54,8 @@ def diagnose(
     """Diagnose the gap between the nominal simulator and flights; with --out: report, replay, figures, JSON."""
     files = choose_files(case, vehicle, list(train or ()), list(held_out or ()))
     nominal = nominal_vehicle(files)
-    logs = [open_flights(paths, nominal, repair=repair) for paths in (files.train, files.held_out)]
+    logs = files.open(nominal, repair=repair)
+    say(*(f"{log.name}: {note}" for flights in logs for log in flights for note in log.notes))
     found = diagnose_logs(nominal, *logs, replay=not no_replay, second_look=not no_second_look, rig=rig)
     config: dict[str, Any] = {"vehicle": nominal.name, "train": files.train, "held_out": files.held_out}
     config |= {"replay": not no_replay, "second_look": not no_second_look, "rig": rig, "repair": repair}
@@ -151,7 +152,7 @@ def nominal_vehicle(files: "CaseFiles") -> "Vehicle":
 
     Raises: ValueError: on a bad vehicle file; OSError: if a flight cannot be opened.
     """
-    from np_drake.logs.open_log import is_neurobem
+    from np_drake.logs.formats.neurobem import is_neurobem
     from np_drake.vehicle import load_vehicle
 
     if files.vehicle is None:
@@ -173,21 +174,6 @@ def vehicle_of(path: Path) -> "Vehicle":
     if missing := left_out(path):
         say(f"{path}: {', '.join(missing)} not named: those of the paper's vehicle are taken.")
     return vehicle
-
-
-def open_flights(paths: tuple[Path, ...], vehicle: "Vehicle", *, repair: bool) -> "list[FlightLog]":
-    """Open and check every file, and print what a reader derived or repaired.
-
-    Raises: LogError, OSError: one line, at the first file that is not usable; ValueError: on an array (.npy).
-    """
-    from np_drake.logs.case_folder import open_flight
-
-    logs = []
-    for path in paths:
-        parts = open_flight(path, vehicle, repair=repair)
-        say(*(f"{log.name}: {note}" for log in parts for note in log.notes))
-        logs += parts
-    return logs
 
 
 def diagnose_logs(

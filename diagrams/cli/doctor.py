@@ -89,14 +89,14 @@ def _opened(
 ) -> "tuple[list[FlightLog], dict[str, Any], list[Exception]]":
     """Return flights, by name the content of the sheets of those that were imported, and what could not be opened."""
     from np_drake.logs.errors import LogError
-    from np_drake.logs.open_any import open_any
+    from np_drake.logs.opening import open_flights
 
     flights: list[FlightLog] = []
     sheets: dict[str, Any] = {}
     failures: list[Exception] = []
     for number, path in enumerate(paths):
         try:
-            found, sheet = open_any(
+            found, sheet = open_flights(
                 path,
                 vehicle,
                 declared,

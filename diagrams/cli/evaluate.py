@@ -152,7 +152,7 @@ def choose_flights(
         raise ValueError(
             "give flights, or the folder of the NeuroBEM flights as --neurobem DIR or NP_DRAKE_NEUROBEM."
         )
-    from np_drake.logs.neurobem import RACE_TRACK, TRAINING
+    from np_drake.logs.formats.neurobem import RACE_TRACK, TRAINING
 
     say("the paper prints 0.057 N and 0.006 N·m for race track 1 (one step ahead).")
     return [neurobem / "npy" / f"{TRAINING}.npy"], [neurobem / "npy" / f"{RACE_TRACK}.npy"]

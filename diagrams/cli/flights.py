@@ -5,9 +5,10 @@ from typing import TYPE_CHECKING
 
 from diagrams.cli.output import progress, say
 from np_drake.flight_log import FlightLog
-from np_drake.logs.neurobem import published_vehicle
-from np_drake.logs.open_log import is_neurobem, open_segments
+from np_drake.logs import opening
+from np_drake.logs.formats.neurobem import is_array, is_neurobem, published_vehicle, read_wrenches
 from np_drake.training_data.accelerations import with_accelerations
+from np_drake.training_data.segments import WrenchSequence
 from np_drake.training_data.training_segments import Flight, require_torque
 from np_drake.vehicle import Vehicle, load_vehicle
 
@@ -54,12 +55,18 @@ def _opened(path: Path, vehicle: Vehicle | None, *, repair: bool) -> list[Flight
     """Return the flights of a file, and print what a reader derived or repaired."""
     own = vehicle or (published_vehicle() if is_neurobem(path) else Vehicle())
     flights = []
-    for data in open_segments(path, vehicle=vehicle, repair=repair):
-        if isinstance(data, FlightLog):
-            data = with_accelerations(require_torque(data))
+    for data in _data(path, vehicle, repair=repair):
         say(*(f"{data.name}: {note}" for note in data.notes))
         flights.append(Flight(data, own))
     return flights
+
+
+def _data(path: Path, vehicle: Vehicle | None, *, repair: bool) -> list[FlightLog] | list[WrenchSequence]:
+    """Return the flights of a log with accelerations, or the wrenches of an array."""
+    if is_array(path):
+        return [read_wrenches(path)]
+    found, _ = opening.open_flights(path, vehicle, repair=repair)
+    return [with_accelerations(require_torque(log)) for log in found]
 
 
 def simulated(scenario: Path, config: "FlightConfig") -> Flight:

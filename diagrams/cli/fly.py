@@ -178,7 +178,7 @@ def require_mcap_output(file: Path) -> None:
     Raises: ValueError: if it is not so; OSError: if it cannot be written.
     """
     from np_drake.files.atomic_file import require_writable
-    from np_drake.logs.mcap_file import require_mcap
+    from np_drake.logs.formats.mcap_file import require_mcap
 
     require_mcap(file)
     require_writable(file)
@@ -245,7 +245,7 @@ def write_flight(flight: "FlightResult", folder: Path) -> None:
     from diagrams.loop.replay.flight_page import write_replay
     from diagrams.tracking import figures
     from np_drake.files.figure_file import save
-    from np_drake.logs.log_file import write_log
+    from np_drake.logs.formats.log_file import write_log
 
     stem = f"{flight.config.name}_{flight.label.replace(' + ', '_').replace(' ', '_')}"
     write_log(flight.log(), folder / f"{stem}.csv")

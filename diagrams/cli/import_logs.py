@@ -112,8 +112,8 @@ def _write(found: "Imported", folder: Path, suffix: str, before: list[str]) -> l
     Raises: LogError: if a file is there already.
     """
     from np_drake.logs.errors import LogError
+    from np_drake.logs.formats.log_file import write_log
     from np_drake.logs.import_sheet import sheet_path, write_sheet
-    from np_drake.logs.log_file import write_log
 
     make_folder(folder)
     targets = [folder / f"{flight.name}{suffix}" for flight in found.flights]

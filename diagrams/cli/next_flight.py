@@ -49,7 +49,7 @@ def next_flight(
     from diagrams.gap.next_flight import read_report, write_scenario
     from np_drake.flight_design.design import FlightDesigner
     from np_drake.flight_design.limits import limits_for
-    from np_drake.references.trajectory_file import write_trajectory
+    from np_drake.references.track_file import write_trajectory
 
     found = read_report(report)
     config = with_controller(found.simulator, controller)

@@ -10,7 +10,7 @@ import typer
 from diagrams.batch.failed_run import FailedRun, one_line
 from diagrams.cli.output import console
 from np_drake.files.atomic_file import FULL
-from np_drake.files.input_guard import guard_inputs
+from np_drake.files.input_file import guard_inputs
 from np_drake.files.interruption import Ended, last_signal, line
 
 PROGRAM = "np-drake"

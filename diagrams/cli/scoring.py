@@ -7,7 +7,7 @@ import numpy as np
 
 from diagrams.cli.output import Table
 from np_drake.skill.flight_skill import diverged
-from np_drake.skill.skill_interval import mean_interval
+from np_drake.skill.skill import mean_interval
 
 
 def tables(rows: list[dict[str, Any]], zeta: str, *, mean: bool) -> list[Table]:

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from diagrams.cooperative.result import PHASES
-from np_drake.swing_metrics import half_width
+from np_drake.metrics import half_width
 
 
 def cooperative_table(summaries: Sequence[dict]) -> list[dict]:

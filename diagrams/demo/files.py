@@ -13,7 +13,7 @@ from diagrams.tracking.tracking import TRACKS
 from np_drake.diagnosis.report.write import write_report
 from np_drake.files.atomic_file import write_bytes
 from np_drake.files.figure_file import png
-from np_drake.logs.log_file import write_log
+from np_drake.logs.formats.log_file import write_log
 
 
 def write_demo(demo: Demo, folder: Path) -> Path:

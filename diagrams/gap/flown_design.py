@@ -17,7 +17,7 @@ from np_drake.effects.posterior import Posterior
 from np_drake.flight_design.design import Candidate, FlightDesigner
 from np_drake.flight_design.expected_residual import seen_in
 from np_drake.flight_design.limits import Limits
-from np_drake.references.trajectory_file import write_trajectory
+from np_drake.references.track_file import write_trajectory
 
 ROOM = 0.95  # of what a limit leaves that a shrunk motion takes [1]; own choice
 TRIES = 4  # of shrinking

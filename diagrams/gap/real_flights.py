@@ -14,7 +14,8 @@ from diagrams.batch.workers import Workers, every_result
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.diagnosis.residuals.flight_residuals import make_flight_residuals
 from np_drake.flight_log import FlightLog
-from np_drake.logs.neurobem import AGILE, published_vehicle, read_neurobem
+from np_drake.logs.formats.neurobem import AGILE, published_vehicle
+from np_drake.logs.opening import open_flights
 from np_drake.vehicle import Vehicle
 
 GROUPS = {"lateral force": (0, 1), "vertical force": (2,), "torque": (3, 4, 5)}  # channels of the residual
@@ -42,7 +43,7 @@ def agile_flights(folder: Path) -> list[FlightLog]:
 
     Raises: OSError, LogError: where one is missing or cannot be read.
     """
-    return [read_neurobem(folder / "csv" / f"merged_{name}.csv") for name in AGILE]
+    return [open_flights(folder / "csv" / f"merged_{name}.csv")[0][0] for name in AGILE]
 
 
 def fold(vehicle: Vehicle, train: Sequence[FlightLog], held_out: FlightLog) -> Fold:

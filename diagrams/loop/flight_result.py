@@ -10,12 +10,12 @@ from diagrams.loop.events import Event
 from diagrams.loop.flight import FlightConfig, Watch, simulate
 from diagrams.loop.real_vehicle import DRAKE, RealVehicle
 from np_drake import metrics, rigid_body
-from np_drake.actuator_timing import delayed
 from np_drake.flight_log import FlightLog
 from np_drake.logs.clock import shift_state
 from np_drake.mpc.problem import MpcStatus
 from np_drake.references.config import make_reference
 from np_drake.rotor_input import acting_command
+from np_drake.training_data.actuator_timing import delayed
 
 
 @dc.dataclass

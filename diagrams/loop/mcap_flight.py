@@ -7,9 +7,8 @@ import numpy as np
 
 from diagrams.loop.flight_result import FlightResult
 from np_drake import attitude
-from np_drake.logs import foxglove
-from np_drake.logs.foxglove import Json
-from np_drake.logs.mcap_file import Channel, Message, write_mcap
+from np_drake.logs.formats import mcap_file as foxglove
+from np_drake.logs.formats.mcap_file import Channel, Json, Message, write_mcap
 
 WORLD, VEHICLE, PAYLOAD = "world", "quadrotor", "payload"  # frames
 PATH_RATE = 10.0  # of the points of the reference path [Hz]

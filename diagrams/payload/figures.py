@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 from diagrams.loop.flight import FlightConfig
 from diagrams.payload.attach import AFTER, expected_step
 from np_drake.files.figure_file import DASHES, PALETTE, new_figure
-from np_drake.swing_metrics import SETTLED
+from np_drake.metrics import SETTLED
 
 _TITLES = {
     "attach": "100 g more are hung on",

@@ -26,6 +26,8 @@ from diagrams.tracking.tracking import Row, configure, training_config
 from np_drake import metrics, swing_metrics
 from np_drake.lifting.model.lifted_model import DELAY_MODAL
 from np_drake.payload_filter.model_file import PAYLOAD_FILTER
+from np_drake import metrics
+from np_drake.payload_filter.model_file import PENDULUM
 from np_drake.residual_models.motion_model import GP, KNODE
 
 IMPULSE = 0.3  # on the payload, along x [N·s]
@@ -114,8 +116,8 @@ def hover_metrics(flight: FlightResult) -> dict:
         "early": _rmse(p - p_ref, t < EARLY),
         "late": _rmse(p - p_ref, t >= EARLY),
         "amplitude": float(distance.max()),
-        "rate": swing_metrics.decay_rate(t, distance),
-        "settling": swing_metrics.settling_time(t, distance),
+        "rate": metrics.decay_rate(t, distance),
+        "settling": metrics.settling_time(t, distance),
         **{key: shared[key] for key in ("solve_failures", "fallbacks", "solve_ms")},
     }
 
@@ -205,7 +207,7 @@ def hover_table(runs: list[dict]) -> list[dict]:
         line: dict = {"row": name, "flights": len(mine)}
         for key in KEYS:
             values = np.array([m[key] for m in mine])
-            line[key], line[f"{key}_ci95"] = float(values.mean()), swing_metrics.half_width(values)
+            line[key], line[f"{key}_ci95"] = float(values.mean()), metrics.half_width(values)
         for key, nominal in base.items():
             line[f"{key}_cut"] = 1.0 - line[key] / nominal
         line["solve_failures"] = int(sum(m["solve_failures"] for m in mine))
@@ -244,7 +246,7 @@ def verdict(lines: list[dict]) -> list[str]:
     if DAMPED in by and "nominal" in by:
         damped, nominal = by[DAMPED], by["nominal"]
         said.append(
-            f"active damping: below {100 * swing_metrics.SETTLED:.0f} cm after {damped['settling']:.1f} s, "
+            f"active damping: below {100 * metrics.SETTLED:.0f} cm after {damped['settling']:.1f} s, "
             f"nominal after {nominal['settling']:.1f} s; position RMSE {damped['position_rmse']:.4f} m."
         )
     return said

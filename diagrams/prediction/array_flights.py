@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from np_drake.logs.neurobem import TESTS, TRAINING, read_neurobem_npy
+from np_drake.logs.formats.neurobem import TESTS, TRAINING, read_wrenches
 from np_drake.skill.response import jerk
 from np_drake.training_data.segments import Segment
 
@@ -35,5 +35,5 @@ def flights(folder: Path) -> list[Flight]:
     Raises: OSError, LogError: where one is missing or cannot be read.
     """
     names = {TRAINING: "training segment", **TESTS}
-    found = [(name, read_neurobem_npy(folder / "npy" / f"{stem}.npy")) for stem, name in names.items()]
+    found = [(name, read_wrenches(folder / "npy" / f"{stem}.npy")) for stem, name in names.items()]
     return [Flight(name, Segment(s.chi, s.zeta, s.step)) for name, s in found]

@@ -16,8 +16,14 @@ from np_drake.estimation.motion import Motion, motion_from_attitude, motion_from
 from np_drake.estimation.moving_horizon_program import ProgramWindow
 from np_drake.estimation.wrench_table import COLUMNS, PUBLISHED, column_rmse
 from np_drake.logs.errors import LogError
-from np_drake.logs.neurobem import TESTS, TRAINING, published_vehicle, read_neurobem, read_neurobem_npy
-from np_drake.training_data.wrench_sequence import WrenchSequence
+from np_drake.logs.formats.neurobem import (
+    TESTS,
+    TRAINING,
+    published_vehicle,
+    read_wrenches,
+)
+from np_drake.logs.opening import open_flights
+from np_drake.training_data.segments import WrenchSequence
 
 PUBLISHED_ROW = "NeuroMHE"  # name of its row
 NAIVE_ROW = "persistence"  # name of its row
@@ -46,7 +52,7 @@ def tuned_config(folder: Path) -> MheConfig:
 
     Raises: OSError, LogError: where it cannot be read.
     """
-    sequence = read_neurobem_npy(folder / "npy" / f"{TRAINING}.npy")
+    sequence = read_wrenches(folder / "npy" / f"{TRAINING}.npy")
     return tune(motion_from_rates(sequence, published_vehicle()), sequence.chi)
 
 
@@ -63,7 +69,7 @@ def mhe_table(
     Raises: OSError, LogError: where a flight cannot be read; FailedRun: where one has no result.
     """
     for stem in stems:  # before the long work
-        _motions(folder, stem, read_neurobem_npy(folder / "npy" / f"{stem}.npy"))
+        _motions(folder, stem, read_wrenches(folder / "npy" / f"{stem}.npy"))
     records = (workers or Workers()).run(
         Estimating(folder.resolve(), config),
         [{"flight": stem} for stem in stems],
@@ -95,7 +101,7 @@ class Estimating:
         Raises: OSError, LogError: where it cannot be read.
         """
         stem, rows, exact = case["flight"], [], []
-        sequence, name = read_neurobem_npy(self.folder / "npy" / f"{stem}.npy"), TESTS[stem]
+        sequence, name = read_wrenches(self.folder / "npy" / f"{stem}.npy"), TESTS[stem]
         rows.append(
             _row(name, PUBLISHED_ROW, dict(zip(COLUMNS, PUBLISHED[name][PUBLISHED_ROW], strict=True)))
         )
@@ -120,7 +126,7 @@ def _motions(folder: Path, stem: str, sequence: WrenchSequence) -> dict[str, Mot
     motions = {RATES_ROW: motion_from_rates(sequence, vehicle)}
     for path in (folder / "csv" / f"{stem}.csv", folder / "csv" / f"{stem}.csv.gz"):
         if path.is_file():
-            log = read_neurobem(path)
+            (log,), _ = open_flights(path)
             if len(log) != len(sequence) or np.abs(log.w - sequence.zeta[:, 3:]).max() > 1e-3:
                 raise LogError(f"{path}: must hold the same rows as {stem}.npy.")
             motions[ATTITUDE_ROW] = motion_from_attitude(sequence, vehicle, log.q)

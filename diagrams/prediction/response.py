@@ -13,8 +13,7 @@ from np_drake.lifting.model.lifted_model import LiftedModel
 from np_drake.lifting.training.train import Config, train
 from np_drake.residual_model import FlightForecasts
 from np_drake.skill.response import aggressive, lag
-from np_drake.skill.skill import naive_predictions
-from np_drake.skill.skill_interval import mean_interval
+from np_drake.skill.skill import mean_interval, naive_predictions
 
 HORIZONS = (20, 40)  # [steps]
 UNSEEN = "ours, default, other flights"  # trained on every flight but the evaluated one

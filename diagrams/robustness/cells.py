@@ -6,7 +6,7 @@ import numpy as np
 
 from diagrams.batch.campaign import Record
 from diagrams.robustness.axes import Setting
-from np_drake.swing_metrics import half_width
+from np_drake.metrics import half_width
 
 ERRORS = ("E_xy", "E_z")  # keys of the errors [m]
 GROWTHS = ("growth", "swing_growth")  # keys of growth over the steady window [1]

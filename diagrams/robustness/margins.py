@@ -14,7 +14,7 @@ from diagrams.robustness.axes import BASE
 from diagrams.robustness.measures import GROWING
 from diagrams.robustness.robustness import ROWS, Flying, Progress, Sweep, model_digests
 from diagrams.tracking.tracking import Row
-from np_drake.swing_metrics import half_width
+from np_drake.metrics import half_width
 
 SPEEDS = (BASE["speed"], 2.5)  # of the home circle and of a faster one [m/s]
 

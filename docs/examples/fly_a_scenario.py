@@ -9,7 +9,7 @@ from pathlib import Path
 
 from diagrams.loop.flight import load_flight
 from diagrams.loop.flight_result import fly
-from np_drake.logs.log_file import write_log
+from np_drake.logs.formats.log_file import write_log
 
 SCENARIO = """\
 name: heavy_circle

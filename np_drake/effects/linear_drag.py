@@ -6,8 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from np_drake.attitude_kernel import turned
-from np_drake.compiled import compiled
+from np_drake.compiled import compiled, turned
 from np_drake.effects.air_speed import ALIKE, air_velocity_B, chi_from_body
 from np_drake.effects.base import Motion, Parameter, WrenchEffect
 from np_drake.effects.random_sizes import drag_coefficients

@@ -7,8 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from np_drake import attitude
-from np_drake.attitude_kernel import turned
-from np_drake.compiled import compiled
+from np_drake.compiled import compiled, turned
 from np_drake.effects.base import Measurement
 from np_drake.vehicle import MeasurementNoise, Vehicle
 

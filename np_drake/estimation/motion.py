@@ -13,7 +13,7 @@ from scipy import signal
 from scipy.spatial.transform import Rotation
 
 from np_drake import attitude
-from np_drake.training_data.wrench_sequence import WrenchSequence
+from np_drake.training_data.segments import WrenchSequence
 from np_drake.vehicle import Vehicle
 
 ARRAY_GRAVITY = 9.8  # the force columns are 0.752 (specific force - [0, 0, 9.8]) [m/s²]

@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from np_drake.files.input_guard import note_output, require_no_input
+from np_drake.files.input_file import note_output, require_no_input
 
 FULL = (errno.ENOSPC, errno.EDQUOT)  # what a system says where no room is left
 

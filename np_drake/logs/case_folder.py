@@ -4,8 +4,8 @@ import dataclasses as dc
 from pathlib import Path
 
 from np_drake.flight_log import FlightLog
-from np_drake.logs.log_file import SUFFIXES
-from np_drake.logs.open_log import open_segments
+from np_drake.logs.formats.log_file import SUFFIXES
+from np_drake.logs.opening import open_flights
 from np_drake.vehicle import Vehicle, load_vehicle
 
 SHORTEST = 3.0  # part of a flight that can be diagnosed [s]
@@ -22,6 +22,20 @@ class CaseFiles:
     vehicle: Path | None
     train: tuple[Path, ...]
     held_out: tuple[Path, ...]
+
+    def open(self, vehicle: Vehicle, *, repair: bool = False) -> tuple[list[FlightLog], list[FlightLog]]:
+        """Return the flights to fit and the held-out flights, in their parts between long gaps.
+
+        Args:
+            vehicle: gives thrust and torque from rotor speed or throttle.
+            repair: mend a few bad rows instead of refusing them.
+        Raises: LogError, OSError: one line, at the first file that is not usable.
+        """
+        train, held_out = (
+            [log for path in paths for log in _parts(path, vehicle, repair)]
+            for paths in (self.train, self.held_out)
+        )
+        return train, held_out
 
 
 def find_case(folder: str | Path, vehicle: Path | None = None) -> CaseFiles:
@@ -49,19 +63,22 @@ def find_case(folder: str | Path, vehicle: Path | None = None) -> CaseFiles:
     return CaseFiles(vehicle or folder / VEHICLE, train, held_out)
 
 
-def open_flight(path: Path, vehicle: Vehicle, *, repair: bool = False) -> list[FlightLog]:
+def open_case(folder: str | Path) -> tuple[Vehicle, list[FlightLog], list[FlightLog]]:
+    """Return the vehicle of a case folder, its flights to fit and its held-out flights.
+
+    Raises: ValueError, LogError, OSError: one line, if the folder is no case, or a file of it is not usable.
+    """
+    files = find_case(folder)
+    vehicle = load_vehicle(str(files.vehicle))
+    return vehicle, *files.open(vehicle)
+
+
+def _parts(path: Path, vehicle: Vehicle, repair: bool) -> list[FlightLog]:
     """Return a flight to diagnose, named as its file, in its parts between long gaps.
 
     Parts shorter than `SHORTEST` are left out, unless all are, and the notes say so.
-
-    Args: repair: mend a few bad rows instead of refusing them.
-    Raises: LogError, OSError: one line, if the file is not usable; ValueError: on an array (.npy).
     """
-    parts = []
-    for log in open_segments(path, vehicle=vehicle, repair=repair):
-        if not isinstance(log, FlightLog):
-            raise ValueError(f"{path}: an array has no commands to diagnose; give the flight's CSV.")
-        parts.append(log)
+    parts, _ = open_flights(path, vehicle, repair=repair)
     if len(parts) == 1:
         return [dc.replace(parts[0], name=path.name)]
     kept = [log for log in parts if log.t[-1] - log.t[0] >= SHORTEST] or parts
@@ -70,17 +87,3 @@ def open_flight(path: Path, vehicle: Vehicle, *, repair: bool = False) -> list[F
         dc.replace(log, name=f"{path.name} part {i}", notes=[*log.notes, *note] if i == 1 else [])
         for i, log in enumerate(kept, start=1)
     ]
-
-
-def open_case(folder: str | Path) -> tuple[Vehicle, list[FlightLog], list[FlightLog]]:
-    """Return the vehicle of a case folder, its flights to fit and its held-out flights.
-
-    Raises: ValueError, LogError, OSError: one line, if the folder is no case, or a file of it is not usable.
-    """
-    files = find_case(folder)
-    vehicle = load_vehicle(str(files.vehicle))
-    train, held_out = (
-        [log for path in paths for log in open_flight(path, vehicle)]
-        for paths in (files.train, files.held_out)
-    )
-    return vehicle, train, held_out

@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from np_drake.logs.columns import COLUMNS, FIELDS
-from np_drake.logs.table import Table
+from np_drake.logs.columns import COLUMNS, FIELDS, Table
 
 LEAST_ROWS = 20  # own choice: below it nothing can be filtered or differentiated
 GAP = 2.5  # median intervals between two rows that count as a gap

@@ -1,16 +1,18 @@
-"""Lines of a text file of any size, plain or gzip-compressed, with limits on what may come out of it."""
+"""Limits of a table: lines of a text file of any size, plain or gzip, and columns of numbers that grow."""
 
 import gzip
 import io
 import zlib
-from collections.abc import Callable, Generator
+from array import array
+from collections.abc import Callable, Generator, Iterable, Sequence
 from pathlib import Path
 from typing import IO, Any
 
-from np_drake.files.input_file import cell_budget, text_budget
-from np_drake.files.input_guard import note_input
+import numpy as np
+
+from np_drake.files.input_file import cell_budget, note_input, text_budget
 from np_drake.logs.errors import LogError
-from np_drake.logs.recording import Progress
+from np_drake.logs.formats.format import Progress
 
 # Limits, own choice: beyond them a file is damaged, or made to fill the memory of its reader.
 MAX_LINE = 10**6  # characters of a line; 10,000 columns of 17 digits have a fifth
@@ -92,3 +94,32 @@ def _lines(path: str | Path, text: io.TextIOWrapper, most: int, report: Callable
         if number % LINES_A_REPORT == 0:
             report()
         yield line
+
+
+class GrowingColumns:
+    """Columns of floats by name; memory is that of the numbers, and one block.
+
+    `array` grows in place, where joining NumPy blocks at the end would hold all numbers twice.
+    """
+
+    def __init__(self, path: str | Path, names: Sequence[str]) -> None:
+        """Begin without rows."""
+        self._path, self._most = path, cell_budget(path) // max(len(names), 1)
+        self._columns = {name: array("d") for name in names}
+
+    def __len__(self) -> int:
+        return len(next(iter(self._columns.values()), ()))
+
+    def add(self, block: Iterable[np.ndarray]) -> None:
+        """Append a block of rows, one array (k,) a column, in the order of the names.
+
+        Raises: LogError: beyond the budget of the file.
+        """
+        for column, values in zip(self._columns.values(), block, strict=True):
+            if len(column) + len(values) > self._most:
+                raise too_many_cells(self._path)
+            column.frombytes(np.ascontiguousarray(values, dtype=float).tobytes())
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """Return the columns (n,) by name, without copying them; nothing can be added after."""
+        return {name: np.frombuffer(column, dtype=float) for name, column in self._columns.items()}

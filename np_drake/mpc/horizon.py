@@ -4,7 +4,7 @@ import dataclasses as dc
 
 import numpy as np
 
-from np_drake.finite import finite
+from np_drake.compiled import finite
 from np_drake.mpc.kernels import horizon as kernel
 from np_drake.mpc.problem import MpcConfig, MpcProblem, SolverFailure
 from np_drake.mpc.terminal import TerminalWeight

@@ -14,7 +14,7 @@ import numpy as np
 from pydrake.solvers import ClarabelSolver, OsqpSolver
 from scipy.linalg import blas, lapack
 
-from np_drake.finite import finite
+from np_drake.compiled import finite
 from np_drake.mpc.condensed import Curvature, LocalModel
 from np_drake.mpc.drake_solvers import new_program, solver_options
 from np_drake.mpc.objective import KINDS, QUADRATIC, SoftRows, penalty

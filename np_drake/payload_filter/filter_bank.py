@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from np_drake.finite import finite
+from np_drake.compiled import finite
 from np_drake.payload_filter import kernel
 from np_drake.payload_filter.mixing import mix_bank
 from np_drake.residual_model import Memory

@@ -4,8 +4,7 @@ import math
 
 import numpy as np
 
-from np_drake.attitude_kernel import turned
-from np_drake.compiled import compiled
+from np_drake.compiled import compiled, turned
 from np_drake.effects.pendulum import leapfrog
 from np_drake.payload_filter.kernel import (
     DAMPING,

@@ -7,8 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from np_drake import attitude
-from np_drake.compiled import compiled
-from np_drake.finite import finite
+from np_drake.compiled import compiled, finite
 from np_drake.labels import LabelConfig
 from np_drake.payload_filter import kernel
 from np_drake.payload_filter.filter_bank import BankOptions, PendulumBank, Prior

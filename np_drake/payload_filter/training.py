@@ -6,7 +6,6 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from np_drake import attitude
-from np_drake.actuator_timing import delayed, learned_timing
 from np_drake.command_delay import FINE, LONGEST_DELAY
 from np_drake.flight_log import FlightLog
 from np_drake.lifting.model.origin import origin_of
@@ -17,6 +16,7 @@ from np_drake.residual_model import Memory, Sample
 from np_drake.rigid_body import Q, V, W
 from np_drake.scaling import ratios, scales
 from np_drake.training_data.accelerations import with_accelerations
+from np_drake.training_data.actuator_timing import delayed, learned_timing
 from np_drake.training_data.sampled_flight import picked_flight
 from np_drake.training_data.training_segments import Flight, require_torque
 from np_drake.vehicle import Vehicle

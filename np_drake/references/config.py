@@ -5,8 +5,7 @@ import dataclasses as dc
 import numpy as np
 
 from np_drake.references.base import Hover, Reference, Sum
-from np_drake.references.harmonic import circle, lemniscate, vertical_lemniscate
-from np_drake.references.multisine import Multisine
+from np_drake.references.harmonic import Multisine, circle, lemniscate, vertical_lemniscate
 from np_drake.references.steps import square
 from np_drake.references.track_file import is_track_file, read_track
 from np_drake.references.trajectory import Trajectory

@@ -13,8 +13,8 @@ from np_drake.lifting.training.excitation import measure_excitation
 from np_drake.residual_models.gaussian_process import GaussianProcessConfig, fit_gaussian_process
 from np_drake.residual_models.knode_training import KnodeConfig, fit_knode, flown_pieces
 from np_drake.residual_models.motion_model import GP, KNODE, MotionModel
+from np_drake.training_data.segments import WrenchSequence
 from np_drake.training_data.training_segments import training_segments
-from np_drake.training_data.wrench_sequence import WrenchSequence
 from np_drake.vehicle import Vehicle
 
 CONFIGURATIONS: dict[str, GaussianProcessConfig | KnodeConfig] = {

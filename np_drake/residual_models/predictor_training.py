@@ -4,12 +4,12 @@ import dataclasses as dc
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from np_drake.actuator_timing import learned_rotor_lag
 from np_drake.flight_log import FlightLog
 from np_drake.labels import LabelConfig, default_labels
 from np_drake.lifting.model.lifted_model import BY_AXES
 from np_drake.lifting.model.origin import origin_of, with_origin, with_rotor_lag
 from np_drake.lifting.training.train import Config, TrainingResult, train
+from np_drake.training_data.actuator_timing import learned_rotor_lag
 from np_drake.training_data.training_segments import Flight
 
 

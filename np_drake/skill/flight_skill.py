@@ -13,14 +13,16 @@ from np_drake.lifting.model.origin import origin_of, require_origin
 from np_drake.logs.neurobem import TESTS
 from np_drake.payload_filter.model_file import PAYLOAD_FILTER, PayloadFilterModel
 from np_drake.payload_filter.predictor import PayloadFilter
+from np_drake.logs.formats.neurobem import TESTS
+from np_drake.payload_filter.model_file import PENDULUM, PendulumModel
+from np_drake.payload_filter.predictor import PendulumPredictor
 from np_drake.residual_model import ResidualModel
 from np_drake.residual_models.neural_predictor import NeuralPredictor, PredictorOptions
 from np_drake.skill.skill import UNTRAINED, skill_table
 from np_drake.skill.window_stability import walked_stability, window_stability
 from np_drake.training_data.sampled_flight import SampledFlight
-from np_drake.training_data.segments import Segment
+from np_drake.training_data.segments import Segment, WrenchSequence
 from np_drake.training_data.training_segments import Flight, flown_segments
-from np_drake.training_data.wrench_sequence import WrenchSequence
 
 OURS = (PAPER, *BY_AXES.values(), PAYLOAD_FILTER)
 WARM_UP = 40  # samples before the first origin, at least [1]

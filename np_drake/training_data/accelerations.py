@@ -1,4 +1,4 @@
-"""Accelerations for a log without them: velocity and body rates differentiated with zero phase."""
+"""Accelerations for a log without them, differentiated with zero phase, and decimation of a log to a model's step."""
 
 import dataclasses as dc
 
@@ -6,6 +6,9 @@ import numpy as np
 from scipy import signal
 
 from np_drake.flight_log import FlightLog
+from np_drake.labels import LabelConfig, labels, smooth_labels
+from np_drake.training_data.segments import WrenchSequence
+from np_drake.vehicle import Vehicle
 
 BANDWIDTH = 15.0  # [Hz], -6 dB; own choice: 0.3 m/s² of noise from 0.01 m/s at 100 Hz
 
@@ -46,3 +49,41 @@ def smooth_derivative(value: np.ndarray, t: np.ndarray, bandwidth: float) -> np.
         return rate
     sos = signal.butter(2, bandwidth / nyquist, output="sos")
     return signal.sosfiltfilt(sos, rate, axis=0, padlen=min(len(rate) - 1, 15))
+
+
+def rows_at(log: FlightLog, step: float) -> np.ndarray:
+    """Return the indices of the rows nearest to t_0, t_0 + step, …, (m,).
+
+    Rows are picked, not averaged; quantities with content above the new rate must be filtered before (`labels` are).
+    Args: step: [s].
+    Raises: ValueError: if the step is shorter than the log's, or leaves fewer than two rows.
+    """
+    if not step > 0.999 * log.step:
+        raise ValueError(
+            f"decimate: step must be at least that of {log.name}, {log.step:.4g} s; got {step:.4g} s."
+        )
+    wanted = np.arange(log.t[0], log.t[-1] + 0.5 * log.step, step)
+    if len(wanted) < 2:
+        raise ValueError(f"decimate: {log.name} lasts {log.t[-1] - log.t[0]:.3g} s, less than {step:.3g} s.")
+    after = np.clip(np.searchsorted(log.t, wanted), 1, len(log) - 1)
+    return np.where(wanted - log.t[after - 1] < log.t[after] - wanted, after - 1, after)
+
+
+def wrench_sequence(
+    log: FlightLog,
+    vehicle: Vehicle,
+    config: LabelConfig | None = None,
+    *,
+    step: float = 0.02,
+    zero_phase: bool = False,
+) -> WrenchSequence:
+    """Return labels made at the log's own rate, then one row every `step` [s]; zeta in W.
+
+    Args:
+        zero_phase: `smooth_labels` instead of the causal ones (targets for training only).
+    Raises: ValueError: if the log has no accelerations, or the step does not fit.
+    """
+    chi = (smooth_labels if zero_phase else labels)(log, vehicle, config)
+    rows = rows_at(log, step)
+    zeta = np.concatenate([log.v, log.w], axis=1)
+    return WrenchSequence(step, chi[rows], zeta[rows], "world", log.name, notes=list(log.notes)).check()

@@ -9,8 +9,7 @@ from np_drake.flight_log import FlightLog
 from np_drake.labels import LabelConfig, labels, raw_labels
 from np_drake.residual_model import Sample
 from np_drake.rotor_input import acting_command
-from np_drake.training_data.accelerations import with_accelerations
-from np_drake.training_data.decimate import rows_at
+from np_drake.training_data.accelerations import rows_at, with_accelerations
 from np_drake.training_data.segments import Segment
 from np_drake.vehicle import Vehicle
 

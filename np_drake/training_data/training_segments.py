@@ -5,15 +5,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from np_drake.actuator_timing import delayed
 from np_drake.flight_log import FlightLog
 from np_drake.labels import LabelConfig, ReadsLabels, labelled
 from np_drake.residual_model import KnowsDelay
-from np_drake.training_data.accelerations import with_accelerations
-from np_drake.training_data.decimate import wrench_sequence
+from np_drake.training_data.accelerations import with_accelerations, wrench_sequence
+from np_drake.training_data.actuator_timing import delayed
 from np_drake.training_data.sampled_flight import SampledFlight, picked_flight
-from np_drake.training_data.segments import Segment
-from np_drake.training_data.wrench_sequence import WrenchSequence
+from np_drake.training_data.segments import Segment, WrenchSequence
 from np_drake.vehicle import Vehicle
 
 STILL = 0.05  # standard deviation below which no axis moves [m/s, rad/s]; own choice

@@ -9,7 +9,7 @@ import numpy as np
 from np_drake import attitude
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.flight_log import FlightLog
-from np_drake.logs.recording import Stream
+from np_drake.logs.formats.format import Stream
 from np_drake.vehicle import Vehicle
 
 TESTS = Path(__file__).parents[1]

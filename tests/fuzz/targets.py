@@ -18,12 +18,16 @@ from diagrams.gap.next_flight import read_report
 from diagrams.loop.experiments import load_experiment
 from np_drake.files.input_file import read_json
 from np_drake.lifting.model.model_file import load_model
+from np_drake.logs.formats.format import Stream
+from np_drake.logs.formats.neurobem import FIRST_COLUMNS, read_wrenches
 from np_drake.logs.importing.log_map import load_map_file
 from np_drake.logs.neurobem import FIRST_COLUMNS
 from np_drake.logs.open_any import open_any
 from np_drake.logs.open_log import open_log
 from np_drake.logs.recording import Stream
 from np_drake.payload_filter.model_file import PayloadFilterModel
+from np_drake.logs.opening import open_flights
+from np_drake.payload_filter.model_file import PendulumModel
 from np_drake.references.track_file import read_track
 from np_drake.residual_models.motion_model import MotionModel
 from np_drake.vehicle import Vehicle, load_vehicle
@@ -130,7 +134,7 @@ def _parquet(folder: Path) -> list[bytes]:
 
 
 def _neurobem(folder: Path) -> list[bytes]:
-    return [FIRST_COLUMNS + b",x\n0,1,2\n"]
+    return [FIRST_COLUMNS.encode() + b",x\n0,1,2\n"]
 
 
 def _array(folder: Path) -> list[bytes]:
@@ -193,26 +197,31 @@ PX4 = {
 TARGETS = {
     target.name: target
     for target in (
-        Target("log", ".csv", open_log, _our_log),
-        Target("log_gzip", ".csv.gz", open_log, lambda f: [gzip.compress(b, mtime=0) for b in _our_log(f)]),
-        Target("parquet", ".parquet", open_log, _parquet),
-        Target("neurobem", ".csv", open_log, _neurobem),
-        Target("array", ".npy", open_log, _array),
-        Target("table", ".csv", open_any, _written("table", "a.csv", {"table": stream("x", "y", "yaw")})),
+        Target("log", ".csv", open_flights, _our_log),
+        Target(
+            "log_gzip", ".csv.gz", open_flights, lambda f: [gzip.compress(b, mtime=0) for b in _our_log(f)]
+        ),
+        Target("parquet", ".parquet", open_flights, _parquet),
+        Target("neurobem", ".csv", open_flights, _neurobem),
+        Target("array", ".npy", read_wrenches, _array),
+        Target("table", ".csv", open_flights, _written("table", "a.csv", {"table": stream("x", "y", "yaw")})),
         Target(
             "neural_fly",
             ".csv",
-            open_any,
+            open_flights,
             _written("neural_fly", "a.csv", {"flight": stream("p[0]", "q[0]")}),
         ),
-        Target("ulog", ".ulg", open_any, _written("ulog", "a.ulg", PX4)),
-        Target("dataflash", ".bin", open_any, _written("dataflash", "a.bin", COPTER)),
+        Target("ulog", ".ulg", open_flights, _written("ulog", "a.ulg", PX4)),
+        Target("dataflash", ".bin", open_flights, _written("dataflash", "a.bin", COPTER)),
         Target(
-            "crazyflie", "", open_any, _written("crazyflie", "log00", {"estPose": stream("stateEstimate.x")})
+            "crazyflie",
+            "",
+            open_flights,
+            _written("crazyflie", "log00", {"estPose": stream("stateEstimate.x")}),
         ),
-        Target("ros1", ".bag", open_any, _bags1),
-        Target("ros2", ".mcap", open_any, _bags2),
-        Target("sqlite", ".db3", open_any, _written("ros", "a.db3", ODOMETRY)),
+        Target("ros1", ".bag", open_flights, _bags1),
+        Target("ros2", ".mcap", open_flights, _bags2),
+        Target("sqlite", ".db3", open_flights, _written("ros", "a.db3", ODOMETRY)),
         Target("log_map", ".yaml", load_map_file, _map),
         Target("vehicle", ".yaml", load_vehicle, _vehicle),
         Target("scenario", ".yaml", lambda path: load_experiment(str(path)), _examples("*.yaml")),

@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from np_drake.logs.neurobem import published_vehicle
+from np_drake.logs.formats.neurobem import published_vehicle
 from np_drake.scaling import numbers
 from np_drake.vehicle import Vehicle, left_out, load_vehicle, preset_names, vehicle_file
 from np_drake.vehicle_estimate import (

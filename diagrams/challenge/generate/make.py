@@ -28,8 +28,8 @@ from diagrams.challenge.simulators.rotorpy import optional_import
 from np_drake.files.atomic_file import write_json, write_text
 from np_drake.flight_log import FlightLog
 from np_drake.logs.case_folder import VEHICLE
+from np_drake.logs.formats.log_file import write_log
 from np_drake.logs.import_sheet import write_sheet
-from np_drake.logs.log_file import write_log
 
 ATTEMPTS = 12  # draws of one case before the set fails
 TRUTH_FILE = "truth.json"

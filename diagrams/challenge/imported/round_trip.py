@@ -23,10 +23,10 @@ from np_drake.effects.base import Effect
 from np_drake.effects.library import LIBRARY
 from np_drake.flight_log import FlightLog
 from np_drake.logs.case_folder import VEHICLE, open_case
+from np_drake.logs.formats.log_file import write_log
 from np_drake.logs.import_sheet import write_sheet
 from np_drake.logs.importing.import_log import import_log
 from np_drake.logs.importing.log_map import LogMap, Source, load_map
-from np_drake.logs.log_file import write_log
 from np_drake.vehicle import Vehicle
 
 FILES = {

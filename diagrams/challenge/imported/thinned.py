@@ -15,7 +15,7 @@ from diagrams.challenge.generate.sensor_quality import rows_of
 from diagrams.challenge.generate.vehicles import vehicle_file
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.logs.case_folder import VEHICLE, open_case
-from np_drake.logs.log_file import write_log
+from np_drake.logs.formats.log_file import write_log
 
 TIMING = ("clock_offset", "command_delay", "motor_lag")
 KEPT = (2, 3, 4)  # every k-th row [1]

@@ -18,7 +18,7 @@ from diagrams.challenge.real.campaigns import (
     following,
     numbered_blocks,
 )
-from np_drake.logs.neurobem import AGILE
+from np_drake.logs.formats.neurobem import AGILE
 
 GROUPS = ("payload", "payload-command", "bare", "wind", "still", "new-wind", "neurobem")
 RULE = (

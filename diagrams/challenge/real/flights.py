@@ -8,11 +8,11 @@ import numpy as np
 
 from diagrams.challenge.real.cases import Case
 from np_drake.flight_log import FlightLog
+from np_drake.logs import opening
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats import crazyflie
+from np_drake.logs.formats.neurobem import published_vehicle
 from np_drake.logs.importing.log_map import LogMap
-from np_drake.logs.neurobem import published_vehicle, read_neurobem
-from np_drake.logs.open_any import open_any
 from np_drake.vehicle import Vehicle
 
 ARM = 0.0325  # of a Crazyflie 2.1 brushless along x and y [m]
@@ -64,14 +64,12 @@ def open_case(case: Case) -> tuple[Vehicle, list[FlightLog], list[FlightLog]]:
 
 
 def open_flights(path: Path, vehicle: Vehicle) -> list[FlightLog]:
-    """Return the flights of a log; NeuroBEM's CSV by its own reader.
+    """Return the flights of a log, a Crazyflie's by its commands where the vehicle asks for them.
 
     Raises: LogError: one line with file and reason; OSError: if it cannot be opened.
     """
-    if vehicle.name == "neurobem":
-        return [read_neurobem(path)]
     log_map = _commanded(path) if vehicle.input == "command" else None
-    return open_any(path, vehicle, log_map)[0]
+    return opening.open_flights(path, vehicle, log_map)[0]
 
 
 @lru_cache(maxsize=64)

@@ -11,7 +11,7 @@ from jsonschema import Draft202012Validator
 from jsonschema.protocols import Validator
 from jsonschema.validators import extend
 
-from np_drake.files.yaml_kinds import shown
+from np_drake.files.yaml_file import shown
 
 Schema = dict[str, Any]
 

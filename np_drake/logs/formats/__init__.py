@@ -6,7 +6,7 @@ from pathlib import Path
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.crazyflie import CRAZYFLIE
 from np_drake.logs.formats.dataflash import DATAFLASH
-from np_drake.logs.formats.format import Format
+from np_drake.logs.formats.format import Format, first_bytes
 from np_drake.logs.formats.neural_fly import NEURAL_FLY
 from np_drake.logs.formats.ros import ROS
 from np_drake.logs.formats.table import TABLE
@@ -30,12 +30,9 @@ def format_of(path: str | Path) -> Format:
     Raises: LogError: if it is of none; OSError: if it cannot be opened.
     """
     path = Path(path)
-    start = b""
-    if not path.is_dir():
-        with path.open("rb") as file:
-            start = file.read(4096)
-        if not start:
-            raise LogError(f"{path}: must hold a flight log; it is empty. Copy it again from the vehicle.")
+    start = first_bytes(path)
+    if not start and not path.is_dir():
+        raise LogError(f"{path}: must hold a flight log; it is empty. Copy it again from the vehicle.")
     for known in FORMATS:
         if known.recognises(path, start):
             return known

@@ -21,9 +21,8 @@ from typing import BinaryIO
 import numpy as np
 
 from np_drake.logs.errors import LogError
-from np_drake.logs.formats.format import Format
+from np_drake.logs.formats.format import Contents, Format, Progress, Recording, Stream
 from np_drake.logs.importing.log_map import LogMap, Source
-from np_drake.logs.recording import Contents, Progress, Recording, Stream
 
 MAGIC = 0xBC
 TIMES = {1: ("<u4", 1e-3), 2: ("<u8", 1e-6)}  # by version: type and unit [s] of a record's time

@@ -22,8 +22,7 @@ import numpy as np
 from np_drake.files.input_file import cell_budget
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.dataflash_map import default_map
-from np_drake.logs.formats.format import Format
-from np_drake.logs.recording import Contents, Progress, Recording, Stream
+from np_drake.logs.formats.format import Contents, Format, Progress, Recording, Stream
 from np_drake.logs.text_lines import too_many_cells
 
 HEADER = b"\xa3\x95"  # begins every record; the type follows

@@ -1,7 +1,7 @@
 """Map of the messages that ArduPilot writes, in NED and FRD.   Source: ArduPilot's log message reference."""
 
+from np_drake.logs.formats.format import Contents
 from np_drake.logs.importing.log_map import LogMap, Source
-from np_drake.logs.recording import Contents
 
 
 def default_map(contents: Contents) -> LogMap | None:

@@ -1,11 +1,100 @@
-"""What a format of flight logs provides."""
+"""Recording of a flight as its format holds it, and what a format of flight logs provides."""
 
 import dataclasses as dc
-from collections.abc import Callable, Mapping
+import difflib
+from collections.abc import Callable, Collection, Iterator, Mapping
 from pathlib import Path
 
+import numpy as np
+
+from np_drake.flight_log import FlightLog
+from np_drake.logs.errors import LogError
 from np_drake.logs.importing.log_map import LogMap
-from np_drake.logs.recording import Contents, Progress, Recording
+
+Progress = Callable[[float], None]  # called with the share of a file that is read [1]
+Contents = Mapping[str, tuple[str, ...]]  # names of the columns of every stream
+
+
+@dc.dataclass(frozen=True)
+class Stream:
+    """Columns (n,) of one source, sampled together at t (n,) [s], in the units of the file.
+
+    Times are those of the file, on one clock for all streams of a recording. They may repeat, run back or have gaps.
+    """
+
+    t: np.ndarray
+    columns: Mapping[str, np.ndarray]
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+
+@dc.dataclass(frozen=True)
+class Recording:
+    """Streams of one file by name.
+
+    path: of the file, for messages.   format: name of its format.   facts: what its header says (vehicle, firmware,
+    parameters), for the sheet.   notes: what the decoder left out or mended, one line each.
+    """
+
+    path: str
+    format: str
+    streams: Mapping[str, Stream]
+    facts: Mapping[str, str] = dc.field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+    @property
+    def contents(self) -> Contents:
+        """Names of the columns of every stream."""
+        return {name: tuple(stream.columns) for name, stream in self.streams.items()}
+
+
+def find_column(contents: Contents, name: str, path: str = "log") -> tuple[str, str]:
+    """Return stream and column that a name means: `stream/column`, or a column's name where one stream alone has it.
+
+    Raises: LogError: if no stream has such a column, or several have; the nearest names are in the message.
+    """
+    stream, found, column = name.rpartition("/")
+    if found and column in contents.get(stream, ()):
+        return stream, column
+    holders = [s for s, columns in contents.items() if name in columns]
+    if len(holders) == 1:
+        return holders[0], name
+    if holders:
+        wanted = ", ".join(f"{s}/{name}" for s in holders)
+        raise LogError(f"{path}, column {name}: several streams have it; name one of {wanted} in the map.")
+    near = difflib.get_close_matches(name, list(full_names(contents)), n=3, cutoff=0.5)
+    known = f"did you mean {', '.join(near)}?" if near else _known(contents)
+    raise LogError(f"{path}, column {name}: no stream of the log has it; {known}")
+
+
+def _known(contents: Contents) -> str:
+    """Return what a log has: its streams, or the columns of its only one."""
+    if len(contents) != 1:
+        return f"the streams are {', '.join(contents) or 'none'}."
+    (columns,) = contents.values()
+    return f"it has {', '.join(columns[:20])}" + (", …." if len(columns) > 20 else ".")
+
+
+def full_names(contents: Contents) -> Iterator[str]:
+    """Yield `stream/column` of every column, and the column's name alone."""
+    for stream, columns in contents.items():
+        for column in columns:
+            yield f"{stream}/{column}"
+            yield column
+
+
+def by_stream(contents: Contents, names: Collection[str], path: str = "log") -> dict[str, list[str]]:
+    """Return the named columns by stream, each once.
+
+    Raises: LogError: as `find_column`.
+    """
+    found: dict[str, list[str]] = {}
+    for name in names:
+        stream, column = find_column(contents, name, path)
+        if column not in found.setdefault(stream, []):
+            found[stream].append(column)
+    return found
 
 
 @dc.dataclass(frozen=True)
@@ -28,3 +117,26 @@ class Format:
     contents: Callable[[Path], Contents]
     default_map: Callable[[Contents], LogMap | None]
     read: Callable[[Path, Mapping[str, list[str]], Progress], Recording]
+
+
+@dc.dataclass(frozen=True)
+class FlightFormat:
+    """One format whose files hold flights in known units and axes, and need no map.
+
+    name, title, recognises: as of `Format`.
+    read: the flights of a file, its arguments path, vehicle (None: as the format says) and repair (whether a few bad
+        rows are mended).   Raises LogError, one line with file, place and remedy.
+    """
+
+    name: str
+    title: str
+    recognises: Callable[[Path, bytes], bool]
+    read: Callable[..., list[FlightLog]]
+
+
+def first_bytes(path: Path) -> bytes:
+    """Return the first 4096 bytes of a file, by which a format recognises it; none of a folder."""
+    if path.is_dir():
+        return b""
+    with path.open("rb") as file:
+        return file.read(4096)

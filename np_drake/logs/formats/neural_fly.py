@@ -11,10 +11,9 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from np_drake.logs.formats import table
-from np_drake.logs.formats.format import Format
+from np_drake.logs.formats.format import Contents, Format, Progress, Recording
 from np_drake.logs.formats.table_text import split_header
 from np_drake.logs.importing.log_map import LogMap, Source
-from np_drake.logs.recording import Contents, Progress, Recording
 
 HEADER = ("t", "p", "v", "q", "R", "w", "T_sp", "q_sp", "hover_throttle", "fa", "pwm")  # of every such file
 

@@ -20,21 +20,18 @@ from typing import Any
 
 import numpy as np
 
-from np_drake.files.input_file import cell_budget
-from np_drake.files.input_guard import note_input
+from np_drake.files.input_file import cell_budget, note_input
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.bags.budget import Budget, Channel, unpacked
-from np_drake.logs.formats.bags.folder import described, unpack
 from np_drake.logs.formats.bags.mcap import MAGIC as MCAP
 from np_drake.logs.formats.bags.mcap import Mcap
 from np_drake.logs.formats.bags.ros1 import MAGIC as ROS1
 from np_drake.logs.formats.bags.ros1 import Ros1
 from np_drake.logs.formats.bags.sqlite import MAGIC as SQLITE
-from np_drake.logs.formats.bags.sqlite import Sqlite
-from np_drake.logs.formats.format import Format
+from np_drake.logs.formats.bags.sqlite import Sqlite, described, unpack
+from np_drake.logs.formats.format import Contents, Format, Progress, Recording, Stream
 from np_drake.logs.formats.ros_message import Decoder, Types, find_fields, missing_types
 from np_drake.logs.importing.log_map import LogMap, Source
-from np_drake.logs.recording import Contents, Progress, Recording, Stream
 from np_drake.logs.text_lines import too_many_cells
 
 STORAGES: dict[bytes, Callable[[Path, Budget], Any]] = {MCAP: Mcap, ROS1: Ros1, SQLITE: Sqlite}

@@ -11,10 +11,9 @@ import numpy as np
 
 from np_drake.logs.columns import COLUMNS
 from np_drake.logs.errors import LogError
-from np_drake.logs.formats import table_parquet, table_text
-from np_drake.logs.formats.format import Format
+from np_drake.logs.formats import parquet_file, table_text
+from np_drake.logs.formats.format import Contents, Format, Progress, Recording, Stream
 from np_drake.logs.importing.log_map import LogMap, Source
-from np_drake.logs.recording import Contents, Progress, Recording, Stream
 from np_drake.logs.text_lines import BAD_GZIP
 
 STREAM = "table"
@@ -57,7 +56,7 @@ def contents(path: Path) -> Contents:
 
     Raises: LogError: if the file is no table; OSError: if it cannot be opened.
     """
-    names = table_parquet.columns(path) if is_parquet(path) else table_text.read_layout(path).names
+    names = parquet_file.column_names(path) if is_parquet(path) else table_text.read_layout(path).names
     return {STREAM: tuple(names)}
 
 
@@ -92,7 +91,7 @@ def default_map(contents: Contents) -> LogMap | None:
 def read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Recording:
     """Return the wanted columns as one stream, its times from the first of `TIMES` that is there.
 
-    Without such a column all times are NaN: `importing.map_time` takes them from the column that the map names.
+    Without such a column all times are NaN: `with_map_time` takes them from the column that the map names.
     Raises: LogError: one line with file, row and column, on a damaged file or a wanted cell that is no number.
     """
     known = contents(path)[STREAM]
@@ -102,7 +101,7 @@ def read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Rec
         raise LogError(f"{path}, column {lacking[0]}: is missing; the header has {', '.join(known[:8])}, ….")
     time = next((name for name in TIMES if name in known), None)
     needed = list(dict.fromkeys([*names, *([time] if time else [])])) or list(known[:1])
-    reader = table_parquet.read_columns if is_parquet(path) else table_text.read_columns
+    reader = parquet_file.read_columns if is_parquet(path) else table_text.read_columns
     columns, notes = reader(path, needed, progress)
     length = len(next(iter(columns.values()), ()))
     t = columns[time] * TIMES[time] if time else np.full(length, np.nan)

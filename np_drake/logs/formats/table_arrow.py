@@ -9,9 +9,8 @@ from typing import IO, Any
 import numpy as np
 
 from np_drake.files.input_file import text_budget
-from np_drake.logs.growing_columns import GrowingColumns
-from np_drake.logs.recording import Progress
-from np_drake.logs.text_lines import BAD_GZIP, MAX_ROWS, is_gzip, too_large, too_long
+from np_drake.logs.formats.format import Progress
+from np_drake.logs.text_lines import BAD_GZIP, MAX_ROWS, GrowingColumns, is_gzip, too_large, too_long
 
 BLOCK_BYTES = 1 << 20
 NULLS = ["", "nan", "NaN", "NAN", "null", "NULL", "Null", "none", "None", "NA", "N/A", "n/a"]

@@ -8,8 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from np_drake.logs.csv_file import check_header
 from np_drake.logs.errors import LogError, place
+from np_drake.logs.formats.csv_file import check_header
+from np_drake.logs.formats.format import Progress
 from np_drake.logs.formats.table_arrow import read_numbers
 from np_drake.logs.formats.table_cells import (
     Cell,
@@ -19,9 +20,7 @@ from np_drake.logs.formats.table_cells import (
     parse_number,
     require_names,
 )
-from np_drake.logs.growing_columns import GrowingColumns
-from np_drake.logs.recording import Progress
-from np_drake.logs.text_lines import MAX_ROWS, read_lines, too_long
+from np_drake.logs.text_lines import MAX_ROWS, GrowingColumns, read_lines, too_long
 
 DELIMITERS = (",", ";", "\t")
 BLOCK_ROWS = 4096  # that are held as Python numbers at once
@@ -78,7 +77,7 @@ def find_delimiter(header: str) -> str:
 def split_header(header: str) -> list[str]:
     """Return the names of a header line, without a `#` before the first; a name with a line's end is cut there."""
     try:
-        names = next(csv.reader([header.rstrip("\r\n")], delimiter=find_delimiter(header)), [""])
+        names = next(csv.reader([header.rstrip("\r\n")], delimiter=find_delimiter(header)), None) or [""]
     except csv.Error:
         return [header.strip()]
     names = [" ".join(name.split()) for name in names]

@@ -14,10 +14,9 @@ from typing import Any
 import numpy as np
 
 from np_drake.logs.errors import LogError
-from np_drake.logs.formats.format import Format
+from np_drake.logs.formats.format import Contents, Format, Progress, Recording, Stream
 from np_drake.logs.formats.ulog_map import ROTOR_COLUMN, default_map
 from np_drake.logs.formats.ulog_parser import Guarded, parse, silent, stream_name
-from np_drake.logs.recording import Contents, Progress, Recording, Stream
 
 MAGIC = b"\x55\x4c\x6f\x67\x01\x12\x35"
 LONGEST_DELAY = (

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from np_drake.logs.formats.format import Contents
 from np_drake.logs.importing.log_map import LogMap, Source
-from np_drake.logs.recording import Contents
 
 SLOWEST_ROTORS = 20.0  # of a stream of four rotors that is preferred to collective thrust [Hz], own choice
 ROTOR_COLUMN = re.compile(r"(esc\[\d+\]\.esc_rpm|control\[\d+\]|output\[\d+\])")

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from np_drake.logs.errors import LogError
-from np_drake.logs.recording import Progress
+from np_drake.logs.formats.format import Progress
 
 LARGEST_MESSAGE = 65_535  # [bytes], its size is a uint16
 DEEPEST = 16  # messages in messages

@@ -9,9 +9,16 @@ import numpy as np
 from np_drake.flight_log import FlightLog
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats import Format, format_named, format_of
+from np_drake.logs.formats.format import Progress, by_stream
 from np_drake.logs.gaps import LONGEST as LONGEST_GAP
 from np_drake.logs.import_sheet import Sheet
-from np_drake.logs.importing.airborne import airborne, standing
+from np_drake.logs.importing.airborne import (
+    airborne,
+    require_a_flight,
+    require_a_step,
+    require_ranges,
+    standing,
+)
 from np_drake.logs.importing.alignment import COMMANDS, Aligned, align, common_rows
 from np_drake.logs.importing.conventions import (
     Change,
@@ -25,11 +32,8 @@ from np_drake.logs.importing.conventions import (
 from np_drake.logs.importing.convert import convert_quantity
 from np_drake.logs.importing.interpolation import FASTER
 from np_drake.logs.importing.log_map import UNITS, LogMap, MapFile
-from np_drake.logs.importing.map_time import with_map_time
-from np_drake.logs.importing.ranges import require_a_flight, require_a_step, require_ranges
 from np_drake.logs.importing.sheet_content import ground_notes, sheet_content
-from np_drake.logs.importing.signals import Signal, gather
-from np_drake.logs.recording import Progress, by_stream
+from np_drake.logs.importing.signals import Signal, gather, with_map_time
 
 CHECK_RATE = 50.0  # of the rows on which conventions are checked [Hz]
 LEAST_ROWS = 20  # of a part that is kept

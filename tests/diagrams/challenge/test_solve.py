@@ -13,7 +13,7 @@ from diagrams.challenge import solve as module
 from diagrams.challenge.generate.vehicles import vehicle_file
 from diagrams.challenge.solve import Solving, case_folders, solve, write_answer
 from np_drake.flight_log import FlightLog
-from np_drake.logs.log_file import write_log
+from np_drake.logs.formats.log_file import write_log
 from np_drake.vehicle import Vehicle
 
 FILES = ("train_1.csv", "heldout_1.csv")

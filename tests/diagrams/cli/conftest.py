@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from np_drake.flight_log import FlightLog
-from np_drake.logs.log_file import write_log
+from np_drake.logs.formats.log_file import write_log
 
 
 def swinging_flight(seed: int, n: int = 1500, step: float = 0.02) -> FlightLog:

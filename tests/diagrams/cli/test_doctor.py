@@ -10,7 +10,8 @@ from diagrams.cli.doctor_screen import screen
 from diagrams.cli.main import run
 from np_drake.diagnosis.doctor.log_report import Answer, FlightFacts, Lag, LogReport, SignalFacts, SwingTest
 from np_drake.flight_log import FlightLog
-from np_drake.logs.log_file import read_log, write_log
+from np_drake.logs.formats.log_file import write_log
+from np_drake.logs.opening import open_flights
 from np_drake.rotor_input import rotor_speed
 from np_drake.vehicle import Vehicle
 
@@ -139,7 +140,7 @@ def test_a_log_is_examined_with_a_vehicle_and_without(logs, tmp_path, capsys):
 
 
 def test_a_log_with_rotor_speed_alone_is_examined_without_a_vehicle(logs, tmp_path, capsys):
-    log = read_log(logs[0])
+    log = open_flights(logs[0])[0][0]
     path = tmp_path / "rotors.csv"
     write_log(dc.replace(log, rotor=rotor_speed(Vehicle(), log.u), input="rotor_speed"), path)
     assert run(["doctor", str(path)]) == 0

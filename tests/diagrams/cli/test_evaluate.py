@@ -11,8 +11,9 @@ from diagrams.cli.evaluate import parse_horizons
 from diagrams.cli.main import run
 from diagrams.loop.controllers import NP_MODEL
 from np_drake.lifting.model.model_file import load_model
-from np_drake.logs.log_file import read_log, write_log
-from np_drake.logs.neurobem import RACE_TRACK, TRAINING
+from np_drake.logs.formats.log_file import write_log
+from np_drake.logs.formats.neurobem import RACE_TRACK, TRAINING
+from np_drake.logs.opening import open_flights
 from np_drake.skill.skill import NAIVE, UNTRAINED
 
 TRAINED = ("DMDc", "delay DMDc", "ridge by horizon")
@@ -38,7 +39,7 @@ def rows_of(path):
 @pytest.fixture
 def rest(logs, tmp_path):
     """A log of noise in which nothing moves."""
-    draw, log = np.random.default_rng(0), read_log(logs[0])
+    draw, log = np.random.default_rng(0), open_flights(logs[0])[0][0]
     noise = [deviation * draw.normal(size=(len(log), 3)) for deviation in (0.002, 0.02, 0.02, 0.1)]
     log = dc.replace(log, **dict(zip(("p", "v", "w", "a"), noise, strict=True)))
     write_log(log, tmp_path / "rest.csv")

@@ -5,8 +5,8 @@ import dataclasses as dc
 import pytest
 
 from diagrams.cli.flights import open_flights
-from np_drake.logs.log_file import write_log
-from np_drake.logs.neurobem import RACE_TRACK
+from np_drake.logs.formats.log_file import write_log
+from np_drake.logs.formats.neurobem import RACE_TRACK
 
 VEHICLE = "name: mine\nmass: 2.5\n"
 

@@ -9,7 +9,7 @@ from diagrams.cli.fly import named_solver
 from diagrams.cli.main import run
 from diagrams.cli.options import DEFAULT_SOLVER
 from diagrams.loop.experiments import EXPERIMENTS
-from np_drake.logs.log_file import read_log
+from np_drake.logs.opening import open_flights
 
 
 def test_a_flight_leaves_log_figures_replay_and_metrics(tmp_path, capsys):
@@ -23,7 +23,7 @@ def test_a_flight_leaves_log_figures_replay_and_metrics(tmp_path, capsys):
     assert content["schema"] == "np_drake.fly/1"
     assert (content["experiment"], content["controller"], content["seed"]) == ("circle", "hold", 7)
     assert content["metrics"]["solve_failures"] == 0
-    log = read_log(out / "circle_hold.csv")
+    log = open_flights(out / "circle_hold.csv")[0][0]
     np.testing.assert_allclose(np.diff(log.t), 0.02, atol=1e-6)
     assert "<html" in (out / "circle_hold_replay.html").read_text()[:2000].lower()
 
@@ -44,7 +44,7 @@ def test_a_live_flight_that_is_stopped_at_once_leaves_its_files(tmp_path, monkey
     monkeypatch.setattr("diagrams.loop.live.LiveView.look", lambda self, context: context.get_time() < 0.6)
     out = tmp_path / "out"
     assert run(["fly", "circle", "--controller", "hold", "--live", "--out", str(out)]) == 0
-    assert read_log(out / "circle_hold.csv").t[-1] < 0.65
+    assert open_flights(out / "circle_hold.csv")[0][0].t[-1] < 0.65
     assert (out / "circle_hold_replay.html").exists()
 
 

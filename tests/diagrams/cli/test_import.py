@@ -7,7 +7,7 @@ import pytest
 import yaml
 
 from diagrams.cli.main import run
-from np_drake.logs.log_file import read_log, read_segments
+from np_drake.logs.opening import open_flights
 from np_drake.vehicle import Vehicle
 
 T = 0.01 * np.arange(800)
@@ -48,7 +48,7 @@ def table(tmp_path, monkeypatch):
 
 def test_a_table_is_imported_by_its_map_with_a_sheet_beside(table, tmp_path, capsys):
     assert run(["import", "flight.csv", "--map", "map.yaml", "--out", "mine", "--json", "m.json"]) == 0
-    log = read_log(tmp_path / "mine" / "flight.csv", vehicle=Vehicle())
+    log = open_flights(tmp_path / "mine" / "flight.csv", vehicle=Vehicle())[0][0]
     assert (log.input, len(log)) == ("thrust_only", len(T))
     np.testing.assert_allclose(log.w[:, 0], 0.6 * np.cos(2 * T), atol=1e-9)
     sheet = yaml.safe_load((tmp_path / "mine" / "flight.import.yaml").read_text())
@@ -107,7 +107,7 @@ def test_a_landing_and_another_take_off_make_two_flights(tmp_path, monkeypatch, 
     write_table(tmp_path / "flight.csv", table | {"stamp": 10.0 * np.arange(1900)})
     assert run(["import", "flight.csv", "--map", "map.yaml", "--out", "mine"]) == 0
     assert "flight.csv: on the ground: 3." in capsys.readouterr().out
-    logs = [read_log(path, vehicle=Vehicle()) for path in sorted((tmp_path / "mine").glob("*.csv"))]
+    logs = [open_flights(path, vehicle=Vehicle())[0][0] for path in sorted((tmp_path / "mine").glob("*.csv"))]
     assert [len(log) for log in logs] == pytest.approx(
         [800, 800], abs=40
     )  # rows near the ground are left out
@@ -144,7 +144,7 @@ def test_a_file_that_is_no_table_says_how_it_becomes_one(
 def test_what_a_command_leaves_open_is_read_with_the_log(table, tmp_path, capsys):
     (tmp_path / "map.yaml").write_text(MAP + "command: sampled\n")
     assert run(["import", "flight.csv", "--map", "map.yaml", "--out", "mine"]) == 0
-    log = read_log(tmp_path / "mine" / "flight.csv", vehicle=Vehicle())
+    log = open_flights(tmp_path / "mine" / "flight.csv", vehicle=Vehicle())[0][0]
     assert log.timing == pytest.approx(0.01 / np.sqrt(12), rel=1e-3)
 
 
@@ -159,7 +159,7 @@ def test_every_real_log_is_imported_without_a_map(real_flights, tmp_path, capsys
     assert len(sheets) >= len(logs)
     vehicle = Vehicle(name="any", mass=1.0, max_rotor_thrust=100.0)
     for path in (p for p in tmp_path.glob("*.csv") if not p.name.startswith(("eckart", "sample_log"))):
-        assert read_segments(path, vehicle=vehicle)[0].input == "normalised"
+        assert open_flights(path, vehicle=vehicle)[0][0].input == "normalised"
 
 
 def test_a_map_without_a_position_amends_what_the_names_tell(table, tmp_path, capsys):
@@ -167,7 +167,7 @@ def test_a_map_without_a_position_amends_what_the_names_tell(table, tmp_path, ca
     (tmp_path / "sampled.yaml").write_text("command: sampled\n")
     assert run(["import", "ours/flight.csv", "--map", "sampled.yaml", "--out", "again"]) == 0
     first, second = (
-        read_log(tmp_path / name / "flight.csv", vehicle=Vehicle()) for name in ("ours", "again")
+        open_flights(tmp_path / name / "flight.csv", vehicle=Vehicle())[0][0] for name in ("ours", "again")
     )
     np.testing.assert_allclose(second.x, first.x, atol=1e-12)
     assert first.timing != second.timing == pytest.approx(0.01 / np.sqrt(12), rel=1e-3)

@@ -11,6 +11,9 @@ from diagrams.cli.main import run
 from np_drake.lifting.model.model_file import load_model
 from np_drake.logs.log_file import read_log, write_log
 from np_drake.payload_filter.model_file import PayloadFilterModel
+from np_drake.logs.formats.log_file import write_log
+from np_drake.logs.opening import open_flights
+from np_drake.payload_filter.model_file import PendulumModel
 from np_drake.residual_models.motion_model import MotionModel
 
 
@@ -137,7 +140,7 @@ def test_a_run_can_be_resumed_but_not_as_another(logs, tmp_path, capsys):
 
 
 def test_a_log_in_which_nothing_moves_is_refused_unless_forced(logs, tmp_path, capsys):
-    draw, rest = np.random.default_rng(0), read_log(logs[0])
+    draw, rest = np.random.default_rng(0), open_flights(logs[0])[0][0]
     noise = [deviation * draw.normal(size=(len(rest), 3)) for deviation in (0.002, 0.02, 0.02, 0.1)]
     rest = dc.replace(rest, **dict(zip(("p", "v", "w", "a"), noise, strict=True)))
     write_log(rest, tmp_path / "rest.csv")

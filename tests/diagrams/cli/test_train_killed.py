@@ -8,7 +8,8 @@ import time
 import numpy as np
 import pytest
 
-from np_drake.logs.log_file import read_log, write_log
+from np_drake.logs.formats.log_file import write_log
+from np_drake.logs.opening import open_flights
 
 # `started` appears once all is imported and the training begins.
 PROGRAM = """
@@ -50,7 +51,7 @@ def content(folder):
 def log(logs, tmp_path_factory):
     """Twelve seconds of a log."""
     path = tmp_path_factory.mktemp("short") / "short.csv"
-    write_log(read_log(logs[0]).rows(0, 600), path)
+    write_log(open_flights(logs[0])[0][0].rows(0, 600), path)
     return path
 
 

@@ -10,7 +10,7 @@ from diagrams.demo import page, story
 from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight import load_flight
 from diagrams.tracking import tracking
-from np_drake.logs.log_file import read_log
+from np_drake.logs.opening import open_flights
 
 SECONDS = 20.0  # of every flight, so that the diagnosis sees as much as in the demo itself
 
@@ -85,7 +85,7 @@ def test_the_page_shows_every_number_and_leads_to_files_that_are_there(told):
 
 def test_the_files_are_read_by_the_other_verbs(told):
     folder, _, demo = told
-    log = read_log(folder / "lemniscate_nominal.csv")
+    log = open_flights(folder / "lemniscate_nominal.csv")[0][0]
     assert np.allclose(log.u, demo.flown("lemniscate", "nominal").log().u)
     effects = {entry.effect for entry in load_flight(str(folder / "corrected.yaml")).reality.effects}
     assert effects == set(demo.withheld)

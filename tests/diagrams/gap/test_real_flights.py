@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from diagrams.gap.real_flights import GROUPS, agile_flights, fold, rows
-from np_drake.logs.neurobem import published_vehicle
+from np_drake.logs.formats.neurobem import published_vehicle
 
 
 @pytest.fixture(scope="module")

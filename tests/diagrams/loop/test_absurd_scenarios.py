@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from diagrams.loop.flight import FlightConfig, load_flight
-from np_drake.files.yaml_kinds import fields_of
+from np_drake.files.yaml_file import fields_of
 
 ABSURD = (".nan", ".inf", "-.inf", "1e300", "-1e300", "1e16")
 

@@ -9,7 +9,7 @@ from diagrams.cli.main import run
 from diagrams.loop.flight import FlightConfig, load_flight
 from diagrams.loop.flight_result import fly
 from np_drake.references.config import ReferenceConfig, make_reference
-from np_drake.references.trajectory_file import write_trajectory
+from np_drake.references.track_file import write_trajectory
 from np_drake.vehicle import load_vehicle
 
 LINE = "x,y,z\n0,0,1.5\n1,0,1.5\n1,1,2\n0,1,2\n"

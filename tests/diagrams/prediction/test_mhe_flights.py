@@ -9,7 +9,7 @@ from diagrams.prediction import mhe_flights as dut
 from np_drake.estimation.mhe_config import MheConfig
 from np_drake.estimation.wrench_table import COLUMNS
 from np_drake.logs.errors import LogError
-from np_drake.logs.neurobem import RACE_TRACK
+from np_drake.logs.formats.neurobem import RACE_TRACK
 
 
 @pytest.fixture(scope="module")

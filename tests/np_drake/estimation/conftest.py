@@ -7,8 +7,8 @@ import pytest
 
 from np_drake import attitude
 from np_drake.estimation.motion import ARRAY_GRAVITY
-from np_drake.logs.neurobem import published_vehicle
-from np_drake.training_data.wrench_sequence import WrenchSequence
+from np_drake.logs.formats.neurobem import published_vehicle
+from np_drake.training_data.segments import WrenchSequence
 
 STEP = 0.0025
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from np_drake.estimation.wrench_table import COLUMNS, PUBLISHED, column_rmse
-from np_drake.logs.neurobem import TESTS
+from np_drake.logs.formats.neurobem import TESTS
 
 
 def test_lengths_are_those_of_the_error_vector():

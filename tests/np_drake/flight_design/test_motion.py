@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from np_drake.flight_design.motion import Basis, DesignedMotion, Shrunk
-from np_drake.references.track_file import read_track
-from np_drake.references.trajectory_file import write_trajectory
+from np_drake.references.track_file import read_track, write_trajectory
 
 BASIS = Basis(20.0, 0.02)
 CENTER = np.array([0.0, 0.0, 1.2])

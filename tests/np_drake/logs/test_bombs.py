@@ -9,20 +9,21 @@ import zlib
 import numpy as np
 import pytest
 
-from np_drake.logs import columns, csv_file
+from np_drake.logs import columns
 from np_drake.logs.errors import LogError
-from np_drake.logs.log_file import read_log
-from np_drake.logs.open_any import open_any
-from np_drake.logs.open_log import is_neurobem
+from np_drake.logs.formats import csv_file
+from np_drake.logs.formats.log_file import read as read_flights
+from np_drake.logs.formats.neurobem import is_neurobem
+from np_drake.logs.opening import open_flights
 
 NAMES = [name for group in columns.COLUMNS.values() for name in group]
 HEADER = ",".join(NAMES) + "\n"
 READ = """
 import sys, resource
 from np_drake.logs.errors import LogError
-from np_drake.logs.log_file import read_log
-from np_drake.logs.open_any import open_any
-for read in (read_log, open_any):
+from np_drake.logs.formats.log_file import read as read_flights
+from np_drake.logs.opening import open_flights
+for read in (read_flights, open_flights):
     try:
         read(sys.argv[1])
         print("read")
@@ -119,7 +120,7 @@ def test_a_log_of_plain_text_is_always_within_its_budget(flight, tmp_path, monke
 
 def test_a_log_that_is_compressed_well_is_within_its_budget(flight, tmp_path):
     csv_file.write_csv(tmp_path / "made.csv.gz", columns.disassemble(flight))
-    assert len(read_log(tmp_path / "made.csv.gz")) == len(flight)
+    assert len(read_flights(tmp_path / "made.csv.gz")[0]) == len(flight)
 
 
 def damages():
@@ -138,7 +139,7 @@ def test_no_damage_of_a_gzip_is_more_than_a_refusal(tmp_path):
     for content in damages():
         path.write_bytes(content)
         is_neurobem(path)
-        for read in (read_log, open_any):
+        for read in (read_flights, open_flights):
             with pytest.raises(LogError) as found:
                 read(path)
             assert "\n" not in str(found.value)

@@ -5,11 +5,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from np_drake.logs.columns import present_fields
-from np_drake.logs.csv_file import write_csv
-from np_drake.logs.gaps import LONGEST, bridge_gaps, split_at_gaps
-from np_drake.logs.log_file import read_log, read_segments
-from np_drake.logs.table import Table
+from np_drake.logs.columns import Table, present_fields
+from np_drake.logs.errors import LogError
+from np_drake.logs.formats.csv_file import write_csv
+from np_drake.logs.gaps import LONGEST, bridge_gaps, split_at_gaps, without_long_gaps
+from np_drake.logs.opening import open_flights
 
 
 def circling(t: np.ndarray) -> dict[str, np.ndarray]:
@@ -29,7 +29,7 @@ T = 0.01 * np.arange(600)
 
 def test_three_lost_rows_are_bridged_marked_and_said_once(tmp_path):
     write_csv(tmp_path / "a.csv", circling(without(T, 200, 3)))
-    dut = read_log(tmp_path / "a.csv")
+    dut = open_flights(tmp_path / "a.csv")[0][0]
     np.testing.assert_allclose(dut.t, T, atol=1e-12)
     np.testing.assert_array_equal(np.flatnonzero(dut.bridged), [200, 201, 202])
     np.testing.assert_allclose(dut.p[200:203, 0], np.cos(T[200:203]), atol=2e-4)
@@ -40,18 +40,18 @@ def test_three_lost_rows_are_bridged_marked_and_said_once(tmp_path):
 
 def test_a_command_is_held_across_a_gap(tmp_path):
     write_csv(tmp_path / "a.csv", circling(without(T, 200, 3)))
-    dut = read_log(tmp_path / "a.csv")
+    dut = open_flights(tmp_path / "a.csv")[0][0]
     assert set(dut.u[200:203, 0]) == {dut.u[199, 0]}
 
 
 def test_a_log_without_gaps_has_none_marked(tmp_path):
     write_csv(tmp_path / "a.csv", circling(T))
-    assert read_log(tmp_path / "a.csv").bridged is None
+    assert open_flights(tmp_path / "a.csv")[0][0].bridged is None
 
 
 def test_a_long_gap_splits_the_flight_into_parts_of_one_log(tmp_path):
     write_csv(tmp_path / "a.csv", circling(without(T, 200, 60)))
-    first, second = read_segments(tmp_path / "a.csv")
+    first, second = open_flights(tmp_path / "a.csv")[0]
     assert (first.name, second.name) == ("a part 1", "a part 2")
     assert (len(first), len(second)) == (200, 340)
     assert "2 parts" in first.notes[0]
@@ -79,5 +79,11 @@ def test_a_gap_is_bridged_at_every_rate(tmp_path, step):
     t = step * np.arange(1200)
     count = round(0.06 / step)
     write_csv(tmp_path / "a.csv", circling(without(t, 300, count)))
-    dut = read_log(tmp_path / "a.csv")
+    dut = open_flights(tmp_path / "a.csv")[0][0]
     assert dut.bridged.sum() == count
+
+
+def test_a_long_gap_is_named_where_a_log_must_be_whole():
+    table = Table("made", circling(without(T, 200, 60)))
+    with pytest.raises(LogError, match=r"column t, row 201 .*no gap longer than 0\.1 s.*lasts 0\.61 s"):
+        without_long_gaps(table)

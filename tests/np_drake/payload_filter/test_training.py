@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from np_drake import attitude
-from np_drake.actuator_timing import delayed
 from np_drake.flight_log import FlightLog
 from np_drake.payload_filter.training import flight_samples, torque_steps, train_payload_filter
 from np_drake.residual_model import Sample
 from np_drake.rotor_input import acting_command
 from np_drake.scaling import similar
+from np_drake.training_data.actuator_timing import delayed
 from np_drake.vehicle import Vehicle
 
 STEP = 0.02  # [s]

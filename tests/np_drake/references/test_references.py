@@ -5,7 +5,7 @@ from scipy.integrate import solve_ivp
 from np_drake import rigid_body
 from np_drake.references.config import ReferenceConfig, make_reference
 from np_drake.references.flatness import targets
-from np_drake.references.multisine import Multisine
+from np_drake.references.harmonic import Multisine
 from np_drake.vehicle import Vehicle
 
 MOTIONS = [

@@ -7,7 +7,7 @@ from np_drake.residual_models.motion_model import MotionModel
 from np_drake.residual_models.motion_training import train_motion_model
 from np_drake.residual_models.wrench_network import WrenchNetwork
 from np_drake.skill.skill import model_predictions
-from np_drake.training_data.wrench_sequence import WrenchSequence
+from np_drake.training_data.segments import WrenchSequence
 from np_drake.vehicle import Vehicle
 
 RNG = np.random.default_rng(0)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from np_drake import labels
+from np_drake.training_data.segments import WrenchSequence
 from np_drake.training_data.training_segments import flown_segments, training_segments
-from np_drake.training_data.wrench_sequence import WrenchSequence
 from np_drake.vehicle import Vehicle
 
 

@@ -17,8 +17,7 @@ from np_drake.residual_models.knode_training import Piece, fit_knode
 from np_drake.residual_models.linear_baselines import fit_dmdc
 from np_drake.residual_models.motion_model import GP, KNODE, MotionModel
 from np_drake.residual_models.neural_predictor import NeuralPredictor, PredictorOptions
-from np_drake.skill.force_ridge import RidgeConfig, fit_force_ridge
-from np_drake.skill.naive import LinearExtrapolation, TrainingMean
+from np_drake.skill.naive import LinearExtrapolation, RidgeConfig, TrainingMean, fit_force_ridge
 from np_drake.training_data.sampled_flight import SampledFlight, sampled_flight
 from np_drake.training_data.segments import Segment
 from np_drake.vehicle import Vehicle

@@ -1,4 +1,4 @@
-"""What a bag may ask of its reader: bytes that it unpacks to, and text that names and defines its topics.
+"""A bag mapped into memory, and what it may ask of its reader: bytes that it unpacks to, text of its topics.
 
 A chunk is decompressed only where what it claims is within the budgets, and never beyond its claim.
 """
@@ -6,7 +6,9 @@ A chunk is decompressed only where what it claims is within the budgets, and nev
 import bz2
 import dataclasses as dc
 import functools
-from collections.abc import Callable
+import mmap
+from collections import Counter
+from collections.abc import Callable, Collection, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -150,3 +152,48 @@ def _megabytes(size: int) -> str:
 
 
 _REMEDY = "If it is right, write it without compression (`rosbag decompress`, `mcap decompress`, `ros2 bag convert`)."
+
+
+Record = tuple[Any, Any, int, int]  # data in which it lies, its header or kind, start and end of its content
+
+
+class MappedBag:
+    """Channels and messages of a file of records. whole: its end is there."""
+
+    channels: list[Channel]
+    whole: bool
+
+    def __init__(self, path: Path, budget: Budget) -> None:
+        """Map the file.
+
+        Raises: ValueError: if it is empty.
+        """
+        with path.open("rb") as file:
+            self._bytes = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
+        self._budget = budget
+        self._counts: Counter[int] = Counter()  # messages by channel
+        self._chunks: list[tuple[int, frozenset[int]]] = []  # start of the record, channels in it
+
+    def messages(self, channels: Collection[Channel]) -> Iterator[tuple[Channel, int, bytes]]:
+        """Yield channel, time of receipt [ns] and bytes of the messages, as they lie in the file.
+
+        Raises: ValueError: at a damaged chunk; LogError: beyond the budget.
+        """
+        wanted = {c.number: c for c in channels}
+        for record in self._records(wanted.keys()):
+            stamp = self._stamp(record)
+            if stamp is not None and stamp[0] in wanted:
+                number, time, start = stamp
+                yield wanted[number], time, record[0][start : record[3]]
+
+    def close(self) -> None:
+        """Close the file."""
+        self._bytes.close()
+
+    def _records(self, wanted: Collection[int]) -> Iterator[Record]:
+        """Yield the records of the file, those of chunks in place of them."""
+        raise NotImplementedError
+
+    def _stamp(self, record: Record) -> tuple[int, int, int] | None:
+        """Return channel, time of receipt [ns] and start of a message; None for any other record."""
+        raise NotImplementedError

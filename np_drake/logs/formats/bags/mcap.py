@@ -13,8 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from np_drake.logs.errors import LogError
-from np_drake.logs.formats.bags.budget import Budget, Channel, unpacked_exactly
-from np_drake.logs.formats.bags.mapped import MappedBag, Record
+from np_drake.logs.formats.bags.budget import Budget, Channel, MappedBag, Record, unpacked_exactly
 
 MAGIC = b"\x89MCAP0\r\n"
 NONE, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, CHUNK_INDEX, STATISTICS, DATA_END = 0, 2, 3, 4, 5, 6, 8, 11, 15

@@ -12,8 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from np_drake.logs.errors import LogError
-from np_drake.logs.formats.bags.budget import Budget, Channel, unpacked_exactly
-from np_drake.logs.formats.bags.mapped import MappedBag, Record
+from np_drake.logs.formats.bags.budget import Budget, Channel, MappedBag, Record, unpacked_exactly
 
 MAGIC = b"#ROSBAG V"
 START = b"#ROSBAG V2.0\n"

@@ -9,7 +9,7 @@ from diagrams.batch.failed_run import FailedRun
 from diagrams.challenge.generate import make as module
 from diagrams.challenge.generate.case import FILES, CaseDraw, case_name
 from diagrams.challenge.generate.make import make, make_case, require_no_other_set
-from np_drake.logs.log_file import read_log
+from np_drake.logs.opening import open_flights
 from np_drake.vehicle import load_vehicle
 
 OPTIONS = {"simulator": "drake", "quality": "real", "seconds": 5.0, "seed": 3}
@@ -29,7 +29,7 @@ def test_cases_can_be_read_and_have_a_truth_each(small_set):
     assert names == sorted(folder.name for folder in (base / "truth").iterdir())
     for name in names:
         vehicle = load_vehicle(base / "cases" / name / "vehicle.yaml")
-        logs = [read_log(base / "cases" / name / file, vehicle=vehicle) for file in FILES]
+        logs = [open_flights(base / "cases" / name / file, vehicle=vehicle)[0][0] for file in FILES]
         truth = json.loads((base / "truth" / name / "truth.json").read_text())
         assert len(truth["class"]) == len(truth["effects"])
         assert truth["visibility"] >= 0.9

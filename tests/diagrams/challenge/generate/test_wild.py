@@ -47,9 +47,10 @@ from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.thrust_scale import ThrustScale
 from np_drake.flight_log import FlightLog
 from np_drake.logs.case_folder import open_case
+from np_drake.logs.formats.log_file import write_log
 from np_drake.logs.gaps import LONGEST
 from np_drake.logs.import_sheet import SUFFIX, read_sheet, write_sheet
-from np_drake.logs.log_file import read_log, write_log
+from np_drake.logs.opening import open_flights
 from np_drake.vehicle import INPUTS
 
 SPIN = 700.0  # [rad/s]
@@ -243,7 +244,7 @@ def counted(t):
 def test_a_file_is_read_with_the_input_that_was_drawn(kind, vehicle, plan, t, tmp_path):
     log = with_input(fly(vehicle, plan, t=t), vehicle, kind)
     write_log(log, tmp_path / "flight.csv")
-    assert read_log(tmp_path / "flight.csv", vehicle=vehicle).input == kind
+    assert open_flights(tmp_path / "flight.csv", vehicle=vehicle)[0][0].input == kind
 
 
 def flown(logged):

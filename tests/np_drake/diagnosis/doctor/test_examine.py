@@ -10,7 +10,7 @@ import pytest
 from np_drake.diagnosis.doctor import examine
 from np_drake.effects.library import LIBRARY, effects_for, unobservable
 from np_drake.effects.suspended_payload import SuspendedPayload
-from np_drake.logs.open_any import open_any
+from np_drake.logs.opening import open_flights
 from np_drake.rotor_input import rotor_speed, with_rotor_input
 from np_drake.vehicle import Vehicle
 
@@ -145,7 +145,9 @@ def test_a_real_flight_with_a_payload_swings(real_flights, flight):
 
 def test_a_real_flight_in_wind_does_not_swing(real_flights):
     vehicle = dc.replace(Vehicle(), mass=2.53, max_rotor_thrust=15.0, input="normalised").check()
-    flights, sheet = open_any(real_flights / "neural_fly" / "custom_figure8_baseline_100wind.csv.gz", vehicle)
+    flights, sheet = open_flights(
+        real_flights / "neural_fly" / "custom_figure8_baseline_100wind.csv.gz", vehicle
+    )
     dut = examine(flights, vehicle, sheets={flights[0].name: sheet.content})
     assert not dut.something_swings
     assert dut.of("mass_error")[0].verdict == "never"
@@ -154,5 +156,5 @@ def test_a_real_flight_in_wind_does_not_swing(real_flights):
 
 def real(path, mass):
     vehicle = crazyflie(mass)
-    flights, sheet = open_any(path, vehicle)
+    flights, sheet = open_flights(path, vehicle)
     return examine(flights, vehicle, sheets={log.name: sheet.content for log in flights})

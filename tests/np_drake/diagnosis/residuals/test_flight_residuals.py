@@ -18,7 +18,8 @@ from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.motor_lag import MotorLag
 from np_drake.effects.velocity_bias import VelocityBias
 from np_drake.flight_log import FlightLog
-from np_drake.logs.log_file import read_log, write_log
+from np_drake.logs.formats.log_file import write_log
+from np_drake.logs.opening import open_flights
 from np_drake.vehicle import Vehicle
 
 VEHICLE = Vehicle()
@@ -206,7 +207,7 @@ def lossy(seed: int, *, jitter: float = 0.0, loss: float = 0.0, path: Path) -> F
     fields = {f.name: getattr(log, f.name) for f in dc.fields(log)}
     kept = {name: value[keep] for name, value in fields.items() if isinstance(value, np.ndarray)}
     write_log(dc.replace(log, **kept), path)
-    return read_log(path)
+    return open_flights(path)[0][0]
 
 
 @pytest.mark.parametrize("jitter, loss", [(0.0, 0.0), (0.3, 0.0), (0.0, 1.0), (0.3, 1.0)])

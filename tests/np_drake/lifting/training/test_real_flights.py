@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from np_drake.lifting.training.train import make_config, train
-from np_drake.logs.neurobem import RACE_TRACK, TESTS, TRAINING, read_neurobem_npy
+from np_drake.logs.formats.neurobem import RACE_TRACK, TESTS, TRAINING, read_wrenches
 from np_drake.residual_models.neural_predictor import NeuralPredictor, PredictorOptions
 from np_drake.skill.skill import skill_table
 from np_drake.training_data.segments import Segment
@@ -17,9 +17,7 @@ OTHER = "merged_2021-02-23-14-41-07_seg_3"
 @pytest.fixture(scope="module")
 def flights(neurobem):
     """name: (chi, zeta), both body."""
-    sequences = {
-        name: read_neurobem_npy(neurobem / "npy" / f"{name}.npy") for name in (TRAINING, OTHER, *TESTS)
-    }
+    sequences = {name: read_wrenches(neurobem / "npy" / f"{name}.npy") for name in (TRAINING, OTHER, *TESTS)}
     return {name: (sequence.chi, sequence.zeta) for name, sequence in sequences.items()}
 
 

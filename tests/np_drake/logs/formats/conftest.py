@@ -7,7 +7,7 @@ from types import ModuleType
 
 import pytest
 
-from np_drake.logs.recording import Stream
+from np_drake.logs.formats.format import Stream
 
 Write = Callable[[Path, dict[str, Stream]], None]
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from np_drake.logs.recording import Stream
+from np_drake.logs.formats.format import Stream
 
 TIMES = {1: ("I", 1e3), 2: ("Q", 1e6)}  # by version: type of a record's time, and its units in a second
 FIRST_ID = 7

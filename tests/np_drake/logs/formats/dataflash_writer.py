@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from np_drake.logs.recording import Stream
+from np_drake.logs.formats.format import Stream
 
 CODES = {"B": "B", "Q": "Q", "N": "16s", "n": "4s", "Z": "64s", "f": "f", "d": "d", "g": "e"}
 SCALED = {"c": ("h", 100), "C": ("H", 100), "e": ("i", 100), "E": ("I", 100), "L": ("i", 10_000_000)}

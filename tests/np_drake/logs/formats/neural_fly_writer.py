@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from np_drake.logs.recording import Stream
+from np_drake.logs.formats.format import Stream
 
 SHAPES = {  # columns of the file: shape of a cell
     "p": (3,),

@@ -12,7 +12,7 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_typestore
 
-from np_drake.logs.recording import Stream
+from np_drake.logs.formats.format import Stream
 
 START = 1_700_000_000_000_000_000  # [ns] of t = 0
 TYPES = {  # by a column that it alone has

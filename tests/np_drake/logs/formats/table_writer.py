@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from np_drake.logs.recording import Stream
+from np_drake.logs.formats.format import Stream
 
 
 def write(path: Path, streams: dict[str, Stream], delimiter: str = ",") -> None:

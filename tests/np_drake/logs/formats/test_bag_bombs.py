@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from np_drake.logs.errors import LogError
+from np_drake.logs.formats.format import Stream
 from np_drake.logs.formats.ros import ODOMETRY, ROS
-from np_drake.logs.recording import Stream
 
 pytest.importorskip("rosbags")
 MOST = 500  # [MB] of a reader without Drake; the command line has 1 GB for both

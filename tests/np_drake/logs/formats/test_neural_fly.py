@@ -9,8 +9,8 @@ from scipy.spatial.transform import Rotation
 
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats import format_named, format_of
+from np_drake.logs.formats.format import Stream, by_stream
 from np_drake.logs.formats.neural_fly import NEURAL_FLY
-from np_drake.logs.recording import Stream, by_stream
 
 FLIGHTS = [
     f"custom_figure8_{method}_{wind}.csv.gz"

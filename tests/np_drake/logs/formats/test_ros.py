@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats import format_of
+from np_drake.logs.formats.format import Recording, Stream, by_stream, find_column
 from np_drake.logs.formats.ros import IMU, ODOMETRY, ROS, STAMPED_POSE, WRENCH
 from np_drake.logs.formats.ros_message import Decoder, find_fields, missing_types
-from np_drake.logs.recording import Recording, Stream, by_stream, find_column
 
 pytest.importorskip("rosbags")
 T = np.arange(60) * 0.01

@@ -14,11 +14,11 @@ from np_drake.logs import text_lines
 from np_drake.logs.columns import NAMES
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats import format_of, table_arrow
+from np_drake.logs.formats.format import Stream
+from np_drake.logs.formats.log_file import write_log
 from np_drake.logs.formats.table import TABLE
 from np_drake.logs.importing.log_map import LogMap, Source
-from np_drake.logs.importing.map_time import with_map_time
-from np_drake.logs.log_file import write_log
-from np_drake.logs.recording import Stream
+from np_drake.logs.importing.signals import with_map_time
 
 SUFFIXES = (".csv", ".csv.gz", ".txt", ".tsv", ".parquet")
 WAYS = ("pyarrow", "plain")
@@ -308,7 +308,7 @@ if sys.argv[2] == "plain":
     sys.modules["pyarrow"] = None
 else:
     import pyarrow.csv
-from np_drake.logs import csv_file
+from np_drake.logs.formats import csv_file
 from np_drake.logs.formats.table import TABLE
 before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 if sys.argv[2] == "own":

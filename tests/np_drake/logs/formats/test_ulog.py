@@ -17,8 +17,8 @@ pytest.importorskip("pyulog", reason="ULog needs pyulog")
 
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats import format_of
+from np_drake.logs.formats.format import Recording, Stream
 from np_drake.logs.formats.ulog import ULOG
-from np_drake.logs.recording import Recording, Stream
 
 Q = [f"q[{i}]" for i in range(4)]
 XYZ = [f"xyz[{i}]" for i in range(3)]

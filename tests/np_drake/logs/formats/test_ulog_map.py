@@ -10,8 +10,8 @@ import pytest
 pytest.importorskip("pyulog", reason="ULog needs pyulog")
 
 from np_drake import attitude
+from np_drake.logs.formats.format import Contents, Recording, Stream, by_stream
 from np_drake.logs.formats.ulog import ULOG
-from np_drake.logs.recording import Contents, Recording, Stream, by_stream
 
 Q = [f"q[{i}]" for i in range(4)]
 XYZ = [f"xyz[{i}]" for i in range(3)]

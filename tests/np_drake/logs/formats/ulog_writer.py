@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from np_drake.logs.recording import Stream
+from np_drake.logs.formats.format import Stream
 
 MAGIC = b"\x55\x4c\x6f\x67\x01\x12\x35"
 START = 500_000  # of a log, since the vehicle's start [us]

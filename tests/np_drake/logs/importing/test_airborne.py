@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
-from np_drake.logs.importing.airborne import airborne, standing
+from np_drake.logs.errors import LogError
+from np_drake.logs.importing.airborne import airborne, require_ranges, standing
+from np_drake.logs.importing.log_map import LogMap, Source
 
 T = 0.01 * np.arange(3000)
 
@@ -59,3 +61,31 @@ def test_a_log_whose_end_is_near_every_place_has_no_ground():
     p[-1, 0] = -0.005  # all within 0.05 m of the end, not of the beginning
     p[1500, 0] = 0.04
     assert airborne(T, p, np.ones(3000)) == slice(0, 3000)
+
+
+HOVER = np.linspace(0.3, 0.8, 100)[:, None]
+
+
+@pytest.mark.parametrize(
+    ("name", "factor", "message"),
+    [
+        ("throttle", 1000.0, "above 1.5 in flight.*percent, us, pwm16"),
+        ("throttle", 100.0, "above 1.5 in flight"),
+        ("throttle", -1.0, "below -0.05 in flight.*scale"),
+        ("hover_throttle", 0.0, "below 0.02 in flight"),
+        ("hover_throttle", 100.0, "above 1.5 in flight"),
+        ("voltage", 1e4, "above 1000 in flight.*mV"),
+        ("rotor_speed", 2e4, "above 5000 in flight.*rpm"),
+    ],
+)
+def test_an_input_in_another_unit_is_refused(name, factor, message):
+    log_map = LogMap(**{name: Source(["c"])})
+    require_ranges({name: HOVER * {"rotor_speed": 1e3, "voltage": 16}.get(name, 1)}, log_map, "flight.csv")
+    with pytest.raises(LogError, match=rf"flight.csv, {name} \(c\): must not be {message}"):
+        require_ranges({name: HOVER * factor}, log_map, "flight.csv")
+
+
+def test_a_few_odd_values_are_no_other_unit():
+    throttle = np.tile(HOVER, (50, 1))
+    throttle[0] = 1000.0
+    require_ranges({"throttle": throttle}, LogMap(throttle=Source(["c"])), "flight.csv")

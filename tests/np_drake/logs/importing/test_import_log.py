@@ -7,10 +7,10 @@ import pytest
 import yaml
 
 from np_drake.logs.errors import LogError
+from np_drake.logs.formats.log_file import write_log
 from np_drake.logs.importing.conventions import WrongConventions, changed
 from np_drake.logs.importing.import_log import import_log
 from np_drake.logs.importing.log_map import Source, load_map
-from np_drake.logs.log_file import write_log
 
 
 @pytest.fixture

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from np_drake import attitude
+from np_drake.logs.formats.format import Stream
+from np_drake.logs.formats.log_file import write_log
 from np_drake.logs.import_sheet import read_sheet, write_sheet
 from np_drake.logs.importing.import_log import import_log
 from np_drake.logs.importing.log_map import load_map
-from np_drake.logs.log_file import read_log, write_log
-from np_drake.logs.recording import Stream
+from np_drake.logs.opening import open_flights
 
 SINGLE = 1e-6  # resolution of a float32 of a few [m, m/s, 1, rad/s]
 DOUBLE = 1e-9
@@ -237,7 +238,7 @@ def test_our_own_log_and_its_sheet(flight, tmp_path, suffix):
     target = tmp_path / f"again.{suffix}"
     write_log(found.flights[0], target)
     write_sheet(dc.replace(found.sheet, timing=0.004), target)
-    assert read_log(target).timing == read_sheet(target).timing == 0.004
+    assert open_flights(target)[0][0].timing == read_sheet(target).timing == 0.004
 
 
 @pytest.mark.parametrize("kind", ["throttle", "collective", "thrust_only", "rotor_speed"])

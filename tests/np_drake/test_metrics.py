@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from np_drake.swing_metrics import SETTLED, decay_rate, half_width, peaks, settling_time
+from np_drake.metrics import SETTLED, decay_rate, half_width, peaks, settling_time
 
 T = 0.02 * np.arange(1000)  # [s]
 

@@ -1,26 +1,30 @@
 """Laws that the real flights obey once they are in our frames, and what is refused."""
 
+import contextlib
+import struct
+import tracemalloc
+
 import numpy as np
 import pytest
 
 from np_drake import attitude, labels
 from np_drake.logs.errors import LogError
-from np_drake.logs.neurobem import (
+from np_drake.logs.formats.neurobem import (
     RACE_TRACK,
     TESTS,
     TRAINING,
     published_vehicle,
-    read_neurobem,
-    read_neurobem_npy,
+    read_array,
+    read_wrenches,
 )
-from np_drake.logs.open_log import open_log
+from np_drake.logs.opening import open_flights
 
 MELON = "merged_2021-02-23-11-41-38_seg_3"
 
 
 @pytest.fixture(scope="module", params=[RACE_TRACK, MELON])
 def agile(neurobem, request):
-    return read_neurobem(neurobem / "csv" / f"{request.param}.csv")
+    return open_flights(neurobem / "csv" / f"{request.param}.csv")[0][0]
 
 
 def relative(rate, value):
@@ -59,23 +63,23 @@ def test_rotor_speed_carries_the_weight_and_turns_the_way_the_vehicle_turns(agil
 
 
 def test_the_arrays_of_the_papers_table_are_there(neurobem):
-    training = read_neurobem_npy(neurobem / "npy" / f"{TRAINING}.npy")
+    training = read_wrenches(neurobem / "npy" / f"{TRAINING}.npy")
     assert len(training) == 4000
     speed = np.linalg.norm(training.zeta[:, :3], axis=1)
     assert speed.max() == pytest.approx(5.18, abs=0.01)  # as the paper says [m/s]
     for stem in TESTS:
-        assert len(read_neurobem_npy(neurobem / "npy" / f"{stem}.npy")) > 10_000
+        assert len(read_wrenches(neurobem / "npy" / f"{stem}.npy")) > 10_000
 
 
 def test_every_real_flight_passes_the_checks(neurobem):
     for path in sorted((neurobem / "csv").glob("*.csv")):
-        assert len(open_log(path)) > 200
+        assert len(open_flights(path)[0][0]) > 200
 
 
 def test_the_array_is_the_csv_in_body_axes_with_the_total_wrench(neurobem):
     """f = 0.752 (acc - [0, 0, 9.8]) in body axes, tau = J al + w x J w: no residual."""
-    array = read_neurobem_npy(neurobem / "npy" / f"{RACE_TRACK}.npy")
-    log = read_neurobem(neurobem / "csv" / f"{RACE_TRACK}.csv")
+    array = read_wrenches(neurobem / "npy" / f"{RACE_TRACK}.npy")
+    log = open_flights(neurobem / "csv" / f"{RACE_TRACK}.csv")[0][0]
     J = published_vehicle().J
     torque = log.al @ J + np.cross(log.w, log.w @ J)
     force = 0.752 * (attitude.rotate_back(log.q, log.a + [0, 0, 9.81]) - [0, 0, 9.8])
@@ -88,14 +92,14 @@ def test_the_array_is_the_csv_in_body_axes_with_the_total_wrench(neurobem):
 def test_a_pickled_array_is_never_loaded(tmp_path):
     np.save(tmp_path / "evil.npy", np.array([{"a": 1}], dtype=object), allow_pickle=True)
     with pytest.raises(LogError, match="pickled files are refused"):
-        read_neurobem_npy(tmp_path / "evil.npy")
+        read_wrenches(tmp_path / "evil.npy")
 
 
 @pytest.mark.parametrize("array", [np.zeros((5, 11)), np.zeros(12), np.full((5, 12), "a")])
 def test_an_array_of_another_shape_is_refused(tmp_path, array):
     np.save(tmp_path / "odd.npy", array)
     with pytest.raises(LogError, match=r"odd\.npy"):
-        read_neurobem_npy(tmp_path / "odd.npy")
+        read_wrenches(tmp_path / "odd.npy")
 
 
 def test_a_truncated_or_non_finite_array_is_refused(tmp_path):
@@ -105,12 +109,73 @@ def test_a_truncated_or_non_finite_array_is_refused(tmp_path):
     data[4, 2] = np.nan
     np.save(tmp_path / "nan.npy", data)
     with pytest.raises(LogError, match="cut off"):
-        read_neurobem_npy(tmp_path / "cut.npy")
+        read_wrenches(tmp_path / "cut.npy")
     with pytest.raises(LogError, match="column 3, row 5"):
-        read_neurobem_npy(tmp_path / "nan.npy")
+        read_wrenches(tmp_path / "nan.npy")
 
 
 def test_a_neurobem_file_without_a_column_is_refused(tmp_path):
     (tmp_path / "some.csv").write_text("t,ang acc x,ang acc y\n0,1,2\n")
     with pytest.raises(LogError, match="29 columns"):
-        open_log(tmp_path / "some.csv")
+        open_flights(tmp_path / "some.csv")[0][0]
+
+
+def header(text: str, version=b"\x01\x00") -> bytes:
+    line = text.ljust(117) + "\n"
+    return b"\x93NUMPY" + version + struct.pack("<H", len(line)) + line.encode()
+
+
+def described(shape: str, kind: str = "<f8") -> bytes:
+    return header(f"{{'descr': '{kind}', 'fortran_order': False, 'shape': {shape}, }}")
+
+
+DAMAGES = {
+    "empty": b"",
+    "cut off": described("(9, 12)") + bytes(8),
+    "announces terabytes": described("(1000000000000, 12)") + bytes(96),
+    "announces gigabytes": described("(100000000, 12)") + bytes(96),
+    "overflows": described(f"({10**30}, {10**30})") + bytes(96),
+    "negative": described("(-1, 12)") + bytes(96),
+    "a header that is no Python": header("{'descr': [('a','<f8')], 'fortran") + bytes(96),
+    "a nested header": header("(" * 110) + bytes(96),
+    "an object": described("(1,)", "|O") + b"\x80\x04\x95",
+    "another version": described("(1, 12)").replace(b"\x01\x00", b"\x09\x00", 1) + bytes(96),
+    "noise": b"\xff" * 300,
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGES)
+def test_a_damaged_array_is_refused_in_one_line(tmp_path, damage):
+    (tmp_path / "a.npy").write_bytes(DAMAGES[damage])
+    tracemalloc.start()
+    with pytest.raises(LogError, match=r"a\.npy: must be a plain NumPy array") as found:
+        read_array(tmp_path / "a.npy")
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 2e6  # [byte]
+    assert "\n" not in str(found.value)
+
+
+@pytest.mark.parametrize("size", [None, 100, 3])
+def test_an_archive_is_refused_whole_or_cut_off(tmp_path, size):
+    np.savez(tmp_path / "a.npz", a=np.zeros((9, 12)))
+    (tmp_path / "a.npy").write_bytes((tmp_path / "a.npz").read_bytes()[:size])
+    with pytest.raises(LogError, match=r"it is an archive \(\.npz\)\. Save the array by itself"):
+        read_wrenches(tmp_path / "a.npy")
+
+
+def test_no_flip_of_a_byte_is_more_than_a_refusal(tmp_path):
+    draw = np.random.default_rng(0)
+    np.save(tmp_path / "a.npy", draw.normal(size=(5, 12)))
+    content = (tmp_path / "a.npy").read_bytes()
+    for at in range(128):
+        (tmp_path / "a.npy").write_bytes(content[:at] + bytes([draw.integers(256)]) + content[at + 1 :])
+        with contextlib.suppress(LogError):
+            read_array(tmp_path / "a.npy")
+
+
+def test_a_whole_array_is_read_and_outlives_its_file(tmp_path):
+    np.save(tmp_path / "a.npy", np.arange(24.0).reshape(2, 12))
+    dut = read_array(tmp_path / "a.npy")
+    (tmp_path / "a.npy").write_bytes(b"")
+    np.testing.assert_array_equal(dut, np.arange(24.0).reshape(2, 12))

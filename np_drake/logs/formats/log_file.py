@@ -6,13 +6,17 @@ from pathlib import Path
 import numpy as np
 
 from np_drake.flight_log import FlightLog
-from np_drake.logs import columns, csv_file, parquet_file
+from np_drake.logs import columns
 from np_drake.logs.checks import check_table
+from np_drake.logs.columns import Table
 from np_drake.logs.errors import LogError
-from np_drake.logs.gaps import LONGEST, bridge_gaps, split_at_gaps, without_long_gaps
+from np_drake.logs.formats import csv_file, parquet_file
+from np_drake.logs.formats.format import FlightFormat
+from np_drake.logs.formats.table import first_line
+from np_drake.logs.formats.table_text import split_header
+from np_drake.logs.gaps import LONGEST, bridge_gaps, split_at_gaps
+from np_drake.logs.gaps import repair as repair_table
 from np_drake.logs.import_sheet import read_sheet
-from np_drake.logs.repair import repair as repair_table
-from np_drake.logs.table import Table
 from np_drake.logs.throttle_input import with_throttle_input
 from np_drake.logs.units import check_units
 from np_drake.rotor_input import with_rotor_input
@@ -27,37 +31,35 @@ WORDS = {  # of inputs
 }
 
 
-def read_log(path: str | Path, *, vehicle: Vehicle | None = None, repair: bool = False) -> FlightLog:
-    """Read and check a flight log of one piece (docs/reference/flight-log.md).
+def recognises(path: Path, start: bytes) -> bool:
+    """Return whether the header names most columns of the state: one that lacks a few is told which."""
+    kind = _known_suffix(path)
+    if kind is None:
+        return False
+    names = parquet_file.column_names(path) if kind == ".parquet" else split_header(first_line(start))
+    needed = [name for field in columns.STATE for name in columns.COLUMNS[field]]
+    return 2 * len(set(needed) & set(names)) > len(needed)
+
+
+def read(path: str | Path, vehicle: Vehicle | None = None, *, repair: bool = False) -> list[FlightLog]:
+    """Read and check a flight log (docs/reference/flight-log.md), split at gaps longer than 0.1 s.
+
+    Shorter gaps are bridged.
 
     Args:
+        path: of the log; its suffix determines how it is read.
         vehicle: where the log has rotor speed and no command (or the vehicle file says `input: rotor_speed`),
             thrust and torque come from rotor speed and this vehicle. Its weight is used in the check of units.
         repair: mend a few bad rows instead of refusing them; the log's notes say what was mended.
-    Raises: LogError: one line with file, column, row and remedy, also where a long gap splits the log; OSError: if the
-    file cannot be opened.
+    Raises: LogError: one line with file, column, row and remedy; OSError: if the file cannot be opened.
     """
-    return _read(path, vehicle, repair, whole=True)[0]
-
-
-def read_segments(
-    path: str | Path, *, vehicle: Vehicle | None = None, repair: bool = False
-) -> list[FlightLog]:
-    """Read and check a flight log, split at gaps longer than 0.1 s; shorter ones are bridged.
-
-    Args, Raises: as `read_log`; a long gap is no error.
-    """
-    return _read(path, vehicle, repair, whole=False)
-
-
-def _read(path: str | Path, vehicle: Vehicle | None, repair: bool, *, whole: bool) -> list[FlightLog]:
     table = read_table(path)
     fields = columns.present_fields(table)
     notes: list[str] = []
     if repair:
         table, notes = repair_table(table, fields)
     check_table(table, fields)
-    parts, split = split_at_gaps(without_long_gaps(table) if whole else table)
+    parts, split = split_at_gaps(table)
     sheet = read_sheet(path)
     logs = []
     for number, part in enumerate(parts, start=1):
@@ -99,19 +101,24 @@ def suffix(path: str | Path) -> str:
 
     Raises: LogError: on any other suffix.
     """
-    for known in SUFFIXES:
-        if str(path).endswith(known):
-            return known
-    raise LogError(
-        f"{path}: a flight log's name must end in {', '.join(SUFFIXES)}. `np-drake import` turns logs of other formats "
-        "into such files."
-    )
+    known = _known_suffix(path)
+    if known is None:
+        raise LogError(
+            f"{path}: a flight log's name must end in {', '.join(SUFFIXES)}. `np-drake import` turns logs of other "
+            "formats into such files."
+        )
+    return known
 
 
 def log_name(path: str | Path) -> str:
     """Return the file's name without folder and suffix."""
     name = Path(path).name
     return name.removesuffix(suffix(path))
+
+
+def _known_suffix(path: str | Path) -> str | None:
+    """Return .csv, .csv.gz or .parquet, the suffix of a path; None where it has another."""
+    return next((known for known in SUFFIXES if str(path).endswith(known)), None)
 
 
 def _with_input(log: FlightLog, table: Table, fields: list[str], vehicle: Vehicle | None) -> FlightLog:
@@ -144,9 +151,8 @@ def _with_input(log: FlightLog, table: Table, fields: list[str], vehicle: Vehicl
     if chosen == "command":
         return log
     if vehicle is None:
-        names = "rotor1 … rotor4" if chosen == "rotor_speed" else "throttle"
-        raise table.error(
-            f"is missing; thrust and torque can come from {names}, but that needs a vehicle file (--vehicle).",
-            column="thrust",
-        )
+        return dc.replace(log, input=chosen)  # thrust and torque stay NaN
     return {"rotor_speed": with_rotor_input, "normalised": with_throttle_input}[chosen](log, vehicle)
+
+
+LOG_FILE = FlightFormat("flight_log", "flight log of our columns, CSV or Parquet", recognises, read)

@@ -5,23 +5,26 @@
   wrench is no residual: never mix it with chi of a FlightLog.
 """
 
+import tokenize
+import warnings
 from pathlib import Path
 
 import numpy as np
 
 from np_drake import attitude
+from np_drake.files.input_file import note_input
 from np_drake.flight_log import FlightLog
 from np_drake.logs.checks import check_table
-from np_drake.logs.columns import COLUMNS
-from np_drake.logs.csv_file import read_csv
+from np_drake.logs.columns import COLUMNS, Table
 from np_drake.logs.errors import LogError, place
+from np_drake.logs.formats.csv_file import read_csv
+from np_drake.logs.formats.format import FlightFormat, first_bytes
+from np_drake.logs.formats.table import first_line
 from np_drake.logs.gaps import bridge_gaps, without_long_gaps
-from np_drake.logs.npy_file import read_array
-from np_drake.logs.repair import repair as repair_table
-from np_drake.logs.table import Table
+from np_drake.logs.gaps import repair as repair_table
 from np_drake.logs.units import check_units
 from np_drake.rotor_input import with_rotor_input
-from np_drake.training_data.wrench_sequence import WrenchSequence
+from np_drake.training_data.segments import WrenchSequence
 from np_drake.vehicle import Vehicle, load_vehicle
 
 GRAVITY = 9.81  # [m/s²]; the CSV's hover reading of specific force
@@ -42,7 +45,7 @@ TESTS = {  # file stem: the paper's name of the flight
     "merged_2021-02-23-19-45-06_seg_2": "melon 2",
     "merged_2021-02-23-22-26-25_seg_2": "random points",
 }
-FIRST_COLUMNS = b"t,ang acc x,"  # how such a CSV begins
+FIRST_COLUMNS = "t,ang acc x,"  # how such a CSV begins
 _AXES = "xyz"
 SOURCE_COLUMNS: dict[str, tuple[str, ...]] = {
     "t": ("t",),
@@ -67,10 +70,32 @@ def published_vehicle() -> Vehicle:
     return load_vehicle("neurobem")
 
 
-def read_neurobem(path: str | Path, *, vehicle: Vehicle | None = None, repair: bool = False) -> FlightLog:
+def is_neurobem(path: str | Path) -> bool:
+    """Return whether a file is in one of the forms of the data set.
+
+    Raises: OSError: if it cannot be opened.
+    """
+    path = Path(path)
+    return is_array(path) or recognises(path, first_bytes(path))
+
+
+def recognises(path: Path, start: bytes) -> bool:
+    """Return whether a file is a CSV of the data set, by its first columns."""
+    return path.name.endswith((".csv", ".csv.gz")) and first_line(start).startswith(FIRST_COLUMNS)
+
+
+def is_array(path: Path, start: bytes = b"") -> bool:
+    """Return whether a file is an array, by its name."""
+    return path.name.endswith(".npy")
+
+
+def read(path: str | Path, vehicle: Vehicle | None = None, *, repair: bool = False) -> list[FlightLog]:
     """Read a 29-column CSV into our frames: a = R acc - g z, v = R vel, u from rotor speed.
 
-    Args:   vehicle: default `published_vehicle()`.   repair: mend a few bad rows.
+    Args:
+        path: of the CSV, gzip-compressed where its name ends in .gz.
+        vehicle: gives thrust and torque from rotor speed; default: `published_vehicle()`.
+        repair: mend a few bad rows instead of refusing them.
     Raises: LogError: one line with file, column (by our name) and row; OSError: if it cannot be opened.
     """
     table = _renamed(read_csv(path))
@@ -96,10 +121,17 @@ def read_neurobem(path: str | Path, *, vehicle: Vehicle | None = None, repair: b
     )
     log = with_rotor_input(log, vehicle or published_vehicle())
     check_units(log, path, vehicle)
-    return log
+    return [log]
 
 
-def read_neurobem_npy(path: str | Path) -> WrenchSequence:
+def refuse_array(
+    path: str | Path, vehicle: Vehicle | None = None, *, repair: bool = False
+) -> list[FlightLog]:
+    """Raise a LogError: an array is no flight; `read_wrenches` reads it."""
+    raise LogError(f"{path}: an array has no commands to diagnose; give the flight's CSV.")
+
+
+def read_wrenches(path: str | Path) -> WrenchSequence:
     """Read a 12-column array: v (body), omega, f, tau -> zeta, chi, both in body axes, total wrench.
 
     Raises: LogError: if the file is no such array (pickled ones are refused); OSError: if it cannot open.
@@ -133,3 +165,33 @@ def _renamed(table: Table) -> Table:
     }
     unreadable = [(row, names.get(column, column), text) for row, column, text in table.unreadable]
     return Table(table.path, columns, unreadable, table.ragged)
+
+
+# What NumPy's reader raises on a damaged header, which is Python text, or on one that announces too much.
+DAMAGED = (ValueError, EOFError, OverflowError, TypeError, SyntaxError, RecursionError, tokenize.TokenError)
+
+
+def read_array(path: str | Path) -> np.ndarray:
+    """Return the array in a file; it is mapped first, so that a header takes no memory that the file does not hold.
+
+    Raises: LogError: if the file is no whole plain array; OSError: if it cannot be opened.
+    """
+    with Path(path).open("rb") as file:
+        start = file.read(2)
+    if start == b"PK":
+        raise LogError(
+            f"{path}: must be one array (.npy); it is an archive (.npz). Save the array by itself."
+        )
+    note_input(path)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # of a header as Python 2 wrote it
+            return np.array(np.load(path, mmap_mode="r", allow_pickle=False))
+    except DAMAGED as error:
+        raise LogError(
+            f"{path}: must be a plain NumPy array (.npy); cut off or pickled files are refused."
+        ) from error
+
+
+NEUROBEM = FlightFormat("neurobem", "NeuroBEM data set, CSV", recognises, read)
+NEUROBEM_ARRAY = FlightFormat("neurobem_array", "NeuroBEM data set, array", is_array, refuse_array)

@@ -9,10 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from np_drake.files.atomic_file import atomic_path
+from np_drake.logs.columns import Table
 from np_drake.logs.errors import LogError
-from np_drake.logs.growing_columns import GrowingColumns
-from np_drake.logs.table import Table
-from np_drake.logs.text_lines import MAX_COLUMNS, MAX_ROWS, read_lines, too_long
+from np_drake.logs.text_lines import MAX_COLUMNS, MAX_ROWS, GrowingColumns, read_lines, too_long
 
 BLOCK_CELLS = 1 << 18  # that are held as Python numbers at once
 MAX_UNREADABLE = (

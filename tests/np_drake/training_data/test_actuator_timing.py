@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from np_drake import labels, rigid_body
-from np_drake.actuator_timing import delayed, learned_rotor_lag, learned_timing
 from np_drake.flight_log import FlightLog
+from np_drake.training_data.actuator_timing import delayed, learned_rotor_lag, learned_timing
 from np_drake.vehicle import Vehicle
 
 STEP = 0.02  # [s]

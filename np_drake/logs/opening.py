@@ -1,0 +1,56 @@
+"""The door to a flight log of any known format."""
+
+from pathlib import Path
+
+from np_drake.flight_log import FlightLog
+from np_drake.logs.formats.format import FlightFormat, Progress, first_bytes
+from np_drake.logs.formats.log_file import LOG_FILE
+from np_drake.logs.formats.neurobem import NEUROBEM, NEUROBEM_ARRAY
+from np_drake.logs.import_sheet import Sheet
+from np_drake.logs.importing.import_log import import_log
+from np_drake.logs.importing.log_map import LogMap, MapFile
+from np_drake.logs.throttle_input import with_throttle_input
+from np_drake.rotor_input import with_rotor_input
+from np_drake.vehicle import Vehicle
+
+FLIGHT_FORMATS: tuple[FlightFormat, ...] = (NEUROBEM_ARRAY, NEUROBEM, LOG_FILE)  # need no map
+
+
+def open_flights(
+    path: str | Path,
+    vehicle: Vehicle | None = None,
+    map: LogMap | MapFile | None = None,
+    *,
+    repair: bool = False,
+    on_progress: Progress = lambda share: None,
+) -> tuple[list[FlightLog], Sheet | None]:
+    """Return the flights of a log, and the record of its import; None where it is of our columns or of NeuroBEM.
+
+    The format is recognised by content. A flight has (n, 3) position and velocity in W [m, m/s], quaternions (n, 4)
+    w, x, y, z from body to W, body rates (n, 3) [rad/s], and thrust and torque (n, 4) in body axes [N, N·m]; there are
+    several where long gaps split the log. Without a vehicle, rotor speed and throttle stay what they are: thrust and
+    torque are then not known (NaN).
+
+    Args:
+        path: of the log, a file or a folder.
+        vehicle: gives thrust and torque from rotor speed or throttle.
+        map: columns and conventions; with it the log is imported, whatever its format; default: by its own names.
+        repair: mend a few bad rows of a log of our columns or of NeuroBEM.
+        on_progress: called with the share that is read [1].
+    Raises: LogError: one line with file, place and remedy; OSError: if it cannot be opened.
+    """
+    start = first_bytes(Path(path))
+    for known in FLIGHT_FORMATS:
+        if map is None and known.recognises(Path(path), start):
+            return known.read(path, vehicle, repair=repair), None
+    found = import_log(path, map, on_progress=on_progress)
+    return [_with_input(flight, vehicle) for flight in found.flights], found.sheet
+
+
+def _with_input(log: FlightLog, vehicle: Vehicle | None) -> FlightLog:
+    """Return the log with thrust and torque from rotor speed or throttle, where these are its input or asked for."""
+    if vehicle is None:
+        return log
+    if log.rotor is not None and "rotor_speed" in (log.input, vehicle.input):
+        return with_rotor_input(log, vehicle)
+    return with_throttle_input(log, vehicle) if log.input == "normalised" else log
