@@ -27,11 +27,8 @@ from diagrams.tracking.tracking import Row, configure, training_config
 from np_drake import attitude
 from np_drake.labels import FORCE
 from np_drake.lifting.model.lifted_model import DELAY_MODAL, LiftedModel
-from np_drake.payload_filter.model_file import PAYLOAD_FILTER
-from np_drake.swing_metrics import half_width
-from np_drake.lifting.model.lifted_model import LiftedModel
 from np_drake.metrics import half_width
-from np_drake.payload_filter.model_file import PENDULUM
+from np_drake.payload_filter.model_file import PAYLOAD_FILTER
 from systems.payload_config import PayloadConfig
 
 HEIGHT = 1.6  # of the hover [m]

@@ -23,11 +23,9 @@ from diagrams.tracking.model_files import (
     trained_models,
 )
 from diagrams.tracking.tracking import Row, configure, training_config
-from np_drake import metrics, swing_metrics
+from np_drake import metrics
 from np_drake.lifting.model.lifted_model import DELAY_MODAL
 from np_drake.payload_filter.model_file import PAYLOAD_FILTER
-from np_drake import metrics
-from np_drake.payload_filter.model_file import PENDULUM
 from np_drake.residual_models.motion_model import GP, KNODE
 
 IMPULSE = 0.3  # on the payload, along x [N·s]

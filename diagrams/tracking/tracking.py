@@ -11,10 +11,8 @@ from diagrams.loop.flight import FlightConfig
 from diagrams.loop.flight_result import FlightResult, fly
 from diagrams.prediction.learning import train_payload_filter_model, train_predictor, train_reaction
 from np_drake.lifting.model.lifted_model import DELAY_MODAL
-from np_drake.payload_filter.model_file import PAYLOAD_FILTER
-from diagrams.prediction.learning import train_pendulum_model, train_predictor, train_reaction
 from np_drake.metrics import half_width
-from np_drake.payload_filter.model_file import PENDULUM
+from np_drake.payload_filter.model_file import PAYLOAD_FILTER
 from np_drake.residual_models.motion_model import GP, KNODE, REACTIONS
 from np_drake.vehicle import Vehicle
 

@@ -21,13 +21,8 @@ from np_drake.lifting.model.model_file import load_model
 from np_drake.logs.formats.format import Stream
 from np_drake.logs.formats.neurobem import FIRST_COLUMNS, read_wrenches
 from np_drake.logs.importing.log_map import load_map_file
-from np_drake.logs.neurobem import FIRST_COLUMNS
-from np_drake.logs.open_any import open_any
-from np_drake.logs.open_log import open_log
-from np_drake.logs.recording import Stream
-from np_drake.payload_filter.model_file import PayloadFilterModel
 from np_drake.logs.opening import open_flights
-from np_drake.payload_filter.model_file import PendulumModel
+from np_drake.payload_filter.model_file import PayloadFilterModel
 from np_drake.references.track_file import read_track
 from np_drake.residual_models.motion_model import MotionModel
 from np_drake.vehicle import Vehicle, load_vehicle

@@ -9,11 +9,9 @@ import pytest
 
 from diagrams.cli.main import run
 from np_drake.lifting.model.model_file import load_model
-from np_drake.logs.log_file import read_log, write_log
-from np_drake.payload_filter.model_file import PayloadFilterModel
 from np_drake.logs.formats.log_file import write_log
 from np_drake.logs.opening import open_flights
-from np_drake.payload_filter.model_file import PendulumModel
+from np_drake.payload_filter.model_file import PayloadFilterModel
 from np_drake.residual_models.motion_model import MotionModel
 
 
