@@ -11,6 +11,7 @@ FOLDER = Path(__file__).parents[1] / "scenarios"  # of the scenario files
 # Names of the scenario files.
 EXPERIMENTS = (
     "circle", "lemniscate", "fast_lemniscate", "steps", "vertical", "training_circle", "plain_circle", "hover",
+    "hover_swing", "attach",
 )  # fmt: skip
 
 
