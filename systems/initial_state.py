@@ -38,9 +38,9 @@ def set_formation(plant: MultibodyPlant, context: Context, payload: PayloadConfi
     radius = float(np.linalg.norm(p_WB[0] - center))
     weight = payload.mass * -plant.gravity_field().gravity_vector()[2]
     length = payload.length
-    for _ in range(4):  # the stretch changes the lean, by which it is found, in the fifth digit only
-        lean = -payload_drop(radius, length, 0.0) / length
-        length = payload.length + weight / (len(p_WB) * lean * payload.stiffness)
+    for _ in range(4):  # the stretch changes the cable's angle, by which it is found, in the fifth digit only
+        cosine = -payload_drop(radius, length, 0.0) / length
+        length = payload.length + weight / (len(p_WB) * cosine * payload.stiffness)
     drop = payload_drop(radius, length, payload.hook[2])
     for i, p in enumerate(p_WB):
         plant.SetFreeBodyPose(context, plant.GetBodyByName(f"quadrotor_{i}"), RigidTransform(p))
