@@ -3,10 +3,13 @@
 import math
 
 import numpy as np
-from pydrake.systems.framework import BasicVector, LeafSystem
+from pydrake.systems.framework import LeafSystem
 
 from np_drake import attitude
 from np_drake.compiled import compiled, turned
+from np_drake.attitude_kernel import turned
+from np_drake.compiled import compiled
+from systems.plant_events import declare_event_at
 
 
 class Cable(LeafSystem):
@@ -30,38 +33,51 @@ class Cable(LeafSystem):
     | generalized_force | 12 | [moment about Bo, force on B, moment, force on P], all in W | N·m, N |
     | tether_wrench | 6 | chi order: [force on B in W, moment about Bo in B] | N, N·m |
 
-    Parameter: 1 while the cable holds, 0 before it is tied (`tie`) and once it is cut (`cut`).
+    State: 1 while the cable holds, 0 before and after. Events: at `tied_at` and `cut_at`.
     """
 
     def __init__(
-        self, *, length: float, hook, stiffness: float = 2.0e4, damping: float = 40.0, tied: bool = True
+        self,
+        *,
+        length: float,
+        hook,
+        stiffness: float = 2.0e4,
+        damping: float = 40.0,
+        tied_at: float = 0.0,
+        cut_at: float = np.inf,
     ):
-        """Declare ports and parameter.
+        """Declare ports, state and events.
 
-        Args: length: L [m].   hook: (3,) p_BoTo_B [m].   stiffness: k [N/m].   damping: c [N·s/m].
-        tied: at the start.
+        Args:
+            length: L [m].
+            hook: (3,) p_BoTo_B [m].
+            stiffness: k [N/m].
+            damping: c [N·s/m].
+            tied_at: time from which the payload hangs on the cable; 0 from the start [s].
+            cut_at: time at which the cable is cut [s].
         """
         super().__init__()
         self._length, self._hook = float(length), np.array(hook, float)
         self._stiffness, self._damping = float(stiffness), float(damping)
         self._state_port = self.DeclareVectorInputPort("plant_state", 26)
-        self.DeclareNumericParameter(BasicVector([float(tied)]))
-        prerequisites = {self._state_port.ticket(), self.all_parameters_ticket()}
+        self.DeclareDiscreteState([float(tied_at <= 0.0)])
+        prerequisites = {self._state_port.ticket(), self.xd_ticket()}
         self.DeclareVectorOutputPort("generalized_force", 12, self._calc_force, prerequisites)
         self.DeclareVectorOutputPort("tether_wrench", 6, self._calc_wrench, prerequisites)
+        declare_event_at(self, tied_at, self._set_holds(1.0))
+        declare_event_at(self, cut_at, self._set_holds(0.0))
 
-    def tie(self, context) -> None:
-        """Tie the payload on, between two AdvanceTo; `context` is the cable's own."""
-        context.get_mutable_numeric_parameter(0).SetAtIndex(0, 1.0)
+    @staticmethod
+    def _set_holds(holds: float):
+        def update(context, state) -> None:
+            state.get_mutable_discrete_state(0).SetAtIndex(0, holds)
 
-    def cut(self, context) -> None:
-        """Cut the cable for good, between two AdvanceTo; `context` is the cable's own."""
-        context.get_mutable_numeric_parameter(0).SetAtIndex(0, 0.0)
+        return update
 
     def _pull(self, context) -> np.ndarray:
         """Return the generalized force (12,)."""
         force = np.zeros(12)
-        if context.get_numeric_parameter(0).GetAtIndex(0):
+        if context.get_discrete_state(0).GetAtIndex(0):
             state = self._state_port.Eval(context)
             cable_force(state, self._hook, self._length, self._stiffness, self._damping, force)
         return force

@@ -1,4 +1,4 @@
-"""Initial states and changes of the plant in flight: hover, formation, impulse, added mass."""
+"""Initial states and mass properties in a context of the plant: hover, formation, impulse, added mass."""
 
 import numpy as np
 from pydrake.math import RigidTransform
@@ -10,7 +10,7 @@ from pydrake.systems.framework import Context
 from np_drake.effects.base import MassProperties
 from np_drake.references.formation import payload_drop
 from systems.mass_properties import spatial_inertia
-from systems.tethered_quadrotor import PayloadConfig
+from systems.payload_config import PayloadConfig
 
 
 def set_hover(plant: MultibodyPlant, context: Context, payload: PayloadConfig, p_WB) -> None:
@@ -38,9 +38,9 @@ def set_formation(plant: MultibodyPlant, context: Context, payload: PayloadConfi
     radius = float(np.linalg.norm(p_WB[0] - center))
     weight = payload.mass * -plant.gravity_field().gravity_vector()[2]
     length = payload.length
-    for _ in range(4):  # the stretch changes the lean, by which it is found, in the fifth digit only
-        lean = -payload_drop(radius, length, 0.0) / length
-        length = payload.length + weight / (len(p_WB) * lean * payload.stiffness)
+    for _ in range(4):  # the stretch changes the cable's angle, by which it is found, in the fifth digit only
+        cosine = -payload_drop(radius, length, 0.0) / length
+        length = payload.length + weight / (len(p_WB) * cosine * payload.stiffness)
     drop = payload_drop(radius, length, payload.hook[2])
     for i, p in enumerate(p_WB):
         plant.SetFreeBodyPose(context, plant.GetBodyByName(f"quadrotor_{i}"), RigidTransform(p))
@@ -57,22 +57,8 @@ def apply_impulse(plant: MultibodyPlant, context: Context, impulse) -> None:
     )
 
 
-def hang_payload(plant: MultibodyPlant, context: Context, payload: PayloadConfig) -> None:
-    """Put the payload vertically under the hook, at the tether's length, moving with the hook.
-
-    Args: context: the plant's own.
-    """
-    B, P = plant.GetBodyByName("quadrotor"), plant.GetBodyByName("payload")
-    X, V = plant.EvalBodyPoseInWorld(context, B), plant.EvalBodySpatialVelocityInWorld(context, B)
-    hook = X.rotation() @ np.asarray(payload.hook, float)
-    below = X.translation() + hook - [0.0, 0.0, payload.length]
-    plant.SetFreeBodyPose(context, P, RigidTransform(below))
-    velocity = V.translational() + np.cross(V.rotational(), hook)
-    plant.SetFreeBodySpatialVelocity(context=context, body=P, V_JpJc=SpatialVelocity(np.zeros(3), velocity))
-
-
 def set_vehicle_mass(plant: MultibodyPlant, context: Context, properties: MassProperties) -> None:
-    """Replace mass, centre of mass and inertia of the quadrotor in flight, between two AdvanceTo.
+    """Replace mass, centre of mass and inertia of the quadrotor in a context.
 
     Args: context: the plant's own.
     """
@@ -80,7 +66,7 @@ def set_vehicle_mass(plant: MultibodyPlant, context: Context, properties: MassPr
 
 
 def set_payload_mass(plant: MultibodyPlant, context: Context, payload: PayloadConfig, mass: float) -> None:
-    """Replace the payload's mass [kg] in flight, between two AdvanceTo.
+    """Replace the payload's mass [kg] in a context.
 
     Args: context: the plant's own.
     Raises: ValueError: if the mass is not positive.

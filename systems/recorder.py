@@ -1,49 +1,60 @@
 """Recording of signals for flight logs, just after each sampling instant."""
 
-import dataclasses as dc
-
 import numpy as np
-from pydrake.systems.framework import Context, Diagram, DiagramBuilder, OutputPort
-from pydrake.systems.primitives import LogVectorOutput, Multiplexer, VectorLogSink, ZeroOrderHold
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder, LeafSystem, OutputPort
+from pydrake.systems.primitives import LogVectorOutput, ZeroOrderHold
 
 # Row k of a log carries the command that acts from t_k on, and the acceleration under it. Events at t_k have run
 # a microsecond later, and nothing else has moved.
 _AFTER = 1e-6  # [s]
 
 
-@dc.dataclass
-class Recorder:
-    """Log sink with the place of each named signal in it.
+class Recorder(LeafSystem):
+    """Signals side by side in one vector, behind which a hold and a log follow.
 
-    sink: the log.   slices: signal name -> columns.   period: sampling time [s].
+    | port | size | meaning |
+    |---|---|---|
+    | one of each signal's name | of the signal | |
+    | all | their sum | in the order of the inputs |
     """
 
-    sink: VectorLogSink
-    slices: dict[str, slice]
-    period: float  # [s]
+    def __init__(self, sizes: dict[str, int], *, period: float):
+        """Declare ports.
+
+        Args:
+            sizes: of the signals by name.
+            period: sampling time [s].
+        """
+        super().__init__()
+        self._period, self._signals = period, [self.DeclareVectorInputPort(*item) for item in sizes.items()]
+        self.DeclareVectorOutputPort("all", sum(sizes.values()), self._calc_all)
+
+    def _calc_all(self, context, output) -> None:
+        output.SetFromVector(np.concatenate([port.Eval(context) for port in self._signals]))
 
     def read(self, diagram: Diagram, context: Context) -> dict[str, np.ndarray]:
         """Return {"t": (n,) [s], name: (n, size)}: row k is what held just after t_k = k * period.
 
-        Args: context: the root context of the finished simulation.
+        Args:
+            diagram: that the recorder is a direct subsystem of.
+            context: the root context of the simulation so far.
         """
-        log = self.sink.FindLog(context)
+        log = diagram.GetSubsystemByName("record").FindLog(context)
         # The hold passes row k on at t_(k+1), before it samples again; the first entry is its initial value.
         data = log.data().T[1:]
-        rows = {name: data[:, where] for name, where in self.slices.items()}
-        return {"t": self.period * np.arange(len(data)), **rows}
+        ends = np.cumsum([port.size() for port in self._signals])[:-1]
+        parts = np.split(data, ends, axis=1)
+        rows = {port.get_name(): part for port, part in zip(self._signals, parts, strict=True)}
+        return {"t": self._period * np.arange(len(data)), **rows}
 
 
 def add_recorder(builder: DiagramBuilder, signals: dict[str, OutputPort], *, period: float) -> Recorder:
-    """Add one log of all `signals` (vector ports), sampled every `period` [s]; name: recorder."""
-    sizes = [port.size() for port in signals.values()]
-    ends = np.cumsum([0] + sizes)
-    slices = {name: slice(a, b) for name, a, b in zip(signals, ends[:-1], ends[1:], strict=True)}
-    mux = builder.AddNamedSystem("recorder_mux", Multiplexer(sizes))
-    hold = builder.AddNamedSystem("recorder_hold", ZeroOrderHold(period, int(ends[-1]), _AFTER))
-    for i, port in enumerate(signals.values()):
-        builder.Connect(port, mux.get_input_port(i))
-    builder.Connect(mux.get_output_port(), hold.get_input_port())
-    sink = LogVectorOutput(hold.get_output_port(), builder, period)
-    sink.set_name("recorder")
-    return Recorder(sink, slices, period)
+    """Add one log of all `signals` (vector ports), sampled every `period` [s], and return its subsystem `recorder`."""
+    sizes = {name: port.size() for name, port in signals.items()}
+    recorder = builder.AddNamedSystem("recorder", Recorder(sizes, period=period))
+    hold = builder.AddNamedSystem("recorder_hold", ZeroOrderHold(period, sum(sizes.values()), _AFTER))
+    for name, port in signals.items():
+        builder.Connect(port, recorder.GetInputPort(name))
+    builder.Connect(recorder.get_output_port(), hold.get_input_port())
+    LogVectorOutput(hold.get_output_port(), builder, period).set_name("record")
+    return recorder

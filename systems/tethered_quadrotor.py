@@ -1,22 +1,27 @@
 """Quadrotor with its payload: plant, rotors, tether and the effects that the nominal model leaves out."""
 
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import FixedOffsetFrame, UniversalJoint
-from pydrake.systems.framework import Diagram, DiagramBuilder
-from pydrake.systems.primitives import Adder
+from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
+from pydrake.systems.primitives import Adder, ConstantVectorSource
 
 from np_drake.effects.base import ActuatorEffect, MassEffect, WrenchEffect
-from np_drake.effects.combine import NO_ONSETS, Onsets, mass_properties
+from np_drake.effects.combine import NO_ONSETS, Onsets, acting, mass_properties
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.vehicle import Vehicle
 from systems.cable import Cable
 from systems.free_body import add_free_body, sphere
+from systems.initial_state import set_payload_mass, set_vehicle_mass
+from systems.mass_change import Change, MassChange
 from systems.mass_properties import spatial_inertia
 from systems.payload_config import PayloadConfig
+from systems.payload_event import PayloadEvent
+from systems.plant_events import declare_hanging, declare_impulse, declare_step_end
 from systems.plant_readings import BodyAcceleration, RodWrench, VehicleState
 from systems.push import Push
 from systems.rotors import add_rotors
@@ -56,15 +61,24 @@ def make_tethered_quadrotor(
     mass_effects: Sequence[MassEffect] = (),
     command_period: float = 0.001,
     onsets: Onsets = NO_ONSETS,
-    tied: bool = True,
+    hangs_at: float = 0.0,
+    events: Sequence[PayloadEvent] = (),
     pushed: bool = False,
 ) -> Diagram:
     """Return the real vehicle as one Diagram, hovering at rest at the world origin by default.
 
-    Args: command_period: `u` changes at multiples of it; matters to delayed commands alone, and the longer the faster
-    (`CommandBuffer`) [s].   onsets: when wrench and actuator effects begin that do not act from the start [s]; other
-    changes in flight are events (`systems.initial_state`).   tied: whether a payload on a cable hangs from the start.
-    pushed: whether there is a subsystem `push`, by which forces from outside act.
+    Args:
+        vehicle: as its file says.
+        payload: what hangs under it, and how.
+        wrench_effects: act as force and torque on the body.
+        actuator_effects: act between command and thrust, in this order.
+        mass_effects: change the mass properties.
+        command_period: `u` changes at multiples of it; matters to delayed commands alone, and the longer the faster
+            (`CommandBuffer`) [s].
+        onsets: when effects begin that do not act from the start [s].
+        hangs_at: when the payload is hung on the cable; it has fallen freely until then [s].
+        events: of a payload on a cable.
+        pushed: whether there is a subsystem `push`, by which forces from outside act.
 
     | port | size | meaning | unit |
     |---|---|---|---|
@@ -77,20 +91,23 @@ def make_tethered_quadrotor(
     | tether_wrench | 6 | true wrench of cable or rod on B, chi order (with a payload only) | N, N·m |
 
     `x` and `acceleration` are those of Bo, wherever the centre of mass is.
-    Raises: ValueError: if a payload is among the wrench effects, or the payload or the mass is impossible.
+    Raises: ValueError: if a payload is among the wrench effects, events lack a cable, or a value is impossible.
     """
     payload.check()
+    if events and payload.tether != "cable":
+        raise ValueError(f"make_tethered_quadrotor: events need a payload on a cable; got {payload.tether}.")
     if any(isinstance(effect, SuspendedPayload) for effect in wrench_effects):
         raise ValueError(
             "make_tethered_quadrotor: suspended_payload must be a body here, not a wrench effect; "
             "pass payload=payload_config(effect)."
         )
     builder = DiagramBuilder()
-    plant = builder.AddSystem(make_plant(vehicle, payload, mass_effects))
+    first = acting(mass_effects, onsets, 0.0)
+    plant = builder.AddSystem(make_plant(vehicle, payload, first))
     state = builder.AddNamedSystem("state", VehicleState(plant))
     builder.Connect(plant.get_state_output_port(), state.get_input_port())
-    carried = mass_properties(vehicle, mass_effects).mass
-    carried += payload.mass if payload.tether != "none" and tied else 0.0
+    carried = mass_properties(vehicle, first).mass
+    carried += payload.mass if payload.tether != "none" and hangs_at <= 0.0 else 0.0
     rotors = add_rotors(
         builder,
         plant,
@@ -119,7 +136,8 @@ def make_tethered_quadrotor(
                 hook=payload.hook,
                 stiffness=payload.stiffness,
                 damping=payload.damping,
-                tied=tied,
+                tied_at=hangs_at,
+                cut_at=min((event.time for event in events if event.kind == "release"), default=np.inf),
             ),
         )
         builder.Connect(plant.get_state_output_port(), cable.get_input_port())
@@ -127,7 +145,16 @@ def make_tethered_quadrotor(
     if pushed:
         push = builder.AddNamedSystem("push", Push(plant.num_velocities(), payload=cable is not None))
         forces.append(push.get_output_port())
-    _sum_forces(builder, plant, forces)
+    changes = _declare_events(plant, vehicle, payload, mass_effects, onsets, hangs_at, events)
+    force = _sum_forces(builder, plant, forces) if forces or changes else None
+    if changes:
+        change = builder.AddNamedSystem("mass_change", MassChange(plant, vehicle, changes))
+        builder.Connect(plant.get_state_output_port(), change.GetInputPort("plant_state"))
+        builder.Connect(rotors.thrust, change.GetInputPort("rotor_thrust"))
+        builder.Connect(force, change.GetInputPort("generalized_force"))
+        force = change.get_output_port()
+    if force is not None:
+        builder.Connect(force, plant.get_applied_generalized_force_input_port())
     acceleration = builder.AddNamedSystem("acceleration", BodyAcceleration(plant))
     builder.Connect(plant.get_state_output_port(), acceleration.GetInputPort("plant_state"))
     builder.Connect(
@@ -151,11 +178,34 @@ def make_tethered_quadrotor(
     return diagram
 
 
-def _sum_forces(builder, plant, forces) -> None:
+def _declare_events(plant, vehicle, payload, mass_effects, onsets, hangs_at, events) -> list[Change]:
+    """Declare what changes the plant's state in flight, and return the changes of mass properties by time."""
+    changes: list[Change] = []
+    for t in sorted({onsets[e] for e in mass_effects if onsets.get(e, 0.0) > 0.0}):
+        properties = mass_properties(vehicle, acting(mass_effects, onsets, t))
+        changes.append((t, partial(set_vehicle_mass, properties=properties)))
+    mass = payload.mass
+    for event in sorted(events, key=lambda event: event.time):
+        if event.kind == "attach":
+            mass += event.mass
+            changes.append((event.time, partial(set_payload_mass, payload=payload, mass=mass)))
+        elif event.kind == "impulse":
+            declare_impulse(plant, event.time, event.impulse, mass)
+    if payload.tether == "cable":
+        declare_hanging(plant, hangs_at, payload)
+    for t in {*onsets.values()}:
+        declare_step_end(plant, t)
+    return sorted(changes, key=lambda change: change[0])
+
+
+def _sum_forces(builder: DiagramBuilder, plant: MultibodyPlant, forces: list[OutputPort]) -> OutputPort:
+    """Return the port of the sum of generalized forces."""
     if len(forces) == 1:
-        builder.Connect(forces[0], plant.get_applied_generalized_force_input_port())
-    elif forces:
-        total = builder.AddNamedSystem("forces", Adder(len(forces), plant.num_velocities()))
-        for i, port in enumerate(forces):
-            builder.Connect(port, total.get_input_port(i))
-        builder.Connect(total.get_output_port(), plant.get_applied_generalized_force_input_port())
+        return forces[0]
+    if not forces:
+        none = ConstantVectorSource(np.zeros(plant.num_velocities()))
+        return builder.AddNamedSystem("no_force", none).get_output_port()
+    total = builder.AddNamedSystem("forces", Adder(len(forces), plant.num_velocities()))
+    for i, port in enumerate(forces):
+        builder.Connect(port, total.get_input_port(i))
+    return total.get_output_port()

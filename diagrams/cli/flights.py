@@ -46,7 +46,7 @@ def _scenario(path: Path) -> "FlightConfig":
 
     Raises: ValueError: on a bad scenario.
     """
-    from diagrams.loop.training_flight import training_flight
+    from diagrams.loop.experiments import training_flight
 
     return training_flight(path)
 

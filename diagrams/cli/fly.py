@@ -131,8 +131,7 @@ def fly_live(config: "FlightConfig", seed: int) -> "FlightResult":
 
     Raises: LostVehicle: where it was lost before anything was recorded.
     """
-    from diagrams.loop.flight import LostVehicle
-    from diagrams.loop.flight_result import FlightResult
+    from diagrams.loop.flight_result import FlightResult, LostVehicle
     from diagrams.loop.flight_result import fly as simulate
     from diagrams.loop.live import LiveView
 

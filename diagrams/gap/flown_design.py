@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from diagrams.loop.flight import FlightConfig, LostVehicle
-from diagrams.loop.flight_result import FlightResult, fly
+from diagrams.loop.flight import FlightConfig
+from diagrams.loop.flight_result import FlightResult, LostVehicle, fly
 from np_drake import attitude
 from np_drake.diagnosis.numerics import Readings
 from np_drake.diagnosis.residuals import make_flight_residuals

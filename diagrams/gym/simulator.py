@@ -7,7 +7,9 @@ from pydrake.systems.analysis import ApplySimulatorConfig, Simulator
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, OutputPort
 from pydrake.systems.primitives import Adder, ConstantVectorSource, MatrixGain
 
-from diagrams.loop.flight import ARENA, GROUND, FlightConfig, initialise
+from diagrams.loop.flight import ARENA, FlightConfig
+from diagrams.loop.flight_diagram import set_initial_state
+from diagrams.loop.flight_result import GROUND
 from diagrams.loop.real_vehicle import make_real_vehicle
 from np_drake.control.tracking_task import ACTION_SIZE, TrackingTask, command_span
 from np_drake.effects.sensor_noise import SensorNoise
@@ -120,7 +122,7 @@ class TrackingSimulator:
     def start(self, context: Context, seed: int) -> None:
         """Set the vehicle hovering at the start of its reference, and the noise by its seed."""
         diagram = self.simulator.get_system()
-        initialise(diagram, context, self.config, seed)
+        set_initial_state(diagram, context, self.config, seed=seed)
         diagram.GetInputPort("action").FixValue(context, np.zeros(ACTION_SIZE))
         ApplySimulatorConfig(self.config.simulator, self.simulator)  # an integrator remembers its last step
         self.simulator.Initialize()

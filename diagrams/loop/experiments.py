@@ -5,12 +5,15 @@ from pathlib import Path
 from typing import Any
 
 from diagrams.loop.flight import FlightConfig, load_flight
+from np_drake.files.yaml_text import read_yaml
 from np_drake.vehicle import Vehicle
 
 FOLDER = Path(__file__).parents[1] / "scenarios"  # of the scenario files
+SOLVER = "sqp"  # of a training flight whose scenario names none: the fast one
 # Names of the scenario files.
 EXPERIMENTS = (
     "circle", "lemniscate", "fast_lemniscate", "steps", "vertical", "training_circle", "plain_circle", "hover",
+    "hover_swing", "attach",
 )  # fmt: skip
 
 
@@ -40,3 +43,20 @@ def load_experiment(
     if name.endswith((".yaml", ".yml")):
         return load_flight(name, vehicle)
     raise ValueError(f"experiment: must be one of {', '.join(EXPERIMENTS)} or a YAML file; got {name!r}.")
+
+
+def training_flight(scenario: Path) -> FlightConfig:
+    """Return the scenario; where it names no reference, on the training circle of its vehicle.
+
+    Raises: ValueError: on a bad scenario.
+    """
+    config = load_experiment(str(scenario))
+    named = read_yaml(scenario)
+    if "reference" not in named:
+        circle = load_experiment("training_circle", config.vehicle)
+        config = dc.replace(
+            config, reference=circle.reference, duration=named.get("duration", circle.duration)
+        )
+    if "solver" not in (named.get("controller") or {}):
+        config.controller.solver = SOLVER
+    return config.check()

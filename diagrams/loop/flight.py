@@ -1,22 +1,16 @@
-"""Common parts of every tracking experiment: its configuration and its closed loop."""
+"""Configuration of a tracking experiment, and its scenario file."""
 
 import copy
 import dataclasses as dc
 import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
-from pydrake.common import RandomGenerator
-from pydrake.systems.analysis import ApplySimulatorConfig, GetIntegrationSchemes, Simulator, SimulatorConfig
-from pydrake.systems.framework import Context, Diagram, DiagramBuilder
+from pydrake.systems.analysis import GetIntegrationSchemes, SimulatorConfig
 
-from diagrams.batch.failed_run import FailedRun
-from diagrams.loop.controllers import ControllerConfig, add_controller
-from diagrams.loop.events import Event, beginnings, payloads
-from diagrams.loop.faults import NO_FAULTS, Faults
-from diagrams.loop.real_vehicle import DRAKE, REAL_VEHICLE, RealVehicle
+from diagrams.loop.controllers import ControllerConfig
 from diagrams.loop.reality import RealityConfig
 from diagrams.loop.scaled import scaled
 from diagrams.loop.track_limits import require_flyable
@@ -27,36 +21,27 @@ from np_drake.files.yaml_file import Read, load_checked
 from np_drake.references.config import ReferenceConfig, make_reference
 from np_drake.residual_models.oracle import TrueModel
 from np_drake.vehicle import Vehicle
-from systems.recorder import Recorder, add_recorder
-from systems.sensor_faults import add_sensor_faults
-from systems.sensor_rig import add_sensor_rig
+from systems.payload_event import PayloadEvent
 
-GROUND = 0.0  # height below which a vehicle counts as lost: the simulator has no ground, flights do [m]
 MOST_ROWS = 10**6  # of a record, at one a period, which takes 700 MB; own choice: 5 hours at 50 Hz
 FINEST_STEP = 1e-6  # of the simulator [s]; own choice
 ARENA = 50.0  # farther than this from the origin a vehicle counts as lost [m]
-
-
-class LostVehicle(FailedRun):
-    """Early end of a flight.
-
-    signals: until then, in the form of `Recorder.read`.
-    """
-
-    signals: dict[str, np.ndarray]
 
 
 @dc.dataclass
 class FlightConfig:
     """Tracking experiment: a ramp, then `duration` seconds that are scored."""
 
-    name: str = "circle"
+    name: str = "circle"  # of the experiment and of its files
     duration: float = 50.0  # scored, after the ramp [s]
     scaled: bool = False  # the file's values are those for the paper's vehicle and scale with this one
-    vehicle: Vehicle = dc.field(default_factory=Vehicle)
-    reality: RealityConfig = dc.field(default_factory=RealityConfig)
-    reference: ReferenceConfig = dc.field(default_factory=ReferenceConfig)
-    controller: ControllerConfig = dc.field(default_factory=ControllerConfig)
+    vehicle: Vehicle = dc.field(default_factory=Vehicle)  # as the controller believes it
+    reality: RealityConfig = dc.field(default_factory=RealityConfig)  # what acts beyond that
+    reference: ReferenceConfig = dc.field(default_factory=ReferenceConfig)  # motion to follow
+    controller: ControllerConfig = dc.field(default_factory=ControllerConfig)  # its kind, MPC and timing
+    # What happens to the payload in flight, at times of their own.
+    events: list[PayloadEvent] = dc.field(default_factory=list)
+    # Drake's integrator and its step.
     simulator: SimulatorConfig = dc.field(
         default_factory=lambda: SimulatorConfig(
             integration_scheme="runge_kutta3", max_step_size=0.004, use_error_control=False
@@ -81,6 +66,7 @@ class FlightConfig:
                 f"FlightConfig: duration must be at most {MOST_ROWS * self.controller.period:g} s with the ramp and at "
                 f"a period of {self.controller.period:g} s; got {self.end:g}. Fly it in parts."
             )
+        self._check_events()
         if self.controller.kind == "oracle":
             self._check_oracle()
         # What fails in flight may fail altogether: that is no mistake of the scenario.
@@ -96,6 +82,17 @@ class FlightConfig:
         if self.reference.is_file:
             self._check_track()
         return self
+
+    def _check_events(self) -> None:
+        times = [event.check().time for event in self.events]
+        if len({*times}) < len(times) or not all(t < self.end for t in times):
+            raise ValueError(
+                f"{self.name}: events must have times of their own within the flight; got {times} [s]."
+            )
+        if times and self.reality.hung.tether != "cable":
+            raise ValueError(
+                f"{self.name}: events need a payload on a cable; got {self.reality.hung.tether}."
+            )
 
     def _check_oracle(self) -> None:
         reality, longest = self.reality, LONGEST_DELAY * self.controller.period
@@ -165,15 +162,14 @@ class FlightConfig:
         rates += [1 / lag for lag in (*self.reality.lags, self.vehicle.rotor_time_constant) if lag > 0]
         return float(1.7 / max(rates))
 
-    def true_model(self, events: Sequence[Event] = ()) -> TrueModel:
+    def true_model(self) -> TrueModel:
         """Return the model of the real vehicle for the oracle, which knows the events too."""
-        payload, believed = self.reality.hung, self.controller.believed(self.vehicle)
-        hook = (payload.hook[0], payload.hook[1], payload.hook[2])
-        bob = Payload(payload.mass, payload.length, hook, payload.air_damping)
+        reality, payload = self.reality, self.reality.hung
+        x, y, z = payload.hook
+        bob = Payload(payload.mass, payload.length, (x, y, z), payload.air_damping)
         hung = None if payload.tether == "none" else bob
-        reality = self.reality
         return TrueModel(
-            believed,
+            self.controller.believed(self.vehicle),
             hung,
             reality.wrench_effects(),
             [e for e in reality.actuator_effects() if e.dead_time == 0.0],
@@ -181,8 +177,24 @@ class FlightConfig:
             reality.onsets,
             reality.mass_effects(),
             reality.hangs_at,
-            payloads(hung, events),
+            self._payloads(hung),
         )
+
+    def _payloads(self, first: Payload | None) -> list[tuple[float, Payload | None]]:
+        """Return (time [s], payload from then on) of every event."""
+        changes, payload = [], first
+        for event in sorted(self.events, key=lambda event: event.time):
+            if payload is not None and event.kind == "attach":
+                payload = dc.replace(payload, mass=payload.mass + event.mass)
+            elif event.kind == "release":
+                payload = None
+            changes.append((event.time, payload))
+        return changes
+
+    @property
+    def cut_at(self) -> float:
+        """When the cable is cut; infinite: never [s]."""
+        return min((event.time for event in self.events if event.kind == "release"), default=np.inf)
 
     def check_and_step(self) -> "FlightConfig":
         """Return a checked copy whose fixed step of the simulator is within `largest_step`."""
@@ -232,146 +244,3 @@ def load_flight(filename: str, vehicle: Vehicle | None = None) -> FlightConfig:
         return flight
 
     return load_checked(FlightConfig, filename, "scenario file", complete)
-
-
-class Watch(Protocol):
-    """Viewer that looks at a flight while it is simulated, may push the vehicle, and may end the flight.
-
-    period: time between two looks [s].   rate: real-time rate at which the flight runs; 0 for as fast as possible [1].
-    """
-
-    period: float
-    rate: float
-
-    def begin(self, diagram: Diagram, context: Context) -> None:
-        """See the flight before it begins."""
-
-    def look(self, context: Context) -> bool:
-        """See the flight, and return whether it goes on."""
-
-
-def make_flight_diagram(
-    config: FlightConfig, *, pushed: bool = False, faults: Faults = NO_FAULTS, real: RealVehicle = DRAKE
-) -> tuple[Diagram, Recorder]:
-    """Return reference, vehicle, sensors, controller and recorder as one Diagram, and the recorder.
-
-    Args: pushed: whether forces from outside may act (`make_tethered_quadrotor`).   faults: of sensors and solver;
-    no fault of its own reaches the oracle, which still knows the events.   real: makes the vehicle.
-    """
-    config.check()
-    builder = DiagramBuilder()
-    period = config.controller.period
-    vehicle = builder.AddNamedSystem(
-        REAL_VEHICLE, real.make(config.vehicle, config.reality, command_period=period, pushed=pushed)
-    )
-    sensors = config.reality.sensor_effects()
-    rig = add_sensor_rig(builder, vehicle, config.vehicle, sensors, period=period)
-    knows = config.controller.kind == "oracle"
-    if faults.measurement and not knows:
-        rig = add_sensor_faults(builder, rig, faults.measurement, period=period)
-    ports = add_controller(
-        builder,
-        config.controller,
-        config.vehicle,
-        make_reference(config.reference),
-        rig,
-        truth=vehicle,
-        true_model=config.true_model(faults.events),
-        solver_faults=() if knows else faults.solver,
-    )
-    builder.Connect(ports["u"], vehicle.GetInputPort("u"))
-    signals = {
-        "x": rig.GetOutputPort("x"),
-        "acceleration": rig.GetOutputPort("acceleration"),
-        "rotor_speed": rig.GetOutputPort("rotor_speed"),
-        **ports,
-        "x_true": vehicle.GetOutputPort("x"),
-        "acceleration_true": vehicle.GetOutputPort("acceleration"),
-        "rotor_thrust": vehicle.GetOutputPort("rotor_thrust"),
-        "plant_state": vehicle.GetOutputPort("plant_state"),
-    }
-    recorder = add_recorder(builder, signals, period=period)
-    diagram = builder.Build()
-    diagram.set_name(config.name)
-    return diagram, recorder
-
-
-def initialise(
-    diagram: Diagram, context: Context, config: FlightConfig, seed: int, real: RealVehicle = DRAKE
-) -> None:
-    """Set the noise seed, and hover at the start of the reference motion."""
-    diagram.SetRandomContext(context, RandomGenerator(seed))
-    start = make_reference(config.reference).sample(np.zeros(1))[0, 0]
-    real.hover(diagram.GetSubsystemByName(REAL_VEHICLE), context, config.reality, start)
-
-
-def simulate(
-    config: FlightConfig,
-    *,
-    seed: int,
-    monitor=None,
-    events: Sequence[Event] = (),
-    faults: Faults = NO_FAULTS,
-    tolerance: float = np.inf,
-    watch: Watch | None = None,
-    real: RealVehicle = DRAKE,
-) -> dict[str, np.ndarray]:
-    """Simulate the experiment and return the recorded signals (see `Recorder.read`).
-
-    Args:
-        monitor: called with the flight's time [s] about every second, for progress.
-        events: changes of the vehicle, each applied at its time, before the controller's own event of that instant.
-        faults: of sensors and solver, and events that belong to faults.
-        tolerance: distance from the reference beyond which the flight ends, looked at about every second [m].
-        watch: looks at the flight, sets its pace and may end it early.
-        real: makes the vehicle that flies.
-    Raises: LostVehicle: if the integrator gives up, or the vehicle leaves arena or tolerance, or is below ground;
-    ValueError: on what `real` cannot do.
-    """
-    faults = dc.replace(faults, events=(*events, *faults.events))
-    events = faults.events
-    if events and not real.takes_events:
-        raise ValueError(f"{config.name}: events must be none for this simulator; fly Drake's vehicle.")
-    diagram, recorder = make_flight_diagram(config, pushed=watch is not None, faults=faults, real=real)
-    simulator = Simulator(diagram)
-    ApplySimulatorConfig(config.simulator, simulator)
-    context = simulator.get_mutable_context()
-    initialise(diagram, context, config, seed, real)
-    # Half a period beyond the end: the recorder passes the last row on at the end itself.
-    end = config.end + 0.5 * config.controller.period
-    vehicle, reference = diagram.GetSubsystemByName(REAL_VEHICLE), make_reference(config.reference)
-    due = {event.time: event for event in events}
-    if len(due) < len(events) or any(not 0 < t < config.end for t in due):
-        raise ValueError(
-            f"{config.name}: events must have times of their own within the flight; got {[*due]} [s]."
-        )
-    begun = beginnings(config.vehicle, config.reality, config.end)
-
-    def lost(why: str) -> LostVehicle:
-        error = LostVehicle(f"{config.name}: {why}")
-        error.signals = recorder.read(diagram, context)
-        return error
-
-    looks = [] if watch is None else np.arange(watch.period, config.end, watch.period).tolist()
-    if watch is not None:
-        simulator.set_target_realtime_rate(watch.rate)
-        watch.begin(diagram, context)
-    for t in sorted({*np.arange(1.0, config.end, 1.0).tolist(), *due, *begun, *looks, end}):
-        try:
-            simulator.AdvanceTo(t)
-        except RuntimeError as error:
-            raise lost(f"the simulation ended before {t:.1f} s: {error}") from error
-        p_WB = vehicle.GetOutputPort("x").Eval(vehicle.GetMyContextFromRoot(context))[:3]
-        if not np.linalg.norm(p_WB) < ARENA:
-            raise lost(f"{config.controller.kind} lost the vehicle before {t:.1f} s.")
-        if p_WB[2] < GROUND:
-            raise lost(f"{config.controller.kind} flew into the ground before {t:.1f} s.")
-        if not np.linalg.norm(p_WB - reference.sample(np.array([t]))[0, 0]) < tolerance:
-            raise lost(f"{config.controller.kind} was off its reference at {t:.1f} s.")
-        for event in [*begun.get(t, ()), *([due[t]] if t in due else [])]:
-            event.apply(vehicle, context)
-        if monitor is not None:
-            monitor(min(t, config.end))
-        if watch is not None and not watch.look(context):
-            break
-    return recorder.read(diagram, context)

@@ -1,14 +1,18 @@
-"""Result of a flight: log, truth and metrics."""
+"""Simulation of a flight, and its result: log, truth and metrics."""
 
 import dataclasses as dc
-from collections.abc import Sequence
+from collections.abc import Callable
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
+from pydrake.systems.analysis import ApplySimulatorConfig, Simulator
+from pydrake.systems.framework import Context, Diagram
 
-from diagrams.loop.events import Event
-from diagrams.loop.flight import FlightConfig, Watch, simulate
-from diagrams.loop.real_vehicle import DRAKE, RealVehicle
+from diagrams.batch.failed_run import FailedRun
+from diagrams.loop.flight import ARENA, FlightConfig
+from diagrams.loop.flight_diagram import NO_FAULTS, Faults, make_flight_diagram, recorded, set_initial_state
+from diagrams.loop.real_vehicle import DRAKE, REAL_VEHICLE, RealVehicle
 from np_drake import metrics, rigid_body
 from np_drake.flight_log import FlightLog
 from np_drake.logs.clock import shift_state
@@ -16,6 +20,100 @@ from np_drake.mpc.problem import MpcStatus
 from np_drake.references.config import make_reference
 from np_drake.rotor_input import acting_command
 from np_drake.training_data.actuator_timing import delayed
+
+GROUND = 0.0  # height below which a vehicle counts as lost: the simulator has no ground, flights do [m]
+
+
+class LostVehicle(FailedRun):
+    """Early end of a flight.
+
+    signals: until then, in the form of `Recorder.read`.
+    """
+
+    signals: dict[str, np.ndarray]
+
+
+class Watch(Protocol):
+    """Viewer that looks at a flight while it is simulated, may push the vehicle, and may end the flight.
+
+    period: time between two looks [s].   rate: real-time rate at which the flight runs; 0 for as fast as possible [1].
+    """
+
+    period: float
+    rate: float
+
+    def begin(self, diagram: Diagram, context: Context) -> None:
+        """See the flight before it begins."""
+
+    def look(self, context: Context) -> bool:
+        """See the flight, and return whether it goes on."""
+
+
+def simulate(
+    config: FlightConfig,
+    *,
+    seed: int,
+    monitor: Callable[[float], None] | None = None,
+    faults: Faults = NO_FAULTS,
+    tolerance: float = np.inf,
+    watch: Watch | None = None,
+    real: RealVehicle = DRAKE,
+) -> dict[str, np.ndarray]:
+    """Simulate the experiment and return the recorded signals (see `Recorder.read`).
+
+    Args:
+        config: of the experiment.
+        seed: of the noise.
+        monitor: called with the flight's time [s] about every second, for progress.
+        faults: of sensors and solver.
+        tolerance: distance from the reference beyond which the flight ends, looked at about every second [m].
+        watch: looks at the flight, sets its pace and may end it early.
+        real: makes the vehicle that flies.
+    Raises: LostVehicle: if the integrator gives up, or the vehicle leaves arena or tolerance, or is below ground;
+    ValueError: on what `real` cannot do.
+    """
+    diagram = make_flight_diagram(config, pushed=watch is not None, faults=faults, real=real)
+    simulator = Simulator(diagram)
+    ApplySimulatorConfig(config.simulator, simulator)
+    context = simulator.get_mutable_context()
+    set_initial_state(diagram, context, config, seed=seed, real=real)
+    vehicle, reference = diagram.GetSubsystemByName(REAL_VEHICLE), make_reference(config.reference)
+
+    def lost(why: str) -> LostVehicle:
+        error = LostVehicle(f"{config.name}: {why}")
+        error.signals = recorded(diagram, context)
+        return error
+
+    if watch is not None:
+        simulator.set_target_realtime_rate(watch.rate)
+        watch.begin(diagram, context)
+    for t in _stops(config, watch):
+        try:
+            simulator.AdvanceTo(t)
+        except RuntimeError as error:
+            raise lost(f"the simulation ended before {t:.1f} s: {error}") from error
+        p_WB = vehicle.GetOutputPort("x").Eval(vehicle.GetMyContextFromRoot(context))[:3]
+        if not np.linalg.norm(p_WB) < ARENA:
+            raise lost(f"{config.controller.kind} lost the vehicle before {t:.1f} s.")
+        if p_WB[2] < GROUND:
+            raise lost(f"{config.controller.kind} flew into the ground before {t:.1f} s.")
+        if not np.linalg.norm(p_WB - reference.sample(np.array([t]))[0, 0]) < tolerance:
+            raise lost(f"{config.controller.kind} was off its reference at {t:.1f} s.")
+        if monitor is not None:
+            monitor(min(t, config.end))
+        if watch is not None and not watch.look(context):
+            break
+    return recorded(diagram, context)
+
+
+def _stops(config: FlightConfig, watch: Watch | None) -> list[float]:
+    """Return the times at which a flight is looked at, the last of which is its end [s]."""
+    looks = [] if watch is None else np.arange(watch.period, config.end, watch.period).tolist()
+    changes = [*(event.time for event in config.events), *config.reality.onsets.values()]
+    # Half a period beyond the end: the recorder passes the last row on at the end itself.
+    end = config.end + 0.5 * config.controller.period
+    seconds = np.arange(1.0, config.end, 1.0).tolist()
+    return sorted({*seconds, *looks, *(t for t in changes if 0 < t < config.end), end})
 
 
 @dc.dataclass
@@ -138,12 +236,9 @@ def fly(
     config: FlightConfig,
     *,
     seed: int,
-    monitor=None,
-    events: Sequence[Event] = (),
+    monitor: Callable[[float], None] | None = None,
     watch: Watch | None = None,
     real: RealVehicle = DRAKE,
 ) -> FlightResult:
-    """Simulate the experiment and return its result, see `simulate`."""
-    return FlightResult(
-        config, seed, simulate(config, seed=seed, monitor=monitor, events=events, watch=watch, real=real)
-    )
+    """Simulate the experiment and return its result; arguments as of `simulate`."""
+    return FlightResult(config, seed, simulate(config, seed=seed, monitor=monitor, watch=watch, real=real))

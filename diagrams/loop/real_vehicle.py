@@ -1,5 +1,6 @@
 """The vehicle that flies in the loop: Drake's plant, or that of another simulator."""
 
+from collections.abc import Sequence
 from typing import Protocol
 
 import numpy as np
@@ -8,27 +9,33 @@ from pydrake.systems.framework import Context, Diagram
 from diagrams.loop.reality import RealityConfig
 from np_drake.vehicle import Vehicle
 from systems.initial_state import set_hover
+from systems.payload_event import PayloadEvent
 from systems.tethered_quadrotor import make_tethered_quadrotor
 
 REAL_VEHICLE = "tethered_quadrotor"  # its name as a subsystem of a flight
 
 
 class RealVehicle(Protocol):
-    """Maker of the vehicle that flies, with the effects of a reality.
-
-    takes_events: whether `diagrams.loop.events` may change it in flight.
-    """
-
-    takes_events: bool
+    """Maker of the vehicle that flies, with the effects of a reality."""
 
     def make(
-        self, vehicle: Vehicle, reality: RealityConfig, *, command_period: float, pushed: bool = False
+        self,
+        vehicle: Vehicle,
+        reality: RealityConfig,
+        *,
+        command_period: float,
+        pushed: bool = False,
+        events: Sequence[PayloadEvent] = (),
     ) -> Diagram:
         """Return the vehicle with the ports of `make_tethered_quadrotor`; `tether_wrench` may be missing.
 
-        Args: command_period: at whose multiples alone the command changes [s].   pushed: whether forces from outside
-        may act.
-        Raises: ValueError: on a reality that the simulator does not know.
+        Args:
+            vehicle: as its file says.
+            reality: what acts on it besides.
+            command_period: at whose multiples alone the command changes [s].
+            pushed: whether forces from outside may act.
+            events: of the payload in flight.
+        Raises: ValueError: on what the simulator does not know.
         """
 
     def hover(self, system: Diagram, root: Context, reality: RealityConfig, p_WB: np.ndarray) -> None:
@@ -38,13 +45,19 @@ class RealVehicle(Protocol):
 class DrakeVehicle:
     """The `RealVehicle` of the project's own simulator."""
 
-    takes_events = True
-
     def make(
-        self, vehicle: Vehicle, reality: RealityConfig, *, command_period: float, pushed: bool = False
+        self,
+        vehicle: Vehicle,
+        reality: RealityConfig,
+        *,
+        command_period: float,
+        pushed: bool = False,
+        events: Sequence[PayloadEvent] = (),
     ) -> Diagram:
         """Return `make_real_vehicle` of the arguments."""
-        return make_real_vehicle(vehicle, reality, command_period=command_period, pushed=pushed)
+        return make_real_vehicle(
+            vehicle, reality, command_period=command_period, pushed=pushed, events=events
+        )
 
     def hover(self, system: Diagram, root: Context, reality: RealityConfig, p_WB: np.ndarray) -> None:
         """Set the vehicle level and at rest at p_WB (3,) [m], with the payload at its static stretch."""
@@ -56,20 +69,23 @@ DRAKE = DrakeVehicle()
 
 
 def make_real_vehicle(
-    vehicle: Vehicle, reality: RealityConfig, *, command_period: float = 0.001, pushed: bool = False
+    vehicle: Vehicle,
+    reality: RealityConfig,
+    *,
+    command_period: float = 0.001,
+    pushed: bool = False,
+    events: Sequence[PayloadEvent] = (),
 ) -> Diagram:
-    """Return the plant with the effects that `reality` switches on.
-
-    Args: command_period: at whose multiples alone the command changes [s].   pushed: as of `make_tethered_quadrotor`.
-    """
+    """Return the plant with the effects that `reality` switches on; arguments as of `RealVehicle.make`."""
     return make_tethered_quadrotor(
         vehicle,
         reality.hung,
         wrench_effects=reality.wrench_effects(),
         actuator_effects=reality.actuator_effects(),
-        mass_effects=reality.mass_effects(0.0),
+        mass_effects=reality.mass_effects(),
         command_period=command_period,
         onsets=reality.onsets,
-        tied=reality.hangs_at <= 0.0,
+        hangs_at=reality.hangs_at,
+        events=events,
         pushed=pushed,
     )

@@ -140,9 +140,9 @@ class RealityConfig:
         effects += [ThrustDrift(1.0, -self.thrust_loss)] if self.thrust_loss > 0 else []
         return effects + [e for e in split_effects(self.added).actuator if not at_once(e)]
 
-    def mass_effects(self, t: float = np.inf) -> list[MassEffect]:
-        """Return the effects on the mass properties that have begun by time t [s]."""
-        return [*acting(split_effects(self.added).mass, self.onsets, t)]
+    def mass_effects(self) -> list[MassEffect]:
+        """Return the effects on the mass properties."""
+        return split_effects(self.added).mass
 
     def sensor_effects(self) -> list[MeasurementEffect]:
         """Return what the sensors do, noise last; a shifted clock is left out (`clock_shift`)."""

@@ -31,6 +31,7 @@ PAYLOAD = {
     "damping": (0, 1, -1),
     "air_damping": (0, 0, -1),
 }
+EVENT = {"time": (0, 0, 1), "mass": (0, 1, 0), "impulse": (1, 1, -1)}  # of the payload, as above
 MPC = {  # a cost has no unit: a weight is the inverse square of what it weighs
     "weight_position": (-2, 0, 0),
     "weight_velocity": (-2, 0, 2),
@@ -77,6 +78,7 @@ def scaled(config: Any) -> Any:
             mpc=dc.replace(mpc, weight_input=weights, step=mpc.step * unit.clock),
             label=_paced(controller.label, LABEL, unit),
         ),
+        events=[_times(event, EVENT, carried) for event in config.events],
         simulator=simulator,
         scaled=False,
     )

@@ -9,7 +9,6 @@ from scipy import signal
 
 from diagrams.batch.campaign import Case
 from diagrams.batch.workers import Workers, results
-from diagrams.loop.events import Event, attach, push, release
 from diagrams.loop.experiments import settings_of
 from diagrams.loop.flight import FlightConfig
 from diagrams.loop.flight_result import FlightResult, fly
@@ -30,21 +29,22 @@ from np_drake.lifting.model.lifted_model import DELAY_MODAL, LiftedModel
 from np_drake.metrics import half_width
 from np_drake.payload_filter.model_file import PAYLOAD_FILTER
 from systems.payload_config import PayloadConfig
+from np_drake.lifting.model.lifted_model import LiftedModel
+from np_drake.payload_filter.model_file import PENDULUM
+from np_drake.swing_metrics import half_width
+from systems.payload_event import PayloadEvent, push, release
 
-HEIGHT = 1.6  # of the hover [m]
-RAMP, TIME, DURATION = 2.5, 4.5, 6.0  # not read; of the event; after the ramp [s]
 AFTER = 2.0  # from here on after the event the new level counts as reached [s]
-ADDED = 0.1  # [kg]
 TOSS = 0.3  # impulse upwards on the payload that makes the cable slack [N·s]
 PAPER = {"step": 0.96, "deviation": 0.004}  # [N]. Source: Jin et al. 2025, payload attached in flight
 BESIDE = 5  # flights at most of the events that the paper does not test [1]
 SIGNALS = ("chi_hat", "label")  # whose step response is measured
-EVENTS: dict[str, Callable[[PayloadConfig], Event]] = {
-    "attach": lambda payload: attach(TIME, payload, ADDED),
-    "release": lambda payload: release(TIME),
-    "snap": lambda payload: push(TIME, [0.0, 0.0, TOSS]),
+# Each at the time of the experiment's own event; of the first two, the change of the hanging mass can be seen.
+EVENTS: dict[str, Callable[[PayloadEvent], PayloadEvent]] = {
+    "attach": lambda own: own,
+    "release": lambda own: release(own.time),
+    "snap": lambda own: push(own.time, [0.0, 0.0, TOSS]),
 }
-
 
 ROWS = (
     Row("np", "np", training=TRAINING, configuration=DELAY_MODAL),
@@ -52,17 +52,10 @@ ROWS = (
 )
 
 
-def attach_config(row: Row, *, solver: str, model: str) -> FlightConfig:
-    """Return the configuration of a hover at 1.6 m under NP-MPC."""
-    config = configure("hover", row, solver=solver, model=model)
-    config.reference.height, config.reference.ramp, config.duration = HEIGHT, RAMP, DURATION
-    return config.check()
-
-
-def fly_event(event: str, row: Row, *, model: str, seed: int, solver: str) -> FlightResult:
-    """Fly once with one event at `TIME`."""
-    config = attach_config(row, solver=solver, model=model)
-    return fly(config, seed=seed, events=[EVENTS[event](config.reality.payload)])
+def attach_config(row: Row, *, solver: str, model: str, event: str = "attach") -> FlightConfig:
+    """Return the experiment `attach` under NP-MPC, with one of `EVENTS`."""
+    config = configure("attach", row, solver=solver, model=model)
+    return dc.replace(config, events=[EVENTS[event](config.events[0])]).check()
 
 
 def expected_step(event: str, config: FlightConfig) -> float:
@@ -71,7 +64,7 @@ def expected_step(event: str, config: FlightConfig) -> float:
     It is the change of weight over the real thrust scale: in hover the real thrust, scale times the command, carries
     everything, and the label is the nominal weight less the command.
     """
-    change = {"attach": -ADDED, "release": config.reality.payload.mass}.get(event, 0.0)
+    change = {"attach": -config.events[0].mass, "release": config.reality.payload.mass}.get(event, 0.0)
     return change * config.vehicle.gravity / config.reality.thrust_scale
 
 
@@ -90,7 +83,7 @@ def encoder_step(model: LiftedModel) -> np.ndarray:
     """Return the share of a step in the label that chi_hat (f_z) shows 0, 1, … samples later, (window + 1,) [1].
 
     All else is at rest: this is the encoder's own part in the answer to a payload that changes, without filter, motion
-    and control loop. The step is -1 N, about that of `ADDED`; where the encoder looks for onsets, a smaller one is
+    and control loop. The step is -1 N, about the experiment's; where the encoder looks for onsets, a smaller one is
     taken for noise for longer.
     """
     ages = np.arange(model.window + 1)
@@ -106,7 +99,7 @@ def slack_time(flight: FlightResult) -> float:
     x, p_WP = s["x_true"], s["plant_state"][:, 11:14]
     hook = attitude.rotate(x[:, 3:7], np.array(payload.hook))
     slack = np.linalg.norm(p_WP - x[:, :3] - hook, axis=1) < payload.length
-    since = slack[s["t"] > TIME]
+    since = slack[s["t"] > flight.config.events[0].time]
     return float(flight.config.controller.period * (np.argmin(since) if not since.all() else len(since)))
 
 
@@ -123,18 +116,19 @@ class Flying:
         event, seed = case["event"], case["seed"]
         row = next(row for row in self.rows if row.name == case["row"])
         with model_path(self.models[key_of(row)]) as model:
-            flight = fly_event(event, row, model=model, seed=seed, solver=self.solver)
+            config = attach_config(row, solver=self.solver, model=model, event=event)
+            flight = fly(config, seed=seed)
         s, counts = flight.signals, flight.metrics()
         return {
             **{
                 "event": event,
                 "row": row.name,
                 "seed": seed,
-                "t": s["t"] - TIME,
+                "t": s["t"] - config.events[0].time,
                 "slack": slack_time(flight),
             },
             **{name: s[name][:, 2] for name in SIGNALS},
-            "height": s["x_true"][:, 2] - HEIGHT,
+            "height": s["x_true"][:, 2] - config.reference.height,
             **{key: counts[key] for key in ("solve_failures", "fallbacks")},
         }
 
@@ -182,8 +176,8 @@ def run_attach(
 def campaign_config(training_seed: int, solver: str) -> dict:
     """Return all that the results depend on other than the case itself."""
     return {
-        "solver": solver, "training_seed": training_seed, "added": ADDED, "toss": TOSS, "time": TIME,
-        "hover": settings_of(attach_config(Row("", "nominal"), solver=solver, model="")),
+        "solver": solver, "training_seed": training_seed, "toss": TOSS,
+        "attach": settings_of(attach_config(Row("", "nominal"), solver=solver, model="")),
         "training": settings_of(training_config(TRAINING, solver=solver)),
     }  # fmt: skip
 
@@ -213,7 +207,7 @@ def step_response(t: np.ndarray, courses: np.ndarray) -> Step:
     Args: t: (n,) since the event [s].   courses: (flights, n) [N].
     """
     before, after = courses[:, (t < 0)], courses[:, t >= AFTER]
-    before = before[:, t[t < 0] >= RAMP - TIME]
+    before = before[:, t[t < 0] >= -AFTER]
     steps = after.mean(axis=1) - before.mean(axis=1)
     course = (courses.mean(axis=0) - before.mean()) / steps.mean()
     early = (t >= 0) & (t < AFTER)

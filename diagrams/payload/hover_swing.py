@@ -9,7 +9,6 @@ import numpy as np
 from diagrams.batch.campaign import Case
 from diagrams.batch.failed_run import FailedRun
 from diagrams.batch.workers import Workers, results
-from diagrams.loop.events import push
 from diagrams.loop.experiments import settings_of
 from diagrams.loop.flight import FlightConfig
 from diagrams.loop.flight_result import FlightResult, fly
@@ -28,7 +27,6 @@ from np_drake.lifting.model.lifted_model import DELAY_MODAL
 from np_drake.payload_filter.model_file import PAYLOAD_FILTER
 from np_drake.residual_models.motion_model import GP, KNODE
 
-IMPULSE = 0.3  # on the payload, along x [N·s]
 TRAINING = "training_circle"  # experiment that predictors are trained on
 PAPER = {"nominal": 0.242, "np": 0.064}  # position RMSE [m]. Source: Jin et al. 2025, hovering experiment
 KEYS = ("position_rmse", "early", "late", "E_xy", "E_z", "amplitude", "rate", "settling")
@@ -69,8 +67,8 @@ ROWS = (
 
 
 def hover_config(row: HoverRow, *, solver: str, model: str = "") -> FlightConfig:
-    """Return the hover experiment with the controller of `row`."""
-    return configure_row("hover", row, solver=solver, model=model)
+    """Return the hover in which the payload gets its impulse, with the controller of `row`."""
+    return configure_row("hover_swing", row, solver=solver, model=model)
 
 
 def configure_row(experiment: str, row: HoverRow, *, solver: str, model: str = "") -> FlightConfig:
@@ -83,9 +81,8 @@ def configure_row(experiment: str, row: HoverRow, *, solver: str, model: str = "
 
 
 def fly_hover(row: HoverRow, *, model: str, seed: int, solver: str) -> FlightResult:
-    """Fly a hover in which the payload gets its impulse where scoring begins."""
-    config = hover_config(row, solver=solver, model=model)
-    return fly(config, seed=seed, events=[push(config.reference.ramp, [IMPULSE, 0.0, 0.0])])
+    """Fly the hover in which the payload gets its impulse where scoring begins."""
+    return fly(hover_config(row, solver=solver, model=model), seed=seed)
 
 
 def swing_course(flight: FlightResult) -> tuple[np.ndarray, np.ndarray]:
@@ -179,7 +176,7 @@ def run_hover(
     """
     workers = workers or Workers()
     config = {
-        "solver": solver, "training_seed": training_seed, "impulse": IMPULSE, "early": EARLY,
+        "solver": solver, "training_seed": training_seed, "early": EARLY,
         "hover": settings_of(hover_config(ROWS[0], solver=solver)),
         "training": settings_of(training_config(TRAINING, solver=solver)),
     }  # fmt: skip

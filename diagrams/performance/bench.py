@@ -8,7 +8,8 @@ import numpy as np
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator
 
 from diagrams.loop.experiments import load_experiment
-from diagrams.loop.flight import FlightConfig, initialise, make_flight_diagram
+from diagrams.loop.flight import FlightConfig
+from diagrams.loop.flight_diagram import make_flight_diagram, set_initial_state
 from diagrams.prediction.learning import train_predictor
 from diagrams.tracking.tracking import training_flight
 from np_drake.mpc.problem import MpcProblem, MpcSolution, MpcSolver
@@ -39,12 +40,12 @@ def record_problems(count: int, *, seed: int, predictor: str = "") -> tuple[Flig
     config = load_experiment("lemniscate")
     config.controller.kind, config.controller.solver, config.controller.predictor = "np", "sqp", predictor
     config.duration = count * config.controller.period
-    diagram, _ = make_flight_diagram(config)
+    diagram = make_flight_diagram(config)
     controller = diagram.GetSubsystemByName("np_mpc").controller
     controller.solver = recorder = RecordingSolver(controller.solver)
     simulator = Simulator(diagram)
     ApplySimulatorConfig(config.simulator, simulator)
-    initialise(diagram, simulator.get_mutable_context(), config, seed)
+    set_initial_state(diagram, simulator.get_mutable_context(), config, seed=seed)
     simulator.AdvanceTo(config.end - 0.5 * config.controller.period)
     return config, recorder.problems[-count:]
 
@@ -86,10 +87,10 @@ def real_time_factors(*, seconds: float, seed: int) -> dict[str, float]:
 
 def _closed_loop_factor(config: FlightConfig, seed: int) -> float:
     """Return the factor of the scored part, by which time every compiled loop is loaded."""
-    diagram, _ = make_flight_diagram(config)
+    diagram = make_flight_diagram(config)
     simulator = Simulator(diagram)
     ApplySimulatorConfig(config.simulator, simulator)
-    initialise(diagram, simulator.get_mutable_context(), config, seed)
+    set_initial_state(diagram, simulator.get_mutable_context(), config, seed=seed)
     simulator.AdvanceTo(config.reference.lead)
     start = time.perf_counter()
     simulator.AdvanceTo(config.end)

@@ -9,7 +9,8 @@ from collections.abc import Callable, Sequence
 
 from diagrams.batch.campaign import Case, Record
 from diagrams.batch.workers import Workers
-from diagrams.loop.flight import FlightConfig, LostVehicle, simulate
+from diagrams.loop.flight import FlightConfig
+from diagrams.loop.flight_result import LostVehicle, simulate
 from diagrams.robustness.axes import BASE, FLOWN, Axis, Grid, axis_settings, distinct
 from diagrams.robustness.measures import LOST, SETTLING, lost_beyond, measures
 from diagrams.tracking.model_files import digest_of, model_of, model_path, trained_file

@@ -29,7 +29,7 @@ GUIDE = Path(__file__).parents[2] / "docs" / "guide"
 PAGES = sorted(GUIDE.glob("*.md"))
 BLOCK = re.compile(r"^```(\w*)\n(.*?)^```$", re.S | re.M)
 NEEDS = {"learn.md": "gymnasium"}  # page: package of an extra
-FEWEST, MOST = 400, 720  # words of a page, code included: five minutes
+FEWEST, MOST = 200, 720  # words of a page, code included: five minutes
 
 
 def run_commands(block: str, page: Path) -> None:

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from diagrams.challenge.closing.reality import experiment
-from diagrams.loop.flight import FlightConfig, LostVehicle
-from diagrams.loop.flight_result import fly
+from diagrams.loop.flight import FlightConfig
+from diagrams.loop.flight_result import LostVehicle, fly
 from diagrams.loop.real_vehicle import DRAKE, RealVehicle
 from diagrams.loop.reality import RealityConfig
 from np_drake.command_delay import LONGEST_DELAY

@@ -53,7 +53,7 @@ def _attach_notes(lines: list[dict], config: "FlightConfig") -> list[str]:
     import numpy as np
 
     from diagrams.loop.controllers import NP_MODEL
-    from diagrams.payload.attach import ADDED, PAPER, TOSS, encoder_step, label_deviation
+    from diagrams.payload.attach import PAPER, TOSS, encoder_step, label_deviation
     from np_drake.lifting.model.model_file import load_model
 
     step = encoder_step(load_model(config.controller.predictor or NP_MODEL))
@@ -62,7 +62,7 @@ def _attach_notes(lines: list[dict], config: "FlightConfig") -> list[str]:
     lowest = peak + int(np.argmin(step[peak:]))
     band, scale = config.controller.label.force_bandwidth, config.reality.thrust_scale
     said = [
-        f"expected: {ADDED * config.vehicle.gravity:.3f} N over the thrust scale {scale}; "
+        f"expected: {config.events[0].mass * config.vehicle.gravity:.3f} N over the thrust scale {scale}; "
         f"paper: {PAPER['step']} N, standard deviation {PAPER['deviation']} N.",
         f"np: filter of the label, low-pass of {band:g} Hz, order {config.controller.label.order}; alone it "
         f"rises to 90 % in {2.302585 / (6.283185 * band):.3f} s and passes {label_deviation(config):.3f} N of the "

@@ -53,6 +53,8 @@ def write_replay(flight: FlightResult, path: str | Path) -> None:
             film.payload(frame, x[k], np.array(flight.config.reality.hung.hook), hung[k])
             for name in ("payload", "tether"):
                 film.visible(frame, name, bool(s["t"][k] >= flight.config.reality.hangs_at))
+            if s["t"][k] >= flight.config.cut_at:
+                film.visible(frame, "tether", False)
     film.show(meshcat)
     count = np.arange(len(rows))
     page = Page(

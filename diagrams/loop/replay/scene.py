@@ -39,34 +39,34 @@ def arm_length(vehicle: Vehicle) -> float:
 
 
 def add_quadrotor(
-    meshcat: Meshcat, vehicle: Vehicle, path: str = "quadrotor", ghost: Rgba | None = None
+    meshcat: Meshcat, vehicle: Vehicle, path: str = "quadrotor", overlay: Rgba | None = None
 ) -> None:
     """Add body, arms and rotors at the vehicle's size under `path`, in body axes.
 
-    Args: ghost: one colour, with its transparency, of all parts; None: solid, the front pair of rotors coloured.
+    Args: overlay: one colour, with its transparency, of all parts; None: solid, the front pair of rotors coloured.
     """
     size = arm_length(vehicle)
-    meshcat.SetObject(f"{path}/body", Box(0.5 * size, 0.5 * size, 0.2 * size), ghost or DARK)
+    meshcat.SetObject(f"{path}/body", Box(0.5 * size, 0.5 * size, 0.2 * size), overlay or DARK)
     for i, p in enumerate(vehicle.rotor_positions):
         arm = np.array(p, float)
         yaw = RotationMatrix.MakeZRotation(np.arctan2(arm[1], arm[0]))
         beam = Box(float(np.linalg.norm(arm[:2])), 0.07 * size, 0.07 * size)
-        meshcat.SetObject(f"{path}/arm{i}", beam, ghost or DARK)
+        meshcat.SetObject(f"{path}/arm{i}", beam, overlay or DARK)
         meshcat.SetTransform(f"{path}/arm{i}", RigidTransform(yaw, arm * [0.5, 0.5, 1.0]))
         color = BLUE if arm[0] > 0 else GREY  # so that heading is seen
-        meshcat.SetObject(f"{path}/rotor{i}", Cylinder(vehicle.rotor_radius, 0.04 * size), ghost or color)
+        meshcat.SetObject(f"{path}/rotor{i}", Cylinder(vehicle.rotor_radius, 0.04 * size), overlay or color)
         meshcat.SetTransform(f"{path}/rotor{i}", RigidTransform(arm + [0, 0, 0.09 * size]))
 
 
 def add_payload(
-    meshcat: Meshcat, radius: float, size: float, path: str = "", ghost: Rgba | None = None
+    meshcat: Meshcat, radius: float, size: float, path: str = "", overlay: Rgba | None = None
 ) -> None:
     """Add `{path}payload`, a sphere, and `{path}tether`, a bar of unit length along z.
 
     Args: size: of the vehicle, for the thickness of the tether [m].
     """
-    meshcat.SetObject(f"{path}payload", Sphere(radius), ghost or RED)
-    meshcat.SetObject(f"{path}tether", Cylinder(0.02 * size, 1.0), ghost or DARK)
+    meshcat.SetObject(f"{path}payload", Sphere(radius), overlay or RED)
+    meshcat.SetObject(f"{path}tether", Cylinder(0.02 * size, 1.0), overlay or DARK)
 
 
 def add_arrow(meshcat: Meshcat, path: str, radius: float, color: Rgba) -> None:

@@ -4,14 +4,16 @@ import dataclasses as dc
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from diagrams.loop.events import Event
-from diagrams.loop.faults import Faults
 from diagrams.loop.flight import FlightConfig
+from diagrams.loop.flight_diagram import Faults
 from np_drake.effects.effect_entry import EffectEntry
 from np_drake.faults.measurement import MeasurementFault
 from np_drake.faults.solver import SolverFault
+from systems.payload_event import PayloadEvent
 
-Part = MeasurementFault | SolverFault | EffectEntry | Event  # the one place in the loop where a fault acts
+Part = (
+    MeasurementFault | SolverFault | EffectEntry | PayloadEvent
+)  # the one place in the loop where a fault acts
 
 
 @dc.dataclass(frozen=True)
@@ -53,12 +55,12 @@ class Kind:
 
 
 def apply(config: FlightConfig, parts: Sequence[Part]) -> tuple[FlightConfig, Faults]:
-    """Return the flight with the effects among the parts, and the other parts by place."""
+    """Return the flight with the effects and events among the parts, and the other parts by place."""
     effects = [part for part in parts if isinstance(part, EffectEntry)]
     reality = dc.replace(config.reality, effects=[*config.reality.effects, *effects])
     faults = Faults(
         measurement=tuple(part for part in parts if isinstance(part, MeasurementFault)),
         solver=tuple(part for part in parts if isinstance(part, SolverFault)),
-        events=tuple(part for part in parts if isinstance(part, Event)),
     )
-    return dc.replace(config, reality=reality).check(), faults
+    events = [*config.events, *(part for part in parts if isinstance(part, PayloadEvent))]
+    return dc.replace(config, reality=reality, events=events).check(), faults

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from diagrams.loop.events import attach, push, release
 from diagrams.loop.flight import FlightConfig
 from diagrams.robustness.faults.fault import Fault, Kind
 from np_drake.effects.effect_entry import EffectEntry
@@ -22,6 +21,7 @@ from np_drake.faults.measurement import (
     RepeatedSamples,
 )
 from np_drake.faults.solver import LateSolves, SolverFault
+from systems.payload_event import attach, push, release
 
 Draw = tuple[float | None, dict[str, Any]]
 STREAMS = ("motion capture", "imu", "all")  # that a receiver or a driver can lose together
@@ -175,7 +175,7 @@ KINDS = (
         "payload attached",
         "payload",
         lambda rng: (None, {"mass": rng.uniform(0.05, 0.25)}),
-        lambda f, c: attach(f.onset, c.reality.payload, f.values["mass"]),
+        lambda f, c: attach(f.onset, f.values["mass"]),
         "50 to 250 g more on the 260 g",
     ),
     Kind(

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from diagrams.batch.failed_run import FailedRun
-from diagrams.loop import flight
+from diagrams.loop import flight_result
 from diagrams.loop.experiments import EXPERIMENTS, load_experiment
-from diagrams.loop.flight import load_flight, make_flight_diagram
+from diagrams.loop.flight import load_flight
 from diagrams.loop.flight_result import fly
 from diagrams.loop.reality import RealityConfig
 from np_drake import rigid_body
@@ -174,12 +174,6 @@ def test_unknown_experiment_names_the_known_ones():
         load_experiment("spiral")
 
 
-def test_the_diagram_is_named_and_complete():
-    diagram, _ = make_flight_diagram(load_experiment("circle"))
-    for name in ("tethered_quadrotor", "sensor_rig", "reference", "wrench_estimator", "np_mpc", "recorder"):
-        assert diagram.GetSubsystemByName(name) is not None
-
-
 def test_told_mass_reaches_controller_and_truth():
     config = short(kind="hold")
     config.controller = dc.replace(config.controller, extra_mass=0.26)
@@ -188,20 +182,20 @@ def test_told_mass_reaches_controller_and_truth():
 
 
 def test_below_ground_a_vehicle_is_lost(monkeypatch):
-    monkeypatch.setattr(flight, "GROUND", 5.0)  # [m], and the circle is lower
+    monkeypatch.setattr(flight_result, "GROUND", 5.0)  # [m], and the circle is lower
     with pytest.raises(FailedRun, match="nominal flew into the ground before 1"):
         fly(short(), seed=0)
 
 
 def test_a_lost_vehicle_is_a_failed_run_and_no_result(monkeypatch):
-    monkeypatch.setattr(flight, "ARENA", 0.5)  # [m], and the circle has a radius of 1 m
+    monkeypatch.setattr(flight_result, "ARENA", 0.5)  # [m], and the circle has a radius of 1 m
     with pytest.raises(FailedRun, match="nominal lost the vehicle before 1"):
         fly(short(), seed=0)
 
 
 def test_a_flight_ends_where_it_is_off_its_reference():
     with pytest.raises(FailedRun, match=r"nominal was off its reference at 1\.0 s") as caught:
-        flight.simulate(short(), seed=0, tolerance=1e-6)  # [m]
+        flight_result.simulate(short(), seed=0, tolerance=1e-6)  # [m]
     assert caught.value.signals["t"][-1] == pytest.approx(1.0, abs=0.03)  # [s]; a period
 
 
@@ -210,10 +204,3 @@ def test_a_predictor_trained_on_other_labels_does_not_fly():
     config.controller.extra_mass = 0.26
     with pytest.raises(ValueError, match="was trained with mass"):
         fly(config, seed=0)
-
-
-@pytest.mark.parametrize("name", ["circle", "lemniscate", "hover"])
-def test_every_experiment_builds_a_diagram_of_its_name(name):
-    diagram, recorder = make_flight_diagram(load_experiment(name))
-    assert diagram.get_name() == name
-    assert {"x", "u", "status"} <= set(recorder.slices)

@@ -4,8 +4,8 @@ import pytest
 
 from diagrams.cli.main import run
 from diagrams.loop.controllers import ControllerConfig
-from diagrams.loop.flight import FlightConfig, LostVehicle, simulate
-from diagrams.loop.flight_result import fly
+from diagrams.loop.flight import FlightConfig
+from diagrams.loop.flight_result import LostVehicle, fly, simulate
 from np_drake.references.config import ReferenceConfig
 
 

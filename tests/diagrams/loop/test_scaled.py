@@ -7,7 +7,8 @@ import pytest
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator
 
 from diagrams.loop.experiments import EXPERIMENTS, load_experiment
-from diagrams.loop.flight import FlightConfig, default_flight, initialise, load_flight
+from diagrams.loop.flight import FlightConfig, default_flight, load_flight
+from diagrams.loop.flight_diagram import set_initial_state
 from diagrams.loop.flight_result import fly
 from diagrams.loop.real_vehicle import make_real_vehicle
 from np_drake.references.config import make_reference
@@ -190,12 +191,12 @@ def test_any_vehicle_flies_the_circle_out_of_the_box(vehicle):
 
 
 def test_the_start_is_at_rest_for_any_vehicle():
-    from diagrams.loop.flight import make_flight_diagram
+    from diagrams.loop.flight_diagram import make_flight_diagram
 
     config = without_noise(load_experiment("hover", SMALL))
-    diagram, _ = make_flight_diagram(config)
+    diagram = make_flight_diagram(config)
     context = diagram.CreateDefaultContext()
-    initialise(diagram, context, config, 0)
+    set_initial_state(diagram, context, config)
     vehicle = diagram.GetSubsystemByName("tethered_quadrotor")
     wrench = vehicle.GetOutputPort("tether_wrench").Eval(vehicle.GetMyContextFromRoot(context))
     weight = config.reality.payload.mass * SMALL.gravity

@@ -7,6 +7,8 @@ import pytest
 from scipy import signal
 
 from diagrams.loop.controllers import NP_MODEL
+from diagrams.loop.controllers import DEFAULT_MODEL
+from diagrams.loop.flight_result import fly
 from diagrams.payload import attach
 from diagrams.payload.figures import event_responses
 from np_drake.lifting.model.encoders import DelayEncoder
@@ -60,11 +62,10 @@ def test_the_labels_deviation_is_the_filtered_noise_of_the_accelerometer(config)
     assert attach.label_deviation(config) == pytest.approx(filtered.std(), rel=0.01)  # [N]
 
 
-def test_a_payload_tossed_up_is_slack_until_it_has_fallen_back(config, monkeypatch):
-    monkeypatch.setattr(attach, "RAMP", 0.4)
-    monkeypatch.setattr(attach, "TIME", 0.6)
-    monkeypatch.setattr(attach, "DURATION", 0.8)
-    flight = attach.fly_event("snap", attach.ROWS[0], model=str(NP_MODEL), seed=1, solver="sqp")
+def test_a_payload_tossed_up_is_slack_until_it_has_fallen_back():
+    snap = attach.attach_config(attach.ROWS[0], solver="sqp", model=str(NP_MODEL), event="snap")
+    snap.reference.ramp, snap.duration, snap.events[0].time = 0.4, 0.8, 0.6
+    flight = fly(snap, seed=1)
     assert attach.slack_time(flight) == pytest.approx(
         2 * (0.3 / 0.26) / 9.81, abs=0.08
     )  # [s]; the hook sinks

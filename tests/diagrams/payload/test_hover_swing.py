@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from diagrams.batch.failed_run import FailedRun
-from diagrams.loop.events import push
 from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight_result import fly
 from diagrams.payload import hover_swing
@@ -66,8 +65,8 @@ def test_a_lost_vehicle_is_an_infinite_error_and_loses_no_other_flight(
 
 def test_the_impulse_swings_the_payload_by_the_height_its_energy_reaches():
     config = hover_swing.hover_config(hover_swing.ROWS[0], solver="sqp")
-    config.reference.ramp, config.duration = 0.4, 0.8
-    flight = fly(config, seed=1, events=[push(0.4, [hover_swing.IMPULSE, 0.0, 0.0])])
+    config.reference.ramp, config.duration, config.events[0].time = 0.4, 0.8, 0.4
+    flight = fly(config, seed=1)
     found = hover_swing.hover_metrics(flight)
     rise = (0.3 / 0.26) ** 2 / (2 * 9.81)
     fixed = np.sqrt(0.8**2 - (0.8 - rise) ** 2)  # from a fixed point [m]
@@ -79,7 +78,7 @@ def test_the_impulse_swings_the_payload_by_the_height_its_energy_reaches():
 def test_early_and_late_errors_make_up_the_whole(monkeypatch):
     monkeypatch.setattr(hover_swing, "EARLY", 0.2)
     config = hover_swing.hover_config(hover_swing.ROWS[0], solver="sqp")
-    config.reference.ramp, config.duration = 0.4, 0.8
+    config.reference.ramp, config.duration, config.events[0].time = 0.4, 0.8, 0.4
     flight = fly(config, seed=1)
     found, share = hover_swing.hover_metrics(flight), np.mean(hover_swing.swing_course(flight)[0] < 0.2)
     whole = share * found["early"] ** 2 + (1 - share) * found["late"] ** 2

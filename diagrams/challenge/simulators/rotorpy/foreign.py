@@ -1,6 +1,7 @@
 """The vehicle of rotorpy's in this project's own closed loop."""
 
 import dataclasses as dc
+from collections.abc import Sequence
 
 import numpy as np
 from pydrake.systems.framework import Context, Diagram
@@ -10,6 +11,7 @@ from diagrams.challenge.simulators.rotorpy.rotorpy_vehicle import RotorPyVehicle
 from diagrams.challenge.simulators.rotorpy.simulator import read_effects
 from diagrams.loop.reality import RealityConfig
 from np_drake.vehicle import Vehicle
+from systems.payload_event import PayloadEvent
 
 
 @dc.dataclass(frozen=True)
@@ -21,12 +23,22 @@ class ForeignVehicle:
     """
 
     own: bool = False
-    takes_events = False
 
     def make(
-        self, vehicle: Vehicle, reality: RealityConfig, *, command_period: float, pushed: bool = False
+        self,
+        vehicle: Vehicle,
+        reality: RealityConfig,
+        *,
+        command_period: float,
+        pushed: bool = False,
+        events: Sequence[PayloadEvent] = (),
     ) -> Diagram:
-        """Return the vehicle. Raises ValueError: on what rotorpy does not know (`foreign_effects`), or pushes."""
+        """Return the vehicle.
+
+        Raises: ValueError: on what rotorpy does not know (`foreign_effects`), events or pushes.
+        """
+        if events:
+            raise ValueError("rotorpy: events must be none for this simulator; fly Drake's vehicle.")
         if pushed:
             raise ValueError(
                 "rotorpy: there must be no pushes from outside; watch a flight of Drake's vehicle."

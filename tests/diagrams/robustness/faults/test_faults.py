@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from diagrams.cli.main import run
-from diagrams.loop.faults import NO_FAULTS
-from diagrams.loop.flight import simulate
+from diagrams.loop.flight_diagram import NO_FAULTS
+from diagrams.loop.flight_result import simulate
 from diagrams.robustness.faults.campaign import (
     ROWS,
     TRAINED,

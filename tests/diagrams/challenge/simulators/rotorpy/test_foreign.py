@@ -10,14 +10,14 @@ pytest.importorskip("rotorpy", reason="rotorpy is not installed: pip install 'np
 from diagrams.challenge.closing.reality import WITHHELD, nominal_reality
 from diagrams.challenge.generate.magnitudes import draw_effect
 from diagrams.challenge.simulators.rotorpy.foreign import ForeignVehicle, foreign_effects
-from diagrams.loop.events import Event
 from diagrams.loop.experiments import load_experiment
-from diagrams.loop.flight import make_flight_diagram
+from diagrams.loop.flight_diagram import make_flight_diagram
 from diagrams.loop.flight_result import fly
 from np_drake.effects.disturbance import DisturbanceConfig
 from np_drake.effects.effect_entry import EffectEntry
 from np_drake.vehicle import MeasurementNoise, Vehicle
 from systems.payload_config import PayloadConfig
+from systems.payload_event import release
 
 VEHICLE, FOREIGN = Vehicle(), ForeignVehicle()
 SILENT = MeasurementNoise(0, 0, 0, 0, 0, 0)
@@ -116,7 +116,9 @@ def test_what_rotorpy_does_not_know_is_refused_in_one_line(reality, message):
 
 def test_events_and_pushes_are_refused():
     config = short(reality_of())
+    hung = short(reality_of(payload=PayloadConfig()))
+    hung.events = [release(0.5 * hung.end)]
     with pytest.raises(ValueError, match="events must be none for this simulator"):
-        fly(config, seed=0, events=[Event(0.5, lambda vehicle, root: None)], real=FOREIGN)
+        fly(hung, seed=0, real=FOREIGN)
     with pytest.raises(ValueError, match="no pushes from outside"):
         make_flight_diagram(config, pushed=True, real=FOREIGN)

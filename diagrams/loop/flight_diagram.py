@@ -1,0 +1,116 @@
+"""The closed loop of a flight as one Drake Diagram, and its initial state.
+
+diagram = make_flight_diagram(config)
+simulator = Simulator(diagram)
+ApplySimulatorConfig(config.simulator, simulator)
+set_initial_state(diagram, simulator.get_mutable_context(), config, seed=0)
+simulator.AdvanceTo(config.end)
+"""
+
+import dataclasses as dc
+
+import numpy as np
+from pydrake.common import RandomGenerator
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder
+
+from diagrams.loop.controllers import add_controller
+from diagrams.loop.flight import FlightConfig
+from diagrams.loop.real_vehicle import DRAKE, REAL_VEHICLE, RealVehicle
+from np_drake.faults.measurement import MeasurementFault
+from np_drake.faults.solver import SolverFault
+from np_drake.references.config import make_reference
+from systems.recorder import add_recorder
+from systems.sensor_faults import add_sensor_faults
+from systems.sensor_rig import add_sensor_rig
+
+RECORDER = "recorder"  # its name as a subsystem of a flight
+
+
+@dc.dataclass(frozen=True)
+class Faults:
+    """Faults of what the controller reads and computes.
+
+    Those of rotors and air are effects with an onset (`RealityConfig.effects`), those of the payload are events
+    (`FlightConfig.events`).
+    """
+
+    measurement: tuple[MeasurementFault, ...] = ()  # between the sensors and all that reads them
+    solver: tuple[SolverFault, ...] = ()  # of the MPC
+
+
+NO_FAULTS = Faults()
+
+
+def make_flight_diagram(
+    config: FlightConfig, *, pushed: bool = False, faults: Faults = NO_FAULTS, real: RealVehicle = DRAKE
+) -> Diagram:
+    """Return reference, vehicle with its events, sensors, controller and recorder as one Diagram.
+
+    Args:
+        config: of the experiment.
+        pushed: whether forces from outside may act (`make_tethered_quadrotor`).
+        faults: of sensors and solver; none reaches the oracle.
+        real: makes the vehicle that flies.
+    """
+    config.check()
+    period, knows = config.controller.period, config.controller.kind == "oracle"
+    builder = DiagramBuilder()
+    vehicle = builder.AddNamedSystem(
+        REAL_VEHICLE,
+        real.make(config.vehicle, config.reality, command_period=period, pushed=pushed, events=config.events),
+    )
+    rig = add_sensor_rig(builder, vehicle, config.vehicle, config.reality.sensor_effects(), period=period)
+    if faults.measurement and not knows:
+        rig = add_sensor_faults(builder, rig, faults.measurement, period=period)
+    ports = add_controller(
+        builder,
+        config.controller,
+        config.vehicle,
+        make_reference(config.reference),
+        rig,
+        truth=vehicle,
+        true_model=config.true_model(),
+        solver_faults=() if knows else faults.solver,
+    )
+    builder.Connect(ports["u"], vehicle.GetInputPort("u"))
+    signals = {
+        "x": rig.GetOutputPort("x"),
+        "acceleration": rig.GetOutputPort("acceleration"),
+        "rotor_speed": rig.GetOutputPort("rotor_speed"),
+        **ports,
+        "x_true": vehicle.GetOutputPort("x"),
+        "acceleration_true": vehicle.GetOutputPort("acceleration"),
+        "rotor_thrust": vehicle.GetOutputPort("rotor_thrust"),
+        "plant_state": vehicle.GetOutputPort("plant_state"),
+    }
+    add_recorder(builder, signals, period=period)
+    diagram = builder.Build()
+    diagram.set_name(config.name)
+    return diagram
+
+
+def set_initial_state(
+    diagram: Diagram, context: Context, config: FlightConfig, *, seed: int = 0, real: RealVehicle = DRAKE
+) -> None:
+    """Set the seed of the noise, and hover at the start of the reference motion.
+
+    Args:
+        diagram: of `make_flight_diagram`, or one with a subsystem `tethered_quadrotor`.
+        context: its root context.
+        config: of the experiment.
+        seed: of the sensors' noise.
+        real: made the vehicle.
+    """
+    diagram.SetRandomContext(context, RandomGenerator(seed))
+    start = make_reference(config.reference).sample(np.zeros(1))[0, 0]
+    real.hover(diagram.GetSubsystemByName(REAL_VEHICLE), context, config.reality, start)
+
+
+def recorded(diagram: Diagram, context: Context) -> dict[str, np.ndarray]:
+    """Return the signals that a flight has recorded so far, see `Recorder.read`.
+
+    Args:
+        diagram: of `make_flight_diagram`.
+        context: its root context.
+    """
+    return diagram.GetSubsystemByName(RECORDER).read(diagram, context)

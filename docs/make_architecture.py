@@ -1,0 +1,44 @@
+"""Writes docs/figures/loop.svg: the closed loop of a flight, from Drake's own GetGraphvizString.
+
+Needs Graphviz's `dot` (Debian: apt install graphviz). Usage: python docs/make_architecture.py
+"""
+
+import re
+import subprocess
+from pathlib import Path
+
+from diagrams.loop.controllers import DEFAULT_MODEL
+from diagrams.loop.experiments import load_experiment
+from diagrams.loop.flight_diagram import make_flight_diagram
+
+FILE = Path(__file__).parent / "figures" / "loop.svg"
+NODE = re.compile(r"^(s\d+) \[.*?^>\];\n", re.M | re.S)
+NAME = re.compile(r"name=([\w ]+)")
+
+
+def loop_graph() -> str:
+    """Return the loop in Graphviz's language, without the recorder and what is behind it."""
+    config = load_experiment("circle")
+    config.controller.kind, config.controller.predictor = "np", str(DEFAULT_MODEL)
+    text = make_flight_diagram(config).GetGraphvizString(max_depth=1)
+    recorder = [node for node in NODE.finditer(text) if "record" in _name(node[0])]
+    for node in recorder:
+        text = text.replace(node[0], "")
+        text = re.sub(rf"^{node[1]}:.*\n|^.*-> {node[1]}:.*\n", "", text, flags=re.M)
+    text = re.sub(r"<B>systems\.\w+\.(\w+)</B>", r"<B>\1</B>", text)  # the class without its module
+    text = re.sub(r"digraph _\d+ \{", "digraph loop {", text)
+    return text.replace(
+        "rankdir=LR", 'rankdir=LR ranksep=1.1 nodesep=0.4 bgcolor=white\nnode [fontname="sans-serif"]'
+    )
+
+
+def _name(node: str) -> str:
+    found = NAME.search(node)
+    return found[1] if found else ""
+
+
+if __name__ == "__main__":
+    svg = subprocess.run(
+        ["dot", "-Tsvg"], input=loop_graph(), capture_output=True, text=True, check=True
+    ).stdout
+    FILE.write_text(svg)

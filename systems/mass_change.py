@@ -1,0 +1,102 @@
+"""Change of mass properties in flight, as the force that makes a plant of constant mass move accordingly."""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import MultibodyForces
+from pydrake.systems.framework import Context, LeafSystem
+
+from np_drake import attitude
+from np_drake.vehicle import Vehicle
+from systems.plant_events import declare_event_at
+from systems.wrench_effects import generalized_force
+
+Change = tuple[
+    float, Callable[[MultibodyPlant, Context], None]
+]  # time [s]; sets mass properties in a context
+
+
+class MassChange(LeafSystem):
+    """Applied force under which the plant accelerates as it would with the mass properties of now.
+
+    The masses of a plant are parameters, which no event may change. With M and b of the plant's own mass properties,
+    M_now and b_now of those of now, and the force tau that acts:
+        M_now dv/dt + b_now = tau,   M dv/dt + b = tau + correction.
+    Source: own choice; inverse dynamics of the acceleration that is wanted.
+
+    .. pydrake_system::
+
+        name: MassChange
+        input_ports:
+        - plant_state
+        - generalized_force
+        - rotor_thrust
+        output_ports:
+        - generalized_force
+
+    | port | size | meaning | unit |
+    |---|---|---|---|
+    | plant_state | nq + nv | Drake's order | |
+    | generalized_force (in) | nv | what acts, without gravity and rotors | N·m, N |
+    | rotor_thrust | 4 | of the propellers, which the plant gets besides | N |
+    | generalized_force (out) | nv | to be applied; the same as what comes in before the first change | N·m, N |
+
+    State: number of changes so far. Events: one at the time of each change.
+    """
+
+    def __init__(self, plant: MultibodyPlant, vehicle: Vehicle, changes: Sequence[Change]):
+        """Declare ports, state and events.
+
+        Args:
+            plant: finalized; the first six velocities are those of the quadrotor.
+            vehicle: places of the rotors.
+            changes: by time; each keeps what those before it set.
+        """
+        super().__init__()
+        self._plant, self._vehicle, self._forces = plant, vehicle, MultibodyForces(plant)
+        self._contexts = [plant.CreateDefaultContext()]  # workspace: the state is set before each use
+        size = plant.num_velocities()
+        self._state_port = self.DeclareVectorInputPort("plant_state", plant.num_multibody_states())
+        self._force_port = self.DeclareVectorInputPort("generalized_force", size)
+        self._thrust_port = self.DeclareVectorInputPort("rotor_thrust", 4)
+        self.DeclareDiscreteState([0.0])
+        prerequisites = {self.all_input_ports_ticket(), self.xd_ticket()}
+        self.DeclareVectorOutputPort("generalized_force", size, self._calc_force, prerequisites)
+        for count, (time, change) in enumerate(changes, start=1):
+            self._contexts.append(self._contexts[-1].Clone())
+            change(plant, self._contexts[-1])
+            declare_event_at(self, time, self._set_count(count))
+
+    @staticmethod
+    def _set_count(count: int):
+        def update(context, state) -> None:
+            state.get_mutable_discrete_state(0).SetAtIndex(0, float(count))
+
+        return update
+
+    def _calc_force(self, context, output) -> None:
+        force, count = self._force_port.Eval(context), int(context.get_discrete_state(0).GetAtIndex(0))
+        if count:
+            state = self._state_port.Eval(context)
+            rotors = self._rotor_force(state, self._thrust_port.Eval(context))
+            own, now = self._contexts[0], self._contexts[count]
+            for workspace in (own, now):
+                self._plant.SetPositionsAndVelocities(workspace, state)
+            bias = self._inverse_dynamics(now, np.zeros(len(force)))
+            rates = np.linalg.solve(self._plant.CalcMassMatrix(now), force + rotors - bias)
+            force = self._inverse_dynamics(own, rates) - rotors
+        output.SetFromVector(force)
+
+    def _inverse_dynamics(self, workspace: Context, rates: np.ndarray) -> np.ndarray:
+        """Return the force (nv,) besides gravity and damping under which the plant has these `rates` (nv,)."""
+        self._plant.CalcForceElementsContribution(workspace, self._forces)
+        return self._plant.CalcInverseDynamics(workspace, rates, self._forces)
+
+    def _rotor_force(self, state: np.ndarray, thrust: np.ndarray) -> np.ndarray:
+        """Return the propellers' generalized force (nv,)."""
+        total, *moments = self._vehicle.mixer @ thrust
+        x, force = np.zeros(13), np.zeros(self._plant.num_velocities())
+        x[3:7] = state[0:4] / np.linalg.norm(state[0:4])  # the integrator lets it drift off the unit sphere
+        generalized_force(x, np.concatenate([total * attitude.body_z(x[3:7]), moments]), force)
+        return force

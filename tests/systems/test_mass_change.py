@@ -1,0 +1,92 @@
+"""Laws of mass properties that change in flight."""
+
+import dataclasses as dc
+from functools import partial
+
+import numpy as np
+import pytest
+from pydrake.multibody.tree import MultibodyForces
+from pydrake.systems.analysis import Simulator
+
+from np_drake.effects.center_of_mass_offset import CenterOfMassOffset
+from np_drake.effects.combine import mass_properties
+from np_drake.effects.mass_error import MassError
+from np_drake.vehicle import Vehicle
+from systems.initial_state import set_payload_mass, set_vehicle_mass
+from systems.mass_change import MassChange
+from systems.payload_config import PayloadConfig
+from systems.tethered_quadrotor import make_plant, make_tethered_quadrotor
+
+VEHICLE = Vehicle()
+EFFECTS = [MassError(0.4), CenterOfMassOffset(0.02, -0.01, 0.03)]
+CHANGES = {
+    "payload": ("cable", partial(set_payload_mass, payload=PayloadConfig(), mass=0.36)),
+    "vehicle": ("none", partial(set_vehicle_mass, properties=mass_properties(VEHICLE, EFFECTS))),
+    "vehicle on a rod": ("rod", partial(set_vehicle_mass, properties=mass_properties(VEHICLE, EFFECTS))),
+}
+
+
+def accelerations(plant, context, force):
+    """vdot (nv,) of a plant under an applied force [rad/s², m/s²]."""
+    forces = MultibodyForces(plant)
+    plant.CalcForceElementsContribution(context, forces)
+    bias = plant.CalcInverseDynamics(context, np.zeros(plant.num_velocities()), forces)
+    return np.linalg.solve(plant.CalcMassMatrix(context), force - bias)
+
+
+@pytest.mark.parametrize("name", CHANGES)
+def test_the_plant_accelerates_as_one_of_the_new_mass(name):
+    tether, change = CHANGES[name]
+    payload = PayloadConfig(tether=tether, air_damping=0.5 if tether == "cable" else 0.0)
+    plant, rng = make_plant(VEHICLE, payload), np.random.default_rng(0)
+    dut = MassChange(plant, VEHICLE, [(1.0, change)])
+    context, then = dut.CreateDefaultContext(), plant.CreateDefaultContext()
+    state = rng.normal(size=plant.num_multibody_states())
+    state[:4] /= np.linalg.norm(state[:4])
+    if tether == "cable":
+        state[7:11] /= np.linalg.norm(state[7:11])
+    force = rng.normal(size=plant.num_velocities())
+    for port, value in (("plant_state", state), ("generalized_force", force), ("rotor_thrust", np.zeros(4))):
+        dut.GetInputPort(port).FixValue(context, value)
+    np.testing.assert_array_equal(dut.get_output_port().Eval(context), force)  # before the change
+    context.SetDiscreteState([1.0])
+    corrected = dut.get_output_port().Eval(context)
+    own = plant.CreateDefaultContext()
+    change(plant, then)
+    for each in (own, then):
+        plant.SetPositionsAndVelocities(each, state)
+    wanted = accelerations(plant, then, force)
+    np.testing.assert_allclose(accelerations(plant, own, corrected), wanted, rtol=1e-9, atol=1e-9)
+
+
+def test_a_vehicle_that_has_become_heavier_flies_as_one_that_always_was():
+    """Rotors included: from the change on, both accelerate alike in the same state."""
+    late = make_tethered_quadrotor(
+        VEHICLE, PayloadConfig(tether="none"), mass_effects=EFFECTS, onsets=dict.fromkeys(EFFECTS, 0.1)
+    )
+    always = make_tethered_quadrotor(VEHICLE, PayloadConfig(tether="none"), mass_effects=EFFECTS)
+    simulator, context = Simulator(late), always.CreateDefaultContext()
+    root, u = simulator.get_mutable_context(), VEHICLE.hover_input + [1.0, 0.02, -0.01, 0.005]
+    late.GetInputPort("u").FixValue(root, u)
+    always.GetInputPort("u").FixValue(context, u)
+    simulator.AdvanceTo(0.2)
+    context.SetContinuousState(root.get_continuous_state_vector().CopyToVector())
+    found, wanted = (d.GetOutputPort("acceleration").Eval(c) for d, c in ((late, root), (always, context)))
+    np.testing.assert_allclose(found, wanted, rtol=1e-9)
+    assert np.abs(found).max() > 0.1
+
+
+def test_the_change_comes_at_its_time():
+    effect = dc.replace(EFFECTS[0])
+    dut = make_tethered_quadrotor(
+        VEHICLE, PayloadConfig(tether="none"), mass_effects=[effect], onsets={effect: 0.1}
+    )
+    simulator = Simulator(dut)
+    root = simulator.get_mutable_context()
+    dut.GetInputPort("u").FixValue(root, VEHICLE.hover_input)
+    simulator.AdvanceTo(0.1)
+    before = dut.GetOutputPort("acceleration").Eval(root)[2]
+    simulator.AdvancePendingEvents()
+    after = dut.GetOutputPort("acceleration").Eval(root)[2]
+    assert before == pytest.approx(0.0, abs=1e-9)  # [m/s²]
+    assert after == pytest.approx(-9.81 * 0.4 / (VEHICLE.mass + 0.4))
