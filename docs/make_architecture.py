@@ -7,7 +7,7 @@ import re
 import subprocess
 from pathlib import Path
 
-from diagrams.loop.controllers import DEFAULT_MODEL
+from diagrams.loop.controllers import NP_MODEL
 from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight_diagram import make_flight_diagram
 
@@ -19,7 +19,7 @@ NAME = re.compile(r"name=([\w ]+)")
 def loop_graph() -> str:
     """Return the loop in Graphviz's language, without the recorder and what is behind it."""
     config = load_experiment("circle")
-    config.controller.kind, config.controller.predictor = "np", str(DEFAULT_MODEL)
+    config.controller.kind, config.controller.predictor = "np", str(NP_MODEL)
     text = make_flight_diagram(config).GetGraphvizString(max_depth=1)
     recorder = [node for node in NODE.finditer(text) if "record" in _name(node[0])]
     for node in recorder:

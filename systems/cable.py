@@ -7,8 +7,6 @@ from pydrake.systems.framework import LeafSystem
 
 from np_drake import attitude
 from np_drake.compiled import compiled, turned
-from np_drake.attitude_kernel import turned
-from np_drake.compiled import compiled
 from systems.plant_events import declare_event_at
 
 

@@ -28,10 +28,6 @@ from np_drake.labels import FORCE
 from np_drake.lifting.model.lifted_model import DELAY_MODAL, LiftedModel
 from np_drake.metrics import half_width
 from np_drake.payload_filter.model_file import PAYLOAD_FILTER
-from systems.payload_config import PayloadConfig
-from np_drake.lifting.model.lifted_model import LiftedModel
-from np_drake.payload_filter.model_file import PENDULUM
-from np_drake.swing_metrics import half_width
 from systems.payload_event import PayloadEvent, push, release
 
 AFTER = 2.0  # from here on after the event the new level counts as reached [s]

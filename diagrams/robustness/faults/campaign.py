@@ -9,8 +9,6 @@ import numpy as np
 
 from diagrams.batch.campaign import Case, Record
 from diagrams.loop.controllers import NP_MODEL
-from diagrams.loop.flight import FlightConfig, LostVehicle, simulate
-from diagrams.loop.controllers import DEFAULT_MODEL
 from diagrams.loop.flight import FlightConfig
 from diagrams.loop.flight_result import LostVehicle, simulate
 from diagrams.robustness.faults.fault import Fault, apply

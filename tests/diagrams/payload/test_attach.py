@@ -7,7 +7,6 @@ import pytest
 from scipy import signal
 
 from diagrams.loop.controllers import NP_MODEL
-from diagrams.loop.controllers import DEFAULT_MODEL
 from diagrams.loop.flight_result import fly
 from diagrams.payload import attach
 from diagrams.payload.figures import event_responses
