@@ -42,9 +42,8 @@ fuzz: venv
 	$(BIN)/python tests/fuzz/fuzz.py --seconds $(FUZZ_SECONDS) --out out/fuzz
 
 # All frozen diagnoses against their stored answers, the real flights too where NP_DRAKE_NEUROBEM names them.
-GOLDEN := tests/golden/answers.json
 golden: venv
-	$(BIN)/np-drake challenge golden --against $(GOLDEN)
+	PYTHONPATH=. $(BIN)/python tests/golden/frozen_cases.py
 
 # Every verb of many cases, small: one process, two, a cluster of two, and after a kill. More than an hour for all.
 # Real flights where NP_DRAKE_NEUROBEM and NP_DRAKE_REAL name them.

@@ -11,7 +11,13 @@ import typer
 
 from diagrams.cli.app import app
 from diagrams.cli.outcome import PROGRAM
+from diagrams.cli.reproduce import STUDIES, VERB
 
+SHARED = {"seed", "jobs", "scheduler", "out", "json", "markdown"}  # options of every study, said once
+OF_STUDIES = (
+    "Every study takes `--seed`, `--out DIR`, `--json FILE` and `--markdown FILE`; studies of many cases take "
+    "`--jobs` and `--scheduler ADDRESS`. Its other options:"
+)
 PAGE = Path(__file__).parent / "reference" / "commands.md"
 HEAD = f"""# Commands
 
@@ -41,6 +47,16 @@ def _commands(name: str, command: Any) -> list[tuple[str, Any]]:
     return found
 
 
+def _studies() -> str:
+    """What each study shows, and its own options."""
+    lines = [textwrap.fill(OF_STUDIES, 118), ""]
+    for name, study in STUDIES.items():
+        own = [p for p in study.command(name).params if p.name not in SHARED and p.name != "help"]
+        lines.append(f"- `{name}`: {_plain(study.summary)}")
+        lines += [f"    - {_names(p)} ({_default(p)}): {_meaning(p)}" for p in own]
+    return "\n".join([*lines, ""])
+
+
 def _section(name: str, command: Any) -> str:
     level = "#" * (len(name.split()))
     lines = [f"{level} `{name}`", "", textwrap.fill(_plain(command.help or ""), 118), ""]
@@ -49,6 +65,8 @@ def _section(name: str, command: Any) -> str:
         lines += ["| argument or option | default | meaning |", "|---|---|---|"]
         lines += [f"| {_names(p)} | {_default(p)} | {_meaning(p)} |" for p in shown]
         lines.append("")
+    if name == f"{PROGRAM} {VERB}":
+        lines.append(_studies())
     return "\n".join(lines)
 
 

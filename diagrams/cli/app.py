@@ -22,7 +22,7 @@ from diagrams.cli import (
 from diagrams.cli.challenge import app as challenge
 from diagrams.cli.outcome import PROGRAM
 from diagrams.cli.output import say
-from diagrams.cli.reproduce import app as reproduce
+from diagrams.cli.reproduce import VERB, reproduce
 
 app = typer.Typer(
     name=PROGRAM,
@@ -39,7 +39,10 @@ app.command("import")(import_logs.import_logs)
 app.command("doctor")(doctor.doctor)
 app.command("diagnose")(diagnose.diagnose)
 app.command("next-flight")(next_flight.next_flight)
-app.add_typer(reproduce.reproduce, name="reproduce")
+app.command(
+    VERB,  # what follows the study's name is the study's
+    context_settings={"allow_extra_args": True, "allow_interspersed_args": False},
+)(reproduce)
 app.add_typer(vehicle.vehicle, name="vehicle")
 app.command("export")(export.export)
 app.command("bench")(bench.bench)

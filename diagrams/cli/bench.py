@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Option
 
-from diagrams.cli.columns import tabulate
+from diagrams.batch.columns import tabulate
 from diagrams.cli.output import Table, progress, say
 from diagrams.cli.runner import Report, Run, counting, reports
 

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Annotated
 
 from typer import Option
 
+from diagrams.batch.columns import percent, tabulate
 from diagrams.cli import options
-from diagrams.cli.columns import percent, tabulate
 from diagrams.cli.fly import as_config, flights_table
 from diagrams.cli.output import Table, progress, say
 from diagrams.cli.runner import Report, Run, reports

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 from typer import Argument, Option
 
+from diagrams.batch.columns import Column, tabulate
 from diagrams.cli import options
-from diagrams.cli.columns import Column, tabulate
 from diagrams.cli.output import Advance, Table, progress, say
 from diagrams.cli.runner import Report, Run, reports
 

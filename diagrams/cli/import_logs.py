@@ -5,7 +5,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Argument, Option
 
-from diagrams.cli.output import make_folder, progress, say
+from diagrams.batch.run import make_folder
+from diagrams.cli.output import progress, say
 from diagrams.cli.runner import Report, Run, reports
 
 if TYPE_CHECKING:

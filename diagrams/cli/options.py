@@ -5,7 +5,11 @@ from typing import Annotated
 
 from typer import Option
 
-DEFAULT_SOLVER = "sqp"  # of every verb that flies
+from diagrams.batch.options import DEFAULT_SOLVER as DEFAULT_SOLVER
+from diagrams.batch.options import Neurobem as Neurobem
+from diagrams.batch.options import Reality as Reality
+from diagrams.batch.options import Solver as Solver
+
 EPILOG = (
     "Shared options: --seed fixes every random draw. --out DIR is created where it is missing and holds figures, "
     "logs and models. --json FILE holds schema, version, seed, configuration and every value. --markdown FILE "
@@ -23,10 +27,6 @@ Seed = Annotated[int, Option("--seed", min=0, max=2**31 - 1, help="Seed of every
 Undrawn = Annotated[
     int, Option("--seed", min=0, max=2**31 - 1, hidden=True)
 ]  # of verbs without a random draw
-Seeds = Annotated[
-    int, Option("--seeds", min=1, max=10_000, help="Evaluation flights a row, of seeds seed + 1, …")
-]
-Solver = Annotated[str, Option("--solver", help="sqp | ipopt (MathematicalProgram, the reference)")]
 Jobs = Annotated[int, Option("--jobs", min=1, max=1024, help="Processes on this machine.")]
 DEFAULT_JOBS = 2  # of every verb of many cases
 Scheduler = Annotated[
@@ -42,17 +42,6 @@ OutOfCases = Annotated[
     ),
 ]
 CASES = "cases"  # folder in --out with a file for every case
-Only = Annotated[
-    list[str] | None, Option("--only", help="Only rows of these names (nominal is always flown).")
-]
-Reality = Annotated[
-    Path | None,
-    Option(
-        "--reality",
-        metavar="FILE",
-        help="Fly in the simulator of this scenario, as corrected.yaml of a diagnosis.",
-    ),
-]
 VehicleFile = Annotated[
     OptionalPath,
     Option(
@@ -82,9 +71,5 @@ Step = Annotated[
         max=1.0,
         help="Predictor step for flight logs [s]; default: the vehicle's, 0.02 for arms of 9 to 36 cm.",
     ),
-]
-Neurobem = Annotated[
-    OptionalPath,
-    Option("--neurobem", metavar="DIR", envvar="NP_DRAKE_NEUROBEM", help="Folder of the real flights."),
 ]
 Replay = Annotated[bool, Option("--replay", help="Replay held-out flights in Drake too.")]

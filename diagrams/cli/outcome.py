@@ -9,6 +9,7 @@ import typer
 
 from diagrams.batch.failed_run import FailedRun, one_line
 from diagrams.cli.output import console
+from diagrams.cli.reproduce import STUDIES, VERB
 from np_drake.files.atomic_file import FULL
 from np_drake.files.input_file import guard_inputs
 from np_drake.files.interruption import Ended, last_signal, line
@@ -105,6 +106,8 @@ def _report(app: typer.Typer, arguments: list[str], message: str, code: int) -> 
     within = groups.get(verbs[0]) if verbs else None
     if within is not None and len(arguments) > 1:
         verbs += [command.name for command in within.registered_commands if command.name == arguments[1]]
+    if verbs == [VERB] and arguments[1:2] and arguments[1] in STUDIES:
+        verbs.append(arguments[1])
     message = " ".join(message.split())
     for verb in verbs:
         message = message.removeprefix(f"{verb}: ")

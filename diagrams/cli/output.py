@@ -4,7 +4,7 @@ Only the command line prints. Files appear whole or not at all (`np_drake.files.
 """
 
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from importlib.metadata import version
 from os.path import lexists
@@ -16,6 +16,7 @@ from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table as Grid
 
+from diagrams.batch.run import Advance, Table
 from np_drake.files.atomic_file import is_regular, require_writable, write_json, write_text
 from np_drake.files.interruption import raise_again
 
@@ -23,8 +24,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 WIDTH = 100  # columns a table may take
-Advance = Callable[..., None]  # (done, text="")
-Table = tuple[str, list[str], list[tuple]]  # title, header, rows
 
 
 def console(*, stderr: bool = False) -> Console:
@@ -67,11 +66,6 @@ def progress(description: str, total: float) -> Iterator[Advance]:
         except BaseException:  # of which one line is said, where nobody watches the bar
             bar.console.quiet = not bar.console.is_interactive
             raise
-
-
-def counted(advance: Advance, what: str = "") -> Callable[[int, int], None]:
-    """Return an `on_progress(done, total)` that moves a bar of total 1."""
-    return lambda done, total: advance(done / total, f"{done} of {total} {what}".rstrip())
 
 
 def print_table(title: str, header: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
@@ -146,13 +140,3 @@ def require_folder(path: Path) -> None:
     if not there.is_dir():
         raise NotADirectoryError(f"{there}: must be a folder; it is a file, or a link to nothing.")
     require_writable(there / "any")
-
-
-def make_folder(path: Path) -> Path:
-    """Return the folder of `--out`, created where it is missing.
-
-    Raises: OSError: if nothing can be written in it.
-    """
-    path.mkdir(parents=True, exist_ok=True)
-    require_writable(path / "any")
-    return path

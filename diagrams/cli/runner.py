@@ -14,68 +14,17 @@ import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from diagrams.batch.run import Report, Run, counted, make_folder
 from diagrams.batch.workers import Workers
 from diagrams.cli import options, output
-from diagrams.cli.output import Table
 from np_drake.files.atomic_file import is_regular
 from np_drake.files.run_lock import lock_outputs
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-    from diagrams.batch.campaign import Case, Record
 
 WRITTEN = ("out", "checkpoint")  # options of a body whose file or folder a run holds for itself
 KEYWORD = inspect.Parameter.KEYWORD_ONLY
 Shared = tuple[str, Any, Any]  # an option: name, annotated type, default
-
-
-@dc.dataclass(frozen=True)
-class Run:
-    """Seed, files, folders and workers of one run of a verb."""
-
-    seed: int
-    out: Path | None
-    json: Path | None
-    scratch: Path
-    workers: Workers = dc.field(default_factory=Workers)
-
-    @property
-    def folder(self) -> Path:
-        """Folder of `--out`, created on first use; without it a scratch folder that ends with the run."""
-        return output.make_folder(self.out) if self.out else self.scratch
-
-    def cases(
-        self,
-        title: str,
-        what: str,
-        work: "Callable[[Case], dict]",
-        cases: "Sequence[Case]",
-        **more: Any,
-    ) -> "list[Record]":
-        """Return the records of the cases, worked on behind a progress bar that counts `what`.
-
-        Args: more: `config`, `part` and `keep` of `Workers.run`.
-        """
-        with counting(title, what) as on_progress:
-            return self.workers.run(work, cases, on_progress=on_progress, **more)
-
-
-@dc.dataclass(frozen=True)
-class Report:
-    """Tables of a verb, and what its files hold."""
-
-    tables: Sequence[Table]
-    config: dict[str, Any]
-    metrics: dict[str, Any]  # of --json, behind its head
-    lines: Sequence[str] = ()  # printed above the tables
-    summary: Sequence[str] = ()  # printed below the tables, and in the Markdown file
-    notes: Sequence[str] = ()  # printed below the tables only
-    figures: Mapping[str, Callable[[], "Figure"]] = dc.field(default_factory=dict)  # by file name in --out
-    write: Callable[[Path], None] | None = None  # writes further files into the folder of --out
-    failure: Exception | None = None  # raised when all is written and printed
 
 
 def reports(
@@ -86,8 +35,6 @@ def reports(
     folder: Path | None = None,
     markdown: bool = True,
     many: bool = False,
-    run: Callable[..., Any] = Run,
-    first: Sequence[Shared] = (),
     holds: Sequence[str] = (),
 ) -> Callable[[Callable[..., Report]], Callable[..., None]]:
     """Return a decorator that makes a verb of a body `(run, own options) -> Report`.
@@ -99,8 +46,6 @@ def reports(
         folder: Default of `--out`.
         markdown: Whether there is a `--markdown`.
         many: Whether the verb works on many cases: adds the options of its workers.
-        run: Type of the body's first argument; takes the values of `first` by name.
-        first: Options before the verb's own.
         holds: Further options of the body, besides `WRITTEN`, whose file or folder it writes.
     """
     last: list[Shared] = [
@@ -118,7 +63,7 @@ def reports(
     def decorate(body: Callable[..., Report]) -> Callable[..., None]:
         @functools.wraps(body)
         def verb(**given: Any) -> None:
-            files, flown = ({name: given.pop(name) for name, *_ in group} for group in (last, first))
+            files = {name: given.pop(name) for name, *_ in last}
             written = {name: given[name] for name in (*WRITTEN, *holds) if given.get(name) is not None}
             paths = [path for name, path in written.items() if name in own_files]
             folders = [path for name, path in written.items() if name not in own_files]
@@ -131,8 +76,8 @@ def reports(
             before = _versions(asked)
             held = lock_outputs(folders, [path for path in paths if is_regular(path)])
             with tempfile.TemporaryDirectory() as scratch, held:
-                this = run(files["seed"], files.get("out"), files["json"], Path(scratch), workers, **flown)
-                report = body(this, **given)
+                paths_of_run = (files.get("out"), files["json"], Path(scratch))
+                report = body(Run(files["seed"], *paths_of_run, workers, output.progress), **given)
                 _show(dc.replace(report, notes=[*report.notes, *workers.cost()]))
                 _write_folder(report, files.get("out"))
                 _require_unchanged(asked, before)
@@ -142,7 +87,7 @@ def reports(
 
         _, *own = inspect.signature(body, eval_str=True).parameters.values()
         own_files = {parameter.name for parameter in own if _metavar(parameter) == "FILE"}
-        parameters = [*_parameters(first), *(p.replace(kind=KEYWORD) for p in own), *_parameters(last)]
+        parameters = [*(p.replace(kind=KEYWORD) for p in own), *_parameters(last)]
         verb.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
         verb.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
         return verb
@@ -191,9 +136,9 @@ def _write_folder(report: Report, out: Path | None) -> None:
     if out is None:
         return
     for name, draw in report.figures.items():
-        output.save_figure(draw(), output.make_folder(out) / name)
+        output.save_figure(draw(), make_folder(out) / name)
     if report.write is not None:
-        report.write(output.make_folder(out))
+        report.write(make_folder(out))
 
 
 def _write_asked(
@@ -224,6 +169,11 @@ def _require_unchanged(files: Mapping[str, Path], before: Mapping[str, tuple[int
 
 @contextmanager
 def counting(description: str, what: str = "") -> Iterator[Callable[[int, int], None]]:
-    """Show a progress bar and yield `on_progress(done, total)`, which counts `what` behind it."""
+    """Show a progress bar and yield `on_progress(done, total)`.
+
+    Args:
+        description: what stands before the bar.
+        what: what is counted, behind the bar.
+    """
     with output.progress(description, 1.0) as advance:
-        yield output.counted(advance, what)
+        yield counted(advance, what)

@@ -10,7 +10,11 @@ import numpy as np
 
 from diagrams.batch.arrays import packed, unpacked
 from diagrams.batch.campaign import Case
+from diagrams.batch.columns import percent, tabulate
+from diagrams.batch.options import Neurobem
+from diagrams.batch.run import Report, Run
 from diagrams.batch.workers import Workers, every_result
+from diagrams.prediction.array_flights import neurobem_folder
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.diagnosis.residuals.flight_residuals import make_flight_residuals
 from np_drake.flight_log import FlightLog
@@ -131,3 +135,34 @@ def _rms(parts: Sequence[np.ndarray], channels: tuple[int, ...]) -> float:
     """Return the root of the mean squared norm of these channels."""
     stacked = np.concatenate([p[:, list(channels)] for p in parts])
     return float(np.sqrt(np.mean(np.sum(stacked**2, axis=1))))
+
+
+@dc.dataclass(frozen=True)
+class Options:
+    """Options of the study."""
+
+    neurobem: Neurobem = None
+
+
+def run(run: Run, options: Options) -> Report:
+    """The diagnosis on agile real flights. Each is held out in turn."""
+    folder = neurobem_folder("gap", options.neurobem)
+    with run.counting("real flights") as on_progress:
+        folds = leave_one_out(folder, workers=run.workers, on_progress=on_progress)
+    lines, verdicts = rows(folds), {f.name: f.verdict for f in folds}
+    title = "Real flights, each held out in turn; force [N], torque [N·m]; zero, mean: what predicting these leaves"
+    columns = (
+        ("held out", "flight"),
+        ("RMS of", "group"),
+        ("nominal", "nominal"),
+        ("after", "after"),
+        ("cut", percent("cut")),
+        ("zero", lambda line: line.get("zero")),
+        ("mean", lambda line: line.get("mean")),
+    )
+    return Report(
+        [tabulate(title, lines, columns)],
+        config={"flights": list(verdicts)},
+        metrics={"table": lines, "verdicts": verdicts},
+        lines=[f"{name}: {', '.join(verdict) or 'nothing missing'}" for name, verdict in verdicts.items()],
+    )

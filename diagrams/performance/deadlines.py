@@ -8,16 +8,23 @@ import contextlib
 import dataclasses as dc
 import gc
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
+from matplotlib.figure import Figure
+from typer import Option
 
+from diagrams.batch.columns import fixed, tabulate
+from diagrams.batch.run import Report, Run, Table
 from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight import FlightConfig
 from diagrams.loop.flight_result import FlightResult, fly
 from diagrams.performance.timing import TRACK, TRAINING, ControlLoop
 from diagrams.prediction.learning import train_payload_filter_model
+from diagrams.prediction.learning import train_pendulum_model
+from np_drake.files.figure_file import DASHES, PALETTE, new_figure
 
 RATES = (50, 100, 200)  # of the loop [1/s]
 COLLECTORS = ("by itself", "after")  # when Python's garbage collector runs
@@ -133,3 +140,82 @@ def deadline_line(rate: float, collector: str, times: Paced) -> dict:
         "late_max": float(late.max()),
         "histogram": counts.tolist(),
     }
+
+
+@dc.dataclass(frozen=True)
+class Options:
+    """Options of the study."""
+
+    minutes: Annotated[float, Option(min=0.05, max=60.0, help="Of flight at every rate [min].")] = 10.0
+    rates: Annotated[list[float] | None, Option("--rate", min=10.0, max=500.0, help="Of the loop [1/s].")] = (
+        None
+    )
+
+
+def run(run: Run, options: Options) -> Report:
+    """Deadlines of the loop on this machine, at its own pace. --out DIR: a histogram."""
+    chosen, lines = options.rates or list(RATES), []
+    runs = [(rate, collector) for rate in chosen for collector in COLLECTORS]
+    with run.progress("deadlines") as advance:
+        for number, (rate, collector) in enumerate(runs):
+            if collector == COLLECTORS[0]:
+                advance(number / len(runs), f"{rate:g} Hz: training, flying")
+                flight = record(rate, 60 * options.minutes, run.folder, seed=run.seed)
+
+            def tell(done: int, total: int, number=number, rate=rate, collector=collector) -> None:
+                advance((number + done / total) / len(runs), f"{rate:g} Hz, {collector}")
+
+            lines.append(deadline_line(rate, collector, paced(flight, collector, on_progress=tell)))
+    title = f"{options.minutes:g} min of the {TRACK} at every rate, np: {PREDICTOR}, sqp, seed {run.seed + 1}"
+    config = {"track": TRACK, "minutes": options.minutes, "rates": chosen, "training_seed": run.seed}
+    return Report(
+        [printed(lines, title)],
+        config=config | {"flight_seed": run.seed + 1},
+        metrics={"table": lines, "histogram_edges_ms": EDGES.tolist()},
+        notes=[
+            "response: from a period's instant to its command; late: to waking; missed: response longer than a period",
+            "collector: Python's garbage collector runs by itself, or after each command",
+        ],
+        figures={"deadlines.png": lambda: response_histogram(lines)},
+    )
+
+
+def printed(lines: list[dict], title: str) -> Table:
+    """Return the table of the lines that `deadline_line` gives."""
+    columns = (
+        ("rate [Hz]", fixed("rate", 0)),
+        ("collector", "collector"),
+        ("periods", "periods"),
+        ("missed", "missed"),
+        ("response [ms]", fixed("response", 2)),
+        ("99 %", fixed("response_p99", 2)),
+        ("99.9 %", fixed("response_p99_9", 2)),
+        ("max", fixed("response_max", 1)),
+        ("late, 99 %", fixed("late_p99", 3)),
+        ("max", fixed("late_max", 2)),
+    )
+    return tabulate(title, lines, columns)
+
+
+def response_histogram(lines: Sequence[dict]) -> Figure:
+    """Plot the number of periods by response, with the period as a line.
+
+    Args: lines: of `deadlines.deadline_line`.
+    """
+    rates = list(dict.fromkeys(line["rate"] for line in lines))
+    figure, axes = new_figure(1, len(rates), width=1.2 + 2.6 * len(rates), height=2.8, sharey="row")
+    for ax, rate in zip(axes.ravel(), rates, strict=True):
+        for line in (line for line in lines if line["rate"] == rate):
+            number = COLLECTORS.index(line["collector"])
+            ax.stairs(
+                [max(count, 0.1) for count in line["histogram"]],
+                EDGES,
+                color=PALETTE[number],
+                linestyle=DASHES[number],
+                label=f"collector {line['collector']}",
+            )
+        ax.axvline(1e3 / rate, color="0.4", linewidth=0.8, label="period")
+        ax.set(xscale="log", yscale="log", xlabel="response [ms]", title=f"{rate:g} Hz", ylim=(0.5, None))
+    axes.ravel()[0].set_ylabel("periods")
+    axes.ravel()[-1].legend(fontsize=7)
+    return figure

@@ -9,11 +9,16 @@ from collections.abc import Callable
 
 import numpy as np
 
+from diagrams.batch.columns import fixed, tabulate
+from diagrams.batch.flown import choose_rows
+from diagrams.batch.options import Only
+from diagrams.batch.run import Report, Run, Table
 from diagrams.loop.controllers import LEARNED, make_residual_model
 from diagrams.loop.flight import FlightConfig
 from diagrams.loop.flight_result import FlightResult, fly
 from diagrams.payload.hover_swing import ROWS as HOVER_ROWS
 from diagrams.payload.hover_swing import HoverRow, configure_row
+from diagrams.tracking.tracking import train_models
 from np_drake.labels import LabelFilter, labelled
 from np_drake.mpc.controller import MpcController
 from np_drake.mpc.problem import MpcStatus
@@ -180,3 +185,54 @@ def timing_table(
         lines += [timing_line(row.name, solver, replay(flight, solver)) for solver in solvers]
         on_progress(number + 1, len(rows))
     return lines
+
+
+PERIODS = 250  # of the timing table [1]
+
+
+@dc.dataclass(frozen=True)
+class Options:
+    """Options of the study."""
+
+    only: Only = None
+
+
+def run(run: Run, options: Options) -> Report:
+    """What a period costs. As ratios to a reference calculation in the same run."""
+    rows, flight_seed = choose_rows(ROWS, options.only), run.seed + 1
+    with run.counting("timing", "controllers") as on_progress:
+        models = train_models(rows, run.folder, seed=run.seed, solver="sqp")
+        lines = timing_table(models, periods=PERIODS, seed=flight_seed, rows=rows, on_progress=on_progress)
+    mpc = dc.asdict(timing_config(rows[0], periods=PERIODS, solver="sqp").controller.mpc)
+    title = f"{PERIODS} periods of the {TRACK}, seed {flight_seed}, np trained on seed {run.seed}"
+    config = {"track": TRACK, "periods": PERIODS, "mpc": mpc}
+    return Report(
+        [timing_printed(lines, f"{title}; median / 95 % quantile")],
+        config=config | {"training_seed": run.seed, "flight_seed": flight_seed},
+        metrics={"table": lines},
+        notes=[
+            "processor time of one process; ratio: to the pseudo-inverse of a 40 x 30 matrix in the same run "
+            f"({lines[0]['reference']:.3f} ms); paper: lift and refit < {PAPER['predict']:g} ms, "
+            f"solve < {PAPER['solve']:g} ms on an i5-1135G7.",
+            f"MPC of the first row: {mpc}",
+        ],
+    )
+
+
+def timing_printed(lines: list[dict], title: str) -> Table:
+    """Return the table of the lines that `timing_table` gives."""
+
+    def pair(key: str, digits: int, factor: float = 1.0):
+        return lambda line: f"{factor * line[key]:.{digits}f} / {factor * line[f'{key}_p95']:.{digits}f}"
+
+    columns = (
+        ("controller", "row"),
+        ("solver", "solver"),
+        ("predict [ms]", pair("predict", 2)),
+        ("ratio", fixed("predict_ratio", 1)),
+        ("solve [ms]", pair("solve", 1)),
+        ("ratio", fixed("solve_ratio", 0)),
+        *((f"load at {rate} Hz [%]", pair(f"load_{rate}", 0, 100)) for rate in RATES),
+        ("failed", "failures"),
+    )
+    return tabulate(title, lines, columns)

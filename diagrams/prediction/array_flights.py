@@ -6,6 +6,13 @@ from pathlib import Path
 import numpy as np
 
 from np_drake.logs.formats.neurobem import TESTS, TRAINING, read_wrenches
+from diagrams.batch.options import required
+from diagrams.batch.run import Advance, Run
+from np_drake.lifting.model.lifted_model import DEFAULT, PAPER, LiftedModel
+from np_drake.lifting.training.train import make_config, train
+from np_drake.logs.neurobem import TESTS, TRAINING, read_neurobem_npy
+from np_drake.residual_model import FlightForecasts
+from np_drake.residual_models.neural_predictor import NeuralPredictor, PredictorOptions
 from np_drake.skill.response import jerk
 from np_drake.training_data.segments import Segment
 
@@ -37,3 +44,72 @@ def flights(folder: Path) -> list[Flight]:
     names = {TRAINING: "training segment", **TESTS}
     found = [(name, read_wrenches(folder / "npy" / f"{stem}.npy")) for stem, name in names.items()]
     return [Flight(name, Segment(s.chi, s.zeta, s.step)) for name, s in found]
+
+
+def arrays(study: str, neurobem: Path | None) -> list[Flight]:
+    """Return the arrays of the real flights, the training segment first.
+
+    Args:
+        study: name of the study that asks.
+        neurobem: folder of the flights; None: it was not given.
+    Raises: ValueError: if the folder is not given, or a flight is not usable.
+    """
+    return flights(neurobem_folder(study, neurobem))
+
+
+def neurobem_folder(study: str, neurobem: Path | None) -> Path:
+    """Return the folder of the NeuroBEM flights.
+
+    Args:
+        study: name of the study that asks.
+        neurobem: folder; None: it was not given.
+    Raises: ValueError: if it is not given.
+    """
+    where = "give the folder of the NeuroBEM flights as --neurobem DIR or NP_DRAKE_NEUROBEM."
+    return required(neurobem, f"{study}: {where}")
+
+
+def trained(
+    run: Run, training: Flight, epochs: int | None = None
+) -> tuple[dict[str, LiftedModel], dict[str, dict]]:
+    """Train `paper` and `default` on one segment.
+
+    Args:
+        run: seed and progress bar.
+        training: training segment.
+        epochs: passes of `paper`; None: its default.
+    Returns: the models and their settings, by configuration.
+    """
+    models, settings = {}, {}
+    for name in (PAPER, DEFAULT):
+        config = make_config(name, frame="body", seed=run.seed, epochs=epochs)
+        with run.progress(f"training {name}") as advance:
+
+            def tell(epoch: int, total: int, loss: float, advance: Advance = advance) -> None:
+                advance(epoch / total, f"loss {loss:.4g}")
+
+            models[name] = train([training.segment], config, on_epoch=tell).model
+            advance(1.0)
+        settings[name] = dc.asdict(config)
+    return models, settings
+
+
+def settings_lines(settings: dict[str, dict]) -> list[str]:
+    """Return a line for every configuration with its settings."""
+    return [f"{name}: {values}" for name, values in settings.items()]
+
+
+def forecasts(model: LiftedModel, flight: Flight) -> FlightForecasts:
+    """Return all forecasts of a model on a flight, force and torque predicted.
+
+    Args:
+        model: trained model.
+        flight: flight of at least its window.
+    Raises: ValueError: if it is too short.
+    """
+    course = NeuralPredictor(model, PredictorOptions(torque="predict")).along(
+        flight.segment.chi, flight.segment.zeta
+    )
+    if course is None or len(flight.segment) < model.window + 2:
+        raise ValueError(f"{flight.name}: at least {model.window + 2} samples are needed.")
+    return course

@@ -5,8 +5,7 @@ import dataclasses as dc
 import numpy as np
 from matplotlib.figure import Figure
 
-from diagrams.prediction.array_flights import Flight
-from diagrams.prediction.estimation import forecasts
+from diagrams.prediction.array_flights import Flight, forecasts
 from np_drake.files.figure_file import DASHES, PALETTE, new_figure
 from np_drake.lifting.model.lifted_model import LiftedModel
 

@@ -6,11 +6,13 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from diagrams.batch.campaign import Case
+from diagrams.batch.options import Neurobem
+from diagrams.batch.run import Report, Run
 from diagrams.batch.workers import Workers, every_result
-from diagrams.prediction.array_flights import Flight
-from diagrams.prediction.estimation import NAIVE, OURS, forecasts
-from np_drake.lifting.model.lifted_model import LiftedModel
-from np_drake.lifting.training.train import Config, train
+from diagrams.prediction.array_flights import Flight, arrays, forecasts, settings_lines, trained
+from diagrams.prediction.estimation import NAIVE, OURS
+from np_drake.lifting.model.lifted_model import DEFAULT, LiftedModel
+from np_drake.lifting.training.train import Config, make_config, train
 from np_drake.residual_model import FlightForecasts
 from np_drake.skill.response import aggressive, lag
 from np_drake.skill.skill import mean_interval, naive_predictions
@@ -133,3 +135,27 @@ def _cell(lines: list[dict], kind: str) -> str:
     spread = f" ±{(high - low) / 2:.1f}" if len(found) > 1 else ""
     missing = f", {len(lags) - len(found)} without" if len(found) < len(lags) else ""
     return f"{mean:.1f}{spread} ({correlation:.2f}{missing})"
+
+
+@dc.dataclass(frozen=True)
+class Options:
+    """Options of the study."""
+
+    neurobem: Neurobem = None
+
+
+def run(run: Run, options: Options) -> Report:
+    """How late the prediction is. Its lag behind the label where jerk is largest."""
+    training, *tests = arrays("response", options.neurobem)
+    models, settings = trained(run, training)
+    config = make_config(DEFAULT, frame="body", seed=run.seed)
+    with run.counting("flights") as on_progress:
+        lines = response_lines(
+            *(models, training, tests),
+            config=config,
+            settings=settings,
+            workers=run.workers,
+            on_progress=on_progress,
+        )
+    said = [f"seed {run.seed}", *settings_lines(settings)]
+    return Report([printed(lines)], config=settings, metrics={"table": lines}, lines=said)

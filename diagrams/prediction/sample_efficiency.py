@@ -9,11 +9,15 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
 from diagrams.batch.campaign import Case
+from diagrams.batch.options import Neurobem
+from diagrams.batch.run import Report, Run, Table
 from diagrams.batch.workers import Workers, every_result
-from diagrams.prediction.array_flights import Flight
+from diagrams.prediction.array_flights import Flight, arrays, settings_lines
 from np_drake.files.figure_file import DASHES, PALETTE, new_figure
 from np_drake.lifting.model.lifted_model import MODE_DICTIONARY, PAPER
 from np_drake.lifting.training.train import Config, train
+from np_drake.lifting.model.lifted_model import DEFAULT, PAPER
+from np_drake.lifting.training.train import Config, make_config, train
 from np_drake.residual_model import ResidualModel
 from np_drake.residual_models.linear_baselines import fit_dmdc
 from np_drake.residual_models.neural_predictor import NeuralPredictor, PredictorOptions
@@ -195,3 +199,47 @@ def _published(ax, kind: str) -> None:
             [p["samples"] / 1000 for p in of], [p[kind] for p in of], marker=marker, linestyle=line, color=colour,
             linewidth=0.8, markersize=7, label=f"{row} (published)",
         )  # fmt: skip
+
+
+@dc.dataclass(frozen=True)
+class Options:
+    """Options of the study."""
+
+    neurobem: Neurobem = None
+
+
+def run(run: Run, options: Options) -> Report:
+    """Error against training samples. On race track 1; --out DIR: figure."""
+    training, *tests = arrays("sample-efficiency", options.neurobem)
+    test = next(flight for flight in tests if flight.name == "race track 1")
+    configs = {name: make_config(name, frame="body", seed=run.seed) for name in (PAPER, DEFAULT)}
+    with run.counting("models") as on_progress:
+        points = sample_efficiency(training, test, configs, workers=run.workers, on_progress=on_progress)
+    step, settings = test.segment.step, {name: dc.asdict(config) for name, config in configs.items()}
+    title = f"RMSE on {test.name} against training samples, mean over disjoint pieces of the training segment"
+    of_figure = f"{title} · seed {run.seed}"
+    lines = [{**dc.asdict(p), "horizon": p.horizon * step} for p in points]
+    return Report(
+        [_efficiency_table(points, step, title)],
+        config=settings,
+        metrics={"table": lines, "published": PUBLISHED},
+        lines=[f"seed {run.seed}", *settings_lines(settings)],
+        figures={"sample_efficiency.png": lambda: efficiency_figure(points, step, of_figure)},
+    )
+
+
+def _efficiency_table(points: list[Point], step: float, title: str) -> Table:
+    rows = []
+    for name in dict.fromkeys(p["row"] for p in PUBLISHED):
+        given = {p["samples"]: f"{p['force']} / {p['torque']}" for p in PUBLISHED if p["row"] == name}
+        rows.append((f"{1e3 * step:.3g} ms", f"{name} (published)", *(given.get(size) for size in SIZES)))
+    for horizon in sorted({p.horizon for p in points}):
+        for row in dict.fromkeys(p.row for p in points):
+            of = {p.samples: p for p in points if (p.row, p.horizon) == (row, horizon)}
+            cells = [_range(of.get(0) or of[size]) for size in SIZES]
+            rows.append((f"{1e3 * horizon * step:.3g} ms", row, *cells))
+    return f"{title}; N / N·m", ["ahead", "", *map(str, SIZES)], rows
+
+
+def _range(point: Point) -> str:
+    return f"{point.force[0]:.3g} / {point.torque[0]:.3g}"

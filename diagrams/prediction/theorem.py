@@ -2,12 +2,16 @@
 
 import dataclasses as dc
 from collections.abc import Callable
+from typing import Annotated
 
 import numpy as np
+from typer import Option
 
 from diagrams.batch.campaign import Case
-from diagrams.batch.workers import Workers, results
-from diagrams.prediction.array_flights import Flight
+from diagrams.batch.options import Neurobem
+from diagrams.batch.run import Report, Run
+from diagrams.batch.workers import Workers, failures, results
+from diagrams.prediction.array_flights import Flight, arrays, trained
 from np_drake.lifting.bounds.bound_check import BoundCheck, check_flight
 from np_drake.lifting.bounds.error_bound import largest_changes
 from np_drake.lifting.model.encoders import Phi
@@ -167,3 +171,37 @@ def printed(lines: list[dict]) -> tuple[str, list[str], list[tuple]]:
 
 def _percent(share: float) -> str:
     return f"{100 * share:.4g}" if share == share else "–"
+
+
+@dc.dataclass(frozen=True)
+class Options:
+    """Options of the study."""
+
+    neurobem: Neurobem = None
+    spacing: Annotated[int, Option(min=1, max=1_000_000, help="Samples between windows; 1: all.")] = 1
+
+
+def run(run: Run, options: Options) -> Report:
+    """Theorem 1, corrected: bound against error. In every window of the real flights."""
+    flights = arrays("theorem", options.neurobem)
+    models, settings = trained(run, flights[0])
+    with run.counting("every window") as on_progress:
+        lines = bound_table(
+            models,
+            flights,
+            spacing=options.spacing,
+            config=settings,
+            workers=run.workers,
+            on_progress=on_progress,
+        )
+    horizon = f"horizon {STEPS[-1]} steps, every {options.spacing}. window."
+    return Report(
+        [printed(lines)],
+        config=settings,
+        metrics={"table": lines},
+        lines=[
+            f"seed {run.seed}, trained on {flights[0].name}; {horizon}",
+            *assumption_lines(lines),
+        ],
+        notes=failures(run.workers.finished),
+    )

@@ -4,15 +4,23 @@ A margin is found by bisection, a flight a step. It presumes that a flight which
 """
 
 import dataclasses as dc
+import math
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+from typer import Option
 
 from diagrams.batch.campaign import Case, Record
+from diagrams.batch.columns import Column, tabulate
+from diagrams.batch.flown import FlownOptions, FlownRun, choose_rows
+from diagrams.batch.options import Only, Seeds
+from diagrams.batch.run import Report, Run, Table, counted
+from diagrams.batch.workers import failures, require_result
 from diagrams.robustness.axes import BASE
 from diagrams.robustness.measures import GROWING
-from diagrams.robustness.robustness import ROWS, Flying, Progress, Sweep, model_digests
+from diagrams.robustness.robustness import ROWS, Flying, Progress, Sweep, campaign_config, model_digests
+from diagrams.robustness.sweep import make_sweep, title_of, trained
 from diagrams.tracking.tracking import Row
 from np_drake.metrics import half_width
 
@@ -144,3 +152,65 @@ def _margin(margin: Margin, records: Sequence[Record]) -> dict:
         "ci95": half_width(np.array(known)) if whole else None,
         "end": whole and all(value == margin.values[-1] for value in known),
     }
+
+
+# Each third of what is scored then holds a lap at 1.5 m/s, and growth compares like with like.
+WholeLaps = Annotated[float, Option(min=20.0, help="Of a flight, after the ramp [s].")]
+
+
+@dc.dataclass(frozen=True)
+class Options(FlownOptions):
+    """Options of the study."""
+
+    seeds: Seeds = 3
+    only: Only = None
+    duration: WholeLaps = 20.0
+
+
+def run(run: Run, options: Options) -> Report:
+    """Largest delay and loop gain that each controller bears. With the --out DIR of robustness: its models."""
+    run = FlownRun.of(run, options)
+    sweep = make_sweep(run, options.duration)
+
+    rows = choose_rows(ROWS, options.only)
+    with run.progress("margins") as advance:
+        trainings, records = run_margins(
+            sweep,
+            seeds=run.seeds,
+            rows=rows,
+            on_training=trained(advance),
+            on_progress=counted(advance, "margins"),
+        )
+    require_result(records)
+    lines = margin_table(records)
+    config = campaign_config(run.seed, run.solver, options.duration) | {"seeds": run.seeds}
+    return Report(
+        [margins_printed(lines, title_of(run, options.duration))],
+        config=config,
+        metrics={"table": lines, "runs": [*trainings, *records]},
+        notes=failures([*trainings, *records]),
+    )
+
+
+def margins_printed(lines: list[dict], title: str) -> Table:
+    """Return the table of margins: mean and 95 % interval over the seeds, and every seed's value."""
+    columns: list[Column] = [("controller", "row"), ("speed [m/s]", lambda line: f"{line['speed']:g}")]
+    for margin in MARGINS:
+        columns.append((f"{margin.title} [{margin.unit}]", _cell(margin)))
+    said = "last value at which the vehicle stays within 1 m of the reference and its error does not grow"
+    return tabulate(f"{said}; {title}", lines, columns)
+
+
+def _cell(margin: Margin):
+    """Return the cell of a margin: `mean ± half interval (value of every seed)`; `≥`, `≤` at the end of the search."""
+    outward = "≥ " if margin.values[-1] > margin.values[0] else "≤ "
+
+    def cell(line: dict) -> str:
+        found = line["margins"][margin.name]
+        seeds = ", ".join("none" if value is None else f"{value:g}" for value in found["values"])
+        if found["mean"] is None:
+            return f"({seeds})"
+        width = "" if math.isnan(found["ci95"]) else f" ± {found['ci95']:.2g}"
+        return f"{outward if found['end'] else ''}{found['mean']:.3g}{width} ({seeds})"
+
+    return cell

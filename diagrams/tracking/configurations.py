@@ -1,9 +1,18 @@
 """Comparison of all configurations of the Neural Predictor in flight, trained on one flight, in the same loop."""
 
+import dataclasses as dc
+
 import numpy as np
 
+from diagrams.batch.columns import fixed, spread, tabulate
+from diagrams.batch.flown import FlownOptions, FlownRun, choose_rows
+from diagrams.batch.options import Only
+from diagrams.batch.run import Report, Run, Table
+from diagrams.batch.workers import failures
+from diagrams.tracking import campaign as flights
+from diagrams.tracking import tracking
 from diagrams.tracking.tracking import Row
-from np_drake.lifting.training.train import CONFIGURATIONS
+from np_drake.lifting.training.train import CONFIGURATIONS, make_config
 
 TRAINING = "training_circle"  # experiment that all are trained on
 PREFIX = "np: "  # of a row's name, before that of its configuration
@@ -46,3 +55,47 @@ def _centimetres(mean: float, sd: float) -> str:
     if not np.isfinite(mean):
         return "lost"
     return f"{100 * mean:.2f}" + (f" ± {100 * sd:.2f}" if np.isfinite(sd) else "")
+
+
+@dc.dataclass(frozen=True)
+class Options(FlownOptions):
+    """Options of the study."""
+
+    only: Only = None
+
+
+def run(run: Run, options: Options) -> Report:
+    """Every configuration of the predictor in the loop. All are trained on one flight; --out DIR: models."""
+    run = FlownRun.of(run, options)
+    rows = choose_rows(ROWS, options.only)
+    summaries = run.fly("configurations", flights.run_tracking, rows)
+    lines, places = tracking.table(summaries, rows), ranking(summaries)
+    used = {
+        row.configuration: make_config(row.configuration, seed=run.seed) for row in rows if row.configuration
+    }
+    configs = {name: dc.asdict(c) for name, c in used.items()}
+    best = [{"row": name, "mean": mean, "sd": sd} for name, mean, sd in places]
+    return Report(
+        [printed(lines, f"{run.title()}; ± standard deviation over seeds")],
+        config={**run.settings, "mpc": tracking.frozen_weights(), "configurations": configs},
+        metrics={"table": lines, "ranking": best, "runs": summaries},
+        notes=[
+            *failures(run.workers.finished),
+            verdict(places),
+            f"training: {TRAINING}, seed {run.seed}; evaluation: seeds {run.seeds}",
+            *(f"{name}: {c}" for name, c in used.items()),
+        ],
+    )
+
+
+def printed(lines: list[dict], title: str) -> Table:
+    """Return the table of the lines that `tracking.table` gives; errors in cm."""
+    columns = (
+        ("track", "track"),
+        ("controller", "row"),
+        ("E_xy [cm]", spread("E_xy", by="sd")),
+        ("E_z [cm]", spread("E_z", by="sd")),
+        ("growth", fixed("growth", 2)),
+        ("failed", "solve_failures"),
+    )
+    return tabulate(title, sorted(lines, key=lambda line: line["track"]), columns)

@@ -8,6 +8,10 @@ import numpy as np
 
 from diagrams.loop.controllers import FILTER_MODEL, MODELS, NP_MODEL
 from diagrams.prediction.learning import train_payload_filter_model, train_predictor
+from diagrams.batch.run import NoOptions as Options
+from diagrams.batch.run import Report, Run
+from diagrams.loop.controllers import DEFAULT_MODEL, FLYING_MODEL, MODELS
+from diagrams.prediction.learning import train_pendulum_model, train_predictor
 from diagrams.tracking.tracking import DITHERED, training_flight
 from np_drake.lifting.model.model_file import read_tensors, schema_of
 
@@ -68,3 +72,23 @@ def tensor_difference(a: dict[str, np.ndarray], b: dict[str, np.ndarray]) -> Dif
         else:
             from_zero.append(float(apart))
     return Difference(max(relative), max(from_zero))
+
+
+def run(run: Run, options: Options) -> Report:
+    """Make the packaged model files anew, and compare them with those in the package. --out DIR: the files."""
+    with run.progress("packaged models") as advance:
+        files = make_packaged_models(
+            run.folder, on_step=lambda done, total, text: advance(done / total, text)
+        )
+    lines = [
+        {"file": file.name, "bytes": file.stat().st_size, **difference(file)._asdict()} for file in files
+    ]
+    rows: list[tuple] = [
+        (line["file"], line["bytes"], f"{line['relative']:.2g}", f"{line['from_zero']:.2g}") for line in lines
+    ]
+    title = f"largest differences from the packaged files; training flight of the demo, seed {SEED}, {SOLVER}"
+    return Report(
+        [(title, ["file", "size [B]", "over the packaged one [1]", "where that is zero [SI]"], rows)],
+        config={"seed": SEED, "solver": SOLVER},
+        metrics={"models": lines},
+    )

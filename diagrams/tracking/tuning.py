@@ -7,7 +7,10 @@ from collections.abc import Callable
 import numpy as np
 
 from diagrams.batch.campaign import Case
-from diagrams.batch.workers import Workers, results
+from diagrams.batch.columns import tabulate
+from diagrams.batch.run import NoOptions as Options
+from diagrams.batch.run import Report, Run
+from diagrams.batch.workers import Workers, failures, results
 from diagrams.loop.experiments import load_experiment, settings_of
 from diagrams.loop.flight_result import fly
 
@@ -61,3 +64,25 @@ def weight_table(
     config = {"motor_lag": LAG, "allowed": EFFORT, "lemniscate": settings_of(load_experiment("lemniscate"))}
     records = (workers or Workers()).run(score, cases, config=config, on_progress=on_progress)
     return sorted(results(records), key=lambda line: (not line["allowed"], line["E_xy"]))
+
+
+def run(run: Run, options: Options) -> Report:
+    """How the MPC's weights were chosen. On the vehicle without payload."""
+    with run.counting("weights") as on_progress:
+        lines = weight_table(seed=run.seed, workers=run.workers, on_progress=on_progress)
+    title = f"factors on the frozen weights; lemniscate, no payload, motor lag {LAG} s, seed {run.seed}"
+    columns = (
+        ("position", "position"),
+        ("torque", "torque"),
+        ("E_xy [cm]", lambda line: round(100 * line["E_xy"], 2)),
+        ("E_z [cm]", lambda line: round(100 * line["E_z"], 2)),
+        ("torque RMS [N·m]", lambda line: round(line["torque_rms"], 4)),
+        ("allowed", lambda line: "yes" if line["allowed"] else "no"),
+    )
+    config = {"allowed_torque_rms": EFFORT, "motor_lag": LAG}
+    return Report(
+        [tabulate(title, lines, columns)],
+        config=config,
+        metrics={"table": lines},
+        notes=failures(run.workers.finished),
+    )

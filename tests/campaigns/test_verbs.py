@@ -9,6 +9,7 @@ from verbs import VERBS
 from verbs_alike import TIME, cells, differences, timeless
 
 from diagrams.cli.app import app
+from diagrams.cli.reproduce import STUDIES
 
 
 def of_many_cases(command: Any, name: str = "") -> Iterator[str]:
@@ -20,7 +21,8 @@ def of_many_cases(command: Any, name: str = "") -> Iterator[str]:
 
 
 def test_every_verb_of_many_cases_is_compared():
-    assert set(VERBS) == set(of_many_cases(typer.main.get_command(app)))
+    studies = {f"reproduce {name}" for name, study in STUDIES.items() if study.many}
+    assert set(VERBS) == {*of_many_cases(typer.main.get_command(app)), *studies}
 
 
 @pytest.mark.parametrize("other", [1.0, None, "1", [1.0]])

@@ -37,16 +37,6 @@ VERBS: dict[str, Verb] = {
     "challenge solve": Verb(
         "{set}/cases", "--out {out}", "*/diagnosis.json", frozenset({"wall", "peak_memory"})
     ),
-    "challenge golden": Verb(
-        "--only clean/88/drake/clean --only clean/89/rotorpy/real --only single/mass_error/drake/clean",
-        "--out {out}.json --resume {out}/cases",
-    ),
-    "challenge logs": Verb("--flights 6 --wrong 3 --only thinned --only conventions"),
-    "challenge active": Verb(
-        "--seeds 2 --flights 1 --arms designed --seconds 5",
-        times=frozenset({"design_median", "design_most", "design_seconds"}),
-        columns=("design, median [s]", "most [s]"),
-    ),
     "reproduce tracking": Verb("--seeds 1 --only np", times=FLIGHT),
     "reproduce configurations": Verb("--seeds 1 --only hold", times=FLIGHT),
     "reproduce weights": Verb(""),
@@ -59,10 +49,9 @@ VERBS: dict[str, Verb] = {
     "reproduce payload-flights": Verb(
         "{real} --only ridge --only pendulum", times=frozenset({"wall", "training"})
     ),
-    "reproduce pendulum": Verb(""),
+    "reproduce tether": Verb(""),
     "reproduce hover": Verb("--seeds 2 --only hold", times=FLIGHT),
     "reproduce attach": Verb("--seeds 1", times=FLIGHT),
-    "reproduce cooperative": Verb("--vehicles 2 --seeds 1", times=FLIGHT),
     "reproduce robustness": Verb("--seeds 1 --only np --axis loss --duration 10", times=FLIGHT),
     "reproduce margins": Verb("--seeds 1 --only hold", times=FLIGHT),
     "reproduce faults": Verb("--flights 4 --only nominal", times=FLIGHT),

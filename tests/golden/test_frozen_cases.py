@@ -1,12 +1,15 @@
 """Frozen cases have the answers that were stored: ten here, all of them by `make golden`."""
 
-from pathlib import Path
+import copy
+from collections import Counter
 
+import frozen_cases
 import pytest
+from frozen_cases import answer, differences, golden_cases, read_answers
 
-from diagrams.challenge.golden import answer, differences, golden_cases, read_answers
+from np_drake.effects.library import LIBRARY
 
-STORED = read_answers(Path(__file__).with_name("answers.json"))
+STORED = read_answers(frozen_cases.STORED)
 SUITE_TOLERANCE = 1e-4  # relative: another processor rounds otherwise in a search of some thousand products
 SUITE = (  # ten of all kinds; `make golden` compares all of them
     "single/constant_wind/drake/clean",
@@ -29,3 +32,35 @@ def test_a_frozen_case_is_answered_as_it_was(name):
 
 def test_all_cases_have_a_stored_answer():
     assert set(golden_cases()) <= set(STORED)
+
+
+def test_every_effect_is_flown_alone_in_both_simulators_and_qualities():
+    singles = [case for case in golden_cases().values() if case[2].kind == "single"]
+    for position, values in ((0, {"drake", "rotorpy"}), (1, {"clean", "real"})):
+        flown = {(case[position], case[2].names[0]) for case in singles}
+        assert flown == {(value, name) for value in values for name in LIBRARY}
+
+
+def test_every_kind_of_case_is_flown_in_every_setting():
+    kinds = Counter((simulator, quality, draw.kind) for simulator, quality, draw in golden_cases().values())
+    assert len(kinds) == 4 * 6
+
+
+@pytest.mark.parametrize("name", SUITE)
+def test_an_answer_does_not_differ_from_itself(name):
+    assert differences(STORED[name], copy.deepcopy(STORED[name]), 0.0) == []
+
+
+@pytest.mark.parametrize("off, lines", [(0.5e-6, 0), (2e-6, 1)])
+def test_a_parameter_may_be_off_by_the_tolerance_of_its_size(off, lines):
+    reference = STORED["single/constant_wind/drake/clean"]
+    found = copy.deepcopy(reference)
+    values = next(iter(found["causes"]["constant_wind"]["parameters"].values()))
+    values[0] += off * max(map(abs, values))
+    assert len(differences(reference, found, 1e-6)) == lines
+
+
+def test_another_verdict_is_the_one_difference_that_is_told():
+    reference = STORED["clean/90/drake/real"]
+    found = {**copy.deepcopy(reference), "verdict": ["mass_error"], "unknown_probability": 1.0}
+    assert differences(reference, found, 0.0) == [f"verdict: {reference['verdict']} -> ['mass_error']"]

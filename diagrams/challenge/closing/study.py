@@ -2,15 +2,22 @@
 
 import dataclasses as dc
 import functools
+import math
 import tempfile
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+from typer import Option
 
 from diagrams.batch.campaign import Case
+from diagrams.batch.columns import tabulate
+from diagrams.batch.flown import FlownOptions, FlownRun
+from diagrams.batch.options import Seeds
+from diagrams.batch.run import Report, Run, Table
+from diagrams.batch.workers import failures, results
 from diagrams.challenge.closing import designs, reality
 from diagrams.challenge.closing.designs import Chosen, Design, Errors, chosen_in, flown, learned
 from diagrams.challenge.closing.reality import diagnosed_flights, nominal_reality, withheld_reality
@@ -18,6 +25,7 @@ from diagrams.challenge.closing.simulators import real_vehicle, simulator_settin
 from diagrams.gap.corrected import corrected_simulator, drawn
 from diagrams.loop.flight import FlightConfig
 from np_drake.diagnosis.diagnose import diagnose
+from np_drake.mpc.solvers import require_solver
 from np_drake.vehicle import Vehicle
 
 SAMPLES = 3  # simulators of the posterior, in which together one controller is made [1]
@@ -186,3 +194,57 @@ def _off(size: Size, result: dict, row: str) -> float:
 def _median(values: Iterable[float]) -> float:
     known = [value for value in values if not np.isnan(value)]
     return float(np.quantile(known, 0.5, method="nearest")) if known else np.nan
+
+
+@dc.dataclass(frozen=True)
+class Options(FlownOptions):
+    """Options of the study."""
+
+    seeds: Seeds = 40
+    simulator: Annotated[
+        str, Option(metavar="NAME", help="In which the real vehicle flies: drake | rotorpy.")
+    ] = "drake"
+
+
+def run(run: Run, options: Options) -> Report:
+    """Vehicles with withheld effects: diagnosed, then flown by controllers of several simulators.
+
+    A seed is a vehicle. It flies three times under `hold` and is diagnosed. In the nominal simulator, in the corrected
+    one, and in draws from its posterior, predictors are trained, and of all controllers the one that flies the circle
+    best there is flown on the vehicle. With rotorpy the vehicle has that simulator's rigid body, rotors, drag, lift and
+    motor lag, and there is no oracle. --out DIR: cases to resume from.
+    """
+    run = FlownRun.of(run, options)
+    require_solver(run.solver)
+    config = settings(run.solver, options.simulator)
+    cases = [{"seed": seed} for seed in run.seeds]
+    flown = Closing(run.solver, options.simulator)
+    records = run.cases("closing", "vehicles", flown, cases, config=config)
+    found = results(records)
+    lines, gains = table(found), gained(found)
+    seeds = f"seeds {run.seeds[0]} … {run.seeds[-1]}"
+    return Report(
+        closing_printed(lines, gains, f"{len(found)} vehicles in {options.simulator}, {seeds}, {run.solver}"),
+        config=config | {"seeds": run.seeds},
+        metrics={"table": lines, "gains": gains, "runs": records},
+        notes=failures(records),
+    )
+
+
+def closing_printed(lines: Sequence[dict], gains: dict[str, float], title: str) -> list[Table]:
+    """Return the table of rows [cm], and that of the gains."""
+
+    def centimetres(key: str):
+        return lambda line: f"{100 * line[key]:.2f}" if math.isfinite(line[key]) else "lost"
+
+    columns = (
+        ("controller", "row"),
+        ("E_xy, median [cm]", centimetres("median")),
+        ("quarter", centimetres("lower")),
+        ("three quarters", centimetres("upper")),
+        ("E_z [cm]", centimetres("E_z")),
+        ("lost", "lost"),
+        ("chosen", "chosen"),
+    )
+    rows = [(name, f"{value:.3g}") for name, value in gains.items()]
+    return [tabulate(title, lines, columns), ("medians over the vehicles", ["gain", "value [1]"], rows)]

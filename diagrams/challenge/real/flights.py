@@ -1,11 +1,13 @@
 """Vehicles of the campaigns, and their flights as the import layer opens them."""
 
 import dataclasses as dc
+from collections.abc import Sequence
 from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
 
+from diagrams.batch.run import Run
 from diagrams.challenge.real.cases import Case
 from np_drake.flight_log import FlightLog
 from np_drake.logs import opening
@@ -86,3 +88,22 @@ def _commanded(path: Path) -> LogMap:
     if found is None or not found.thrust or not found.torque:
         raise LogError(f"{path}: must hold the commanded thrust and torque (ctrlLee); it does not.")
     return found
+
+
+def require_logs(run: Run, cases: Sequence[Case]) -> None:
+    """Open every log once before the long work.
+
+    Args:
+        run: shows progress.
+        cases: cases whose logs are opened.
+    Raises: LogError: one line with file and reason, at the first that is not usable; OSError: if it cannot be opened.
+    """
+    wanted = {
+        (path, vehicle_of(case.group).input): case
+        for case in cases
+        for path in (*case.train, case.held_out, *case.still)
+    }
+    with run.progress("opening the logs", len(wanted)) as advance:
+        for number, ((path, _), case) in enumerate(wanted.items(), start=1):
+            open_flights(path, vehicle_of(case.group))
+            advance(number, path.name)

@@ -1,14 +1,19 @@
 """Open-loop replay of real flights in the nominal and in the corrected simulator, and the payload's path."""
 
 import dataclasses as dc
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from diagrams.challenge.real.cases import GROUPS, Case, cases_by_name
-from diagrams.challenge.real.flights import open_case
+from diagrams.batch.columns import MISSING, tabulate
+from diagrams.batch.options import Group, Neurobem, RealFlights, required
+from diagrams.batch.run import Report, Run, Table
+from diagrams.batch.workers import failures, require_result
+from diagrams.challenge.real.cases import GROUPS, Case, cases_by_name, make_cases
+from diagrams.challenge.real.flights import open_case, require_logs
 from diagrams.challenge.real.logged_payload import logged_payload
 from diagrams.challenge.real.payload_position import error, make_drive, open_loop
 from diagrams.gap.drake_replay import DrakeReplay
@@ -111,3 +116,62 @@ def _at_end(result: dict[str, Any], simulator: str) -> float:
 
 def _median(values: Sequence[float]) -> float:
     return float(np.median(values)) if values else float("nan")
+
+
+@dc.dataclass(frozen=True)
+class Options:
+    """Options of the study."""
+
+    folder: RealFlights = None
+    neurobem: Neurobem = None
+    only: Group = None
+
+
+def run(run: Run, options: Options) -> Report:
+    """Real flights replayed open loop, nominal and corrected simulator. --out DIR: cases to resume from."""
+    folder = required(options.folder, "replay: give the folder of the real flights as DIR or NP_DRAKE_REAL.")
+
+    chosen = make_cases(folder, options.neurobem, options.only or ())
+    require_logs(run, chosen)
+    cases = [{"group": case.group, "name": case.name} for case in chosen]
+    config: dict[str, Any] = {
+        "folder": folder.name,
+        "neurobem": options.neurobem and options.neurobem.name,
+        "only": options.only,
+    }
+    work = RealReplay(folder.resolve(), options.neurobem and options.neurobem.resolve())
+    records = run.cases("replaying", "cases", work, cases, config=config)
+    require_result(records)
+    results = [{**r["case"], **r["result"]} for r in records if "result" in r]
+    table = lines(results)
+    return Report(
+        [printed(table)],
+        config=config,
+        metrics={"table": table, "runs": records},
+        notes=failures(records),
+    )
+
+
+def printed(lines: list[dict]) -> Table:
+    """Return the table: medians over the cases, nominal → corrected."""
+
+    def change(before: str, after: str, factor: float = 1.0):
+        def cell(line: dict) -> str:
+            values = [factor * line[name] for name in (before, after)]
+            return " → ".join(f"{v:.3g}" if math.isfinite(v) else MISSING for v in values)
+
+        return cell
+
+    columns = (
+        ("flights", "group"),
+        ("cases", "cases"),
+        ("0.25 s: position [cm]", change("early nominal", "early corrected", 100.0)),
+        ("1 s: position [cm]", change("position nominal", "position corrected", 100.0)),
+        ("velocity [cm/s]", change("velocity nominal", "velocity corrected", 100.0)),
+        ("attitude [deg]", change("attitude nominal", "attitude corrected")),
+        ("better", lambda line: f"{line['better']} of {line['replayed']}"),
+        ("payload [cm]", change("below", "swinging", 100.0)),
+    )
+    return tabulate(
+        "real flights, open loop: nominal → corrected simulator; medians over the cases", lines, columns
+    )

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import numpy as np
-from scipy.stats import beta
+from scipy.stats import binomtest
 
 LEVEL = 0.95
 
@@ -12,14 +12,12 @@ LEVEL = 0.95
 def binomial_interval(outcomes: Iterable[bool]) -> dict[str, Any]:
     """Return {"count", "n", "rate", "ci95"} of outcomes; the rate of none is None.
 
-    ci95: the exact binomial interval, from quantiles of the beta distribution. Source: Clopper and Pearson 1934.
+    ci95: the exact binomial interval. Source: Clopper and Pearson 1934.
     """
     values = [bool(outcome) for outcome in outcomes]
     k, n = sum(values), len(values)
-    tail = (1 - LEVEL) / 2
-    low = float(beta.ppf(tail, k, n - k + 1)) if k else 0.0
-    high = float(beta.ppf(1 - tail, k + 1, n - k)) if k < n else 1.0
-    return {"count": k, "n": n, "rate": k / n if n else None, "ci95": [low, high]}
+    interval = binomtest(k, n).proportion_ci(LEVEL, method="exact") if n else (0.0, 1.0)
+    return {"count": k, "n": n, "rate": k / n if n else None, "ci95": [float(bound) for bound in interval]}
 
 
 def binned(

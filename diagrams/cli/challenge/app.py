@@ -5,18 +5,41 @@ from typing import Annotated
 
 import typer
 from typer import Option
+from typer.core import TyperGroup
 
-from diagrams.cli.challenge import active, compare, golden, logs, score, solve
+from diagrams.cli.challenge import compare, score, solve
 from diagrams.cli.output import require_folder
 from diagrams.cli.runner import Report, Run, counting, reports
 
-challenge = typer.Typer(help="Withheld-effect challenge sets.", add_completion=False, rich_markup_mode=None)
+RETIRED = {
+    "golden": "the frozen cases are tests: `make golden`",
+    "logs": "round trips through files are tests: `pytest tests/diagrams/challenge/imported`",
+    "active": "`np-drake next-flight` writes a random multisine, which does as well",
+}
+
+
+class Challenge(TyperGroup):
+    """Verbs of challenge sets; one that is gone says what took its place."""
+
+    def resolve_command(self, context, arguments):
+        """Return the verb.
+
+        Args:
+            context: of the command line.
+            arguments: words that follow.
+        Raises: ValueError: on a verb that is gone.
+        """
+        if arguments and arguments[0] in RETIRED:
+            raise ValueError(f"{arguments[0]} is gone: {RETIRED[arguments[0]]}.")
+        return super().resolve_command(context, arguments)
+
+
+challenge = typer.Typer(
+    cls=Challenge, help="Withheld-effect challenge sets.", add_completion=False, rich_markup_mode=None
+)
 challenge.command("solve")(solve.solve)
 challenge.command("score")(score.score)
 challenge.command("compare")(compare.compare)
-challenge.command("golden")(golden.golden)
-challenge.command("logs")(logs.logs)
-challenge.command("active")(active.active)
 
 
 @challenge.command("make")

@@ -6,9 +6,16 @@ that flies (`scaled`); the noise of the sensors is the same for all.
 
 import dataclasses as dc
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
+from typing import Annotated
+
+from typer import Option
 
 from diagrams.batch.campaign import Case, Record
+from diagrams.batch.flown import FlownOptions, FlownRun, choose_rows
+from diagrams.batch.options import Duration, Seeds
+from diagrams.batch.run import Report, Run, counted
+from diagrams.batch.workers import require_result
 from diagrams.loop.experiments import settings_of
 from diagrams.loop.flight import FlightConfig
 from diagrams.robustness.measures import LOST, SETTLING
@@ -20,15 +27,13 @@ from diagrams.robustness.robustness import (
     flown,
     model_digests,
 )
-from diagrams.robustness.vehicles.fleet import TRACKS, VEHICLES, fleet
+from diagrams.robustness.sweep import make_sweep, title_of, trained
+from diagrams.robustness.vehicles.fleet import ROWS, TRACKS, VEHICLES, fleet
+from diagrams.robustness.vehicles.table import ORACLE, lost_flights, vehicle_table, vehicles_printed
 from diagrams.tracking.model_files import model_of, trained_file
-from diagrams.tracking.tracking import ROWS as TRACKING_ROWS
 from diagrams.tracking.tracking import Row, configure, training_config
 from np_drake.scaling import ratios
 
-# Rows of the tracking comparison that are flown.
-SHOWN = ("nominal", "hold", "hold + total mass", "np", "payload_filter", "oracle")
-ROWS = tuple(next(row for row in TRACKING_ROWS if row.name == name) for name in SHOWN)
 Models = dict[tuple[str, str], bytes]  # content of the model files by vehicle and configuration
 
 
@@ -157,3 +162,75 @@ def _settings(vehicle: str, solver: str, duration: float) -> dict:
 def _differing(settings: dict, base: dict) -> dict:
     """Return the settings that differ from those of `base`, which has the same names."""
     return {name: value for name, value in settings.items() if value != base[name]}
+
+
+@dc.dataclass(frozen=True)
+class Options(FlownOptions):
+    """Options of the study."""
+
+    seeds: Seeds = 3
+    only: Annotated[
+        list[str] | None,
+        Option("--only", help="Only rows of these names (nominal and oracle are always flown)."),
+    ] = None
+    vehicle: Annotated[list[str] | None, Option(help="Only these vehicles: 35g | paper | 6kg.")] = None
+    track: Annotated[
+        list[str] | None, Option(help="Only these tracks: circle | fast_lemniscate | steps | vertical.")
+    ] = None
+    duration: Duration = 20.0
+
+
+def run(run: Run, options: Options) -> Report:
+    """35 g, 2 kg and 6 kg on four tracks, each trained on 60 s of its own. --out DIR: cases to resume from.
+
+    Durations are those of the paper's vehicle and scale with the others.
+    """
+    run = FlownRun.of(run, options)
+    sweep = make_sweep(run, options.duration)
+
+    chosen = chosen_of("--vehicle", options.vehicle, VEHICLES), chosen_of("--track", options.track, TRACKS)
+    rows = choose_rows(ROWS, options.only, always=("nominal", ORACLE))
+    with run.progress("vehicles") as advance:
+        trainings, flights = run_vehicles(
+            sweep,
+            seeds=run.seeds,
+            rows=rows,
+            vehicles=chosen[0],
+            tracks=chosen[1],
+            on_training=trained(advance),
+            on_progress=counted(advance, "flights"),
+        )
+    require_result(flights)
+    lines = vehicle_table(flights)
+    config = campaign_config(run.seed, run.solver, options.duration) | {"seeds": run.seeds}
+    return Report(
+        vehicles_printed(lines, title_of(run, options.duration)),
+        config=config,
+        metrics={"table": lines, "runs": [*trainings, *flights]},
+        notes=_notes(trainings, flights),
+    )
+
+
+def chosen_of(option: str, names: Collection[str] | None, known: Sequence[str]) -> list[str]:
+    """Return the known names that are asked for, all where none is.
+
+    Raises: ValueError: on an unknown one.
+    """
+    if unknown := set(names or ()) - set(known):
+        raise ValueError(f"{option}: must be one of {', '.join(known)}; got {', '.join(sorted(unknown))}.")
+    return [name for name in known if not names or name in names]
+
+
+def _notes(trainings: list[Record], flights: list[Record]) -> list[str]:
+    """Return the lines under the tables: failed trainings, lost flights."""
+    lost = lost_flights(flights)
+    failed = sum(r["result"]["solve_failures"] for r in flights if "result" in r)
+    return [
+        f"{len(flights)} flights, lost or failed: {len(lost)}; failed solves: {failed}",
+        *(
+            f"training of {r['case']['model']}, {r['case']['vehicle']}: {r['error']}"
+            for r in trainings
+            if "error" in r
+        ),
+        *lost,
+    ]

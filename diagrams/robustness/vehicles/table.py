@@ -3,9 +3,10 @@
 from collections.abc import Sequence
 
 from diagrams.batch.campaign import Record
+from diagrams.batch.columns import MISSING, Column, Line, grouped, spread, tabulate
+from diagrams.batch.run import Table
 from diagrams.robustness.cells import ERRORS, Cells, lost_line, summary
-from diagrams.robustness.vehicles.fleet import TRACKS, VEHICLES
-from diagrams.robustness.vehicles.study import ROWS
+from diagrams.robustness.vehicles.fleet import ROWS, TRACKS, VEHICLES
 
 ORACLE = "oracle"  # row that the others are divided by
 
@@ -45,3 +46,38 @@ def lost_flights(records: Sequence[Record]) -> list[str]:
     heads = [f"{c['row']}, {c['vehicle']}, {c['track']}, seed {c['seed']}" for c in cases]
     said = (lost_line(record, head) for record, head in zip(records, heads, strict=True))
     return [line for line in said if line is not None]
+
+
+def vehicles_printed(lines: list[dict], title: str) -> list[Table]:
+    """Return a table for every vehicle, a block for every track; errors in cm."""
+
+    def error(key: str):
+        value = spread(key, 3)
+        return lambda line: MISSING if line[key] is None else value(line)
+
+    columns: tuple[Column, ...] = (
+        ("controller", "row"),
+        ("E_xy [cm]", error("E_xy")),
+        ("over oracle", _over("E_xy_ratio")),
+        ("E_z [cm]", error("E_z")),
+        ("over oracle", _over("E_z_ratio")),
+        ("lost", lambda line: f"{line['lost']} of {line['flights']}"),
+    )
+    tables = []
+    for vehicle in dict.fromkeys(line["vehicle"] for line in lines):
+        mine = [line for line in lines if line["vehicle"] == vehicle]
+        blocks: dict[str, list[tuple]] = {}
+        for track in dict.fromkeys(line["track"] for line in mine):
+            blocks[track] = tabulate("", [line for line in mine if line["track"] == track], columns)[2]
+        said = f"vehicle {vehicle}, mean and 95 % interval; {title}"
+        tables.append(grouped(said, [header for header, _ in columns], blocks))
+    return tables
+
+
+def _over(key: str):
+    """Return the cell of a ratio to the oracle's error."""
+
+    def cell(line: Line) -> str:
+        return MISSING if line[key] is None else f"{line[key]:.1f}"
+
+    return cell

@@ -10,6 +10,7 @@ import typer
 from diagrams.cli.app import app
 from diagrams.cli.main import run
 from diagrams.cli.options import DEFAULT_JOBS, DEFAULT_SOLVER
+from diagrams.cli.reproduce import STUDIES
 from diagrams.demo.story import run_demo
 
 ROOT = typer.main.get_command(app)
@@ -19,6 +20,7 @@ VERBS |= {
     for group, of in ROOT.commands.items()
     for name, verb in getattr(of, "commands", {}).items()
 }
+VERBS |= {f"reproduce {name}": study.command(name) for name, study in STUDIES.items()}
 
 
 def solvers():
@@ -27,7 +29,7 @@ def solvers():
 
 
 def test_every_verb_that_flies_has_one_default_solver():
-    assert set(solvers()) >= {"fly", "demo", "reproduce tracking", "reproduce cooperative"}
+    assert set(solvers()) >= {"fly", "demo", "reproduce tracking", "reproduce hover"}
     told = {name: solver for name, solver in solvers().items() if name != "fly"}
     assert set(told.values()) == {DEFAULT_SOLVER}
     assert solvers()["fly"] is None  # the scenario file's, or DEFAULT_SOLVER: see test_fly
@@ -102,9 +104,9 @@ def test_no_absurd_number_is_taken(command, value, tmp_path, monkeypatch, capsys
 def test_verbs_of_many_cases_share_the_options_of_their_workers():
     many = {name: {p.name: p for p in verb.params} for name, verb in VERBS.items()}
     many = {name: known for name, known in many.items() if "jobs" in known}
-    flown = {"tracking", "configurations", "hover", "attach", "weights", "pendulum", "cooperative", "theorem"}
+    flown = {"tracking", "configurations", "hover", "attach", "weights", "tether", "theorem"}
     flown |= {"robustness", "margins", "vehicles", "closing", "replay", "real"}
-    solved = {"make", "solve", "active", "logs", "golden"}
+    solved = {"make", "solve"}
     assert {f"reproduce {name}" for name in flown} | {f"challenge {name}" for name in solved} <= set(many)
     for name, known in many.items():
         if name.split()[0] in ("reproduce", "challenge"):

@@ -5,9 +5,9 @@ import pytest
 
 from diagrams.batch.failed_run import FailedRun
 from diagrams.cli.main import run
-from diagrams.cli.reproduce.tracking import printed
 from diagrams.loop.experiments import load_experiment
 from diagrams.tracking import campaign, tracking
+from diagrams.tracking.study import printed
 
 
 @pytest.fixture

@@ -6,8 +6,8 @@ import pytest
 
 from diagrams.challenge.real import replay
 from diagrams.challenge.real.cases import make_cases
+from diagrams.challenge.real.replay import printed
 from diagrams.cli.main import run
-from diagrams.cli.reproduce.replay import printed
 
 
 def result(group, before, after, payload=None):

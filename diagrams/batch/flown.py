@@ -1,0 +1,106 @@
+"""What studies that fly several seeds share: options, seeds, title and the choice of rows."""
+
+import dataclasses as dc
+from collections.abc import Callable, Collection
+from typing import Any
+
+from diagrams.batch.options import DEFAULT_SOLVER, Seeds, Solver
+from diagrams.batch.run import Run
+
+
+@dc.dataclass(frozen=True)
+class FlownOptions:
+    """Options of a study that flies every row with several seeds."""
+
+    seeds: Seeds = 5
+    solver: Solver = DEFAULT_SOLVER
+
+
+@dc.dataclass(frozen=True, kw_only=True)
+class FlownRun(Run):
+    """Run that flies the seeds after `seed`, which the training flight draws."""
+
+    count: int = 5
+    solver: str = DEFAULT_SOLVER
+
+    @classmethod
+    def of(cls, run: Run, options: FlownOptions) -> "FlownRun":
+        """Return the run with the seeds and the solver of these options.
+
+        Args:
+            run: run with the training seed.
+            options: number of evaluation flights a row, and solver.
+        """
+        shared = {field.name: getattr(run, field.name) for field in dc.fields(Run)}
+        return cls(**shared, count=options.seeds, solver=options.solver)
+
+    @property
+    def seeds(self) -> list[int]:
+        """Seeds of the evaluation flights."""
+        return [self.seed + 1 + k for k in range(self.count)]
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """Solver and seeds, as the experiments take them and as `--json` holds them."""
+        return {"solver": self.solver, "seeds": self.seeds, "training_seed": self.seed}
+
+    def fly(self, name: str, experiment: Callable[..., list[dict]], rows: tuple, **more: Any) -> list[dict]:
+        """Fly every row with every seed behind a progress bar; return the summaries of the flights.
+
+        Args:
+            name: what stands before the bar.
+            experiment: flies, as `diagrams.tracking.campaign.run_tracking`.
+            rows: rows of the table.
+            more: further options of the experiment.
+        """
+        with self.counting(name, "flights") as on_progress:
+            more |= {"rows": rows, "workers": self.workers, "on_progress": on_progress}
+            return experiment(self.folder, **self.settings, **more)
+
+    def title(self, flights: str = "flights a row", learner: str = "") -> str:
+        """Return the title of a table: flights, seeds, training seed and solver.
+
+        Args:
+            flights: what is flown so often.
+            learner: what is trained, with a blank behind it; empty where that is plain.
+        """
+        return (
+            f"{self.count} {flights}, seeds {self.seeds[0]} … {self.seeds[-1]}, "
+            f"{learner}trained on seed {self.seed}, {self.solver}"
+        )
+
+
+def require_rows(names: Collection[str], known: Collection[str]) -> None:
+    """Check the names given as `--only`.
+
+    Args:
+        names: given names.
+        known: names of the rows that there are.
+    Raises: ValueError: on an unknown name.
+    """
+    if unknown := set(names) - set(known):
+        raise ValueError(
+            f"--only: must name rows of the table ({'; '.join(known)}); got {', '.join(sorted(unknown))}."
+        )
+
+
+def _present(row: str) -> str:
+    """Return the present name of a row, and say so where an old one was given."""
+    present = row.replace("np: pendulum", "payload_filter").replace("np: default", "np: delay-modal")
+    if present != row:
+        say(f"--only: row {row} is now called {present}.")
+    return present
+
+
+def choose_rows(rows: tuple, only: Collection[str] | None, always: Collection[str] = ("nominal",)) -> tuple:
+    """Return the rows of these names, all where there are none.
+
+    Args:
+        rows: rows of the table.
+        only: names; None or empty: all.
+        always: rows that are never left out.
+    Raises: ValueError: on an unknown name.
+    """
+    only = [_present(name) for name in only or ()]
+    require_rows(only, [row.name for row in rows])
+    return tuple(row for row in rows if not only or row.name in {*only, *always})

@@ -1,0 +1,80 @@
+"""Study `payload-flights`: forecasts of the residual wrench on real flights with a payload."""
+
+import dataclasses as dc
+from typing import Annotated
+
+from typer import Option
+
+from diagrams.batch.options import RealFlights, required
+from diagrams.batch.run import Report, Run
+from diagrams.challenge.real.forecast.bound import bound_lines
+from diagrams.challenge.real.forecast.figure import ratio_figure
+from diagrams.challenge.real.forecast.folds import DAMPINGS, open_campaign, true_estimate, true_payload
+from diagrams.challenge.real.forecast.rows import choose
+from diagrams.challenge.real.forecast.study import persistence_rmse, run_study
+from diagrams.challenge.real.forecast.tables import bound_table, model_table, payload_table, ratio_tables
+
+
+@dc.dataclass(frozen=True)
+class Options:
+    """Options of the study."""
+
+    folder: RealFlights = None
+    step: Annotated[
+        float,
+        Option("--step", min=0.01, max=0.02, help="Between samples, over which labels are averaged [s]."),
+    ] = 0.02
+    only: Annotated[
+        list[str] | None, Option("--only", metavar="ROW", help="Only this row and persistence; repeatable.")
+    ] = None
+
+
+def run(run: Run, options: Options) -> Report:
+    """Forecast of force and torque on real flights with a payload, one manoeuvre left out. --out DIR: figure."""
+    folder = required(
+        options.folder, "payload-flights: give the folder of the real flights as DIR or NP_DRAKE_REAL."
+    )
+
+    names = choose(options.only or ())
+
+    flights = open_campaign(folder)
+    with run.counting("training and scoring", "folds of a row") as on_progress:
+        study = run_study(
+            *(flights, names),
+            step=options.step,
+            folder=folder.name,
+            workers=run.workers,
+            on_progress=on_progress,
+        )
+    lines, models = study.lines(), study.models()
+    manoeuvres = list(dict.fromkeys(flight.manoeuvre for flight in flights))
+    rmse = [
+        f"persistence, {kind}, RMSE: {', '.join(f'{1e3 * value:.3g}' for value in values)} "
+        f"m{'N·m' if kind == 'torque' else 'N'}"
+        for kind, values in persistence_rmse(lines).items()
+    ]
+    slow = {model["row"]: sum(model["training"]) for model in models}
+    tables = [*ratio_tables(lines), model_table(models, DAMPINGS, true_payload().length)]
+    if study.payloads:
+        tables.append(payload_table(study.payloads, true_estimate(), DAMPINGS))
+    bounds = bound_lines(study.bounds, study.horizons, options.step) if study.bounds else []
+    if bounds:
+        tables.append(bound_table(bounds))
+    return Report(
+        tables,
+        config={
+            "folder": folder, "step": options.step, "rows": names, "manoeuvres": manoeuvres,
+            "flights": [flight.log.name for flight in flights],
+        },
+        metrics={
+            "table": lines, "models": models, "bound": bounds,
+            "payloads": [{**flown._asdict(), "estimate": flown.estimate._asdict()} for flown in study.payloads],
+        },
+        summary=[
+            f"{len(flights)} flights, {len(manoeuvres)} manoeuvres ({', '.join(manoeuvres)}), each held out in turn",
+            "*: told the payload and its position: an upper limit, no predictor",
+            *rmse,
+        ],
+        notes=[f"{row}: trained in {wall:.0f} s" for row, wall in slow.items() if wall > 1],
+        figures={"payload_flights.png": lambda: ratio_figure(lines)},
+    )  # fmt: skip

@@ -1,1 +1,0 @@
-"""`np-drake reproduce`: one table of the docs a verb."""

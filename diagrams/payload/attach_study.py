@@ -1,0 +1,103 @@
+"""Study `attach`: the payload changes in flight."""
+
+import dataclasses as dc
+
+from diagrams.batch.columns import fixed, percent, spread, tabulate
+from diagrams.batch.flown import FlownOptions, FlownRun
+from diagrams.batch.options import Seeds
+from diagrams.batch.run import Report, Run, Table
+from diagrams.batch.workers import failures
+from diagrams.loop.controllers import DEFAULT_MODEL
+from diagrams.loop.flight import FlightConfig
+from diagrams.payload import attach as experiment
+from diagrams.payload import figures
+from diagrams.payload.attach import ADDED, PAPER, TOSS, encoder_step, label_deviation
+from diagrams.payload.hover_swing import TRAINING
+from diagrams.tracking.model_files import file_name, key_of
+from np_drake.lifting.model.model_file import load_model
+
+
+@dc.dataclass(frozen=True)
+class Options(FlownOptions):
+    """Options of the study."""
+
+    seeds: Seeds = 20
+
+
+def run(run: Run, options: Options) -> Report:
+    """The payload changes in flight: attached, cut off, taut. --out DIR: model, and the responses as a figure."""
+    run = FlownRun.of(run, options)
+    with run.counting("attach", "flights") as on_progress:
+        models = experiment.train_rows(run.workers, run.folder, seed=run.seed, solver=run.solver)
+        runs = experiment.run_attach(
+            models,
+            seeds=run.seeds,
+            training_seed=run.seed,
+            solver=run.solver,
+            workers=run.workers,
+            on_progress=on_progress,
+        )
+    row = next(row for row in experiment.ROWS if key_of(row) in models)
+    file = str(run.folder / file_name(key_of(row)))
+    config = experiment.attach_config(row, solver=run.solver, model=file)
+    lines = experiment.attach_table(runs, config)
+    notes = _attach_notes(lines, config)
+    controller = dc.asdict(config.controller) | {"predictor": f"trained on {TRAINING}, seed {run.seed}"}
+    title = run.title(f"flights a row (release, snap: {min(run.count, experiment.BESIDE)})")
+    of_figure = f"seeds from {run.seeds[0]}"
+    return Report(
+        [attach_printed(lines, title)],
+        config={**run.settings, "controller": controller},
+        metrics={"table": lines, "notes": notes},
+        notes=[*notes, *failures(run.workers.finished), f"controller: {controller}"],
+        figures={"attach_responses.png": lambda: figures.event_responses(runs, config, of_figure)},
+    )
+
+
+def _attach_notes(lines: list[dict], config: FlightConfig) -> list[str]:
+    """Return the notes: thrust scale, filter, the paper's values, and the snap, which leaves no step."""
+    import numpy as np
+
+    step = encoder_step(load_model(config.controller.predictor or NP_MODEL))
+    period = config.controller.period
+    peak = int(np.argmax(step[: len(step) // 4]))
+    lowest = peak + int(np.argmin(step[peak:]))
+    band, scale = config.controller.label.force_bandwidth, config.reality.thrust_scale
+    said = [
+        f"expected: {config.events[0].mass * config.vehicle.gravity:.3f} N over the thrust scale {scale}; "
+        f"paper: {PAPER['step']} N, standard deviation {PAPER['deviation']} N.",
+        f"np: filter of the label, low-pass of {band:g} Hz, order {config.controller.label.order}; alone it "
+        f"rises to 90 % in {2.302585 / (6.283185 * band):.3f} s and passes {label_deviation(config):.3f} N of the "
+        "accelerometer's noise.",
+        f"np: encoder alone, a step of the label and nothing else moving: {100 * step[peak]:.0f} % of it after "
+        f"{peak * period:.2f} s, {100 * step[lowest]:.0f} % after {lowest * period:.2f} s, {100 * step[-1]:.0f} % when "
+        f"its window of {(len(step) - 1) * period:.1f} s is full.",
+    ]
+    for line in lines:
+        if "slack" in line:
+            said.append(
+                f"{line['event']}, {line['row']}, {line['signal']}: tossed up with {TOSS} N·s, "
+                f"slack for {line['slack']:.2f} s; "
+                f"f_z of the mean between {line['lowest']:.2f} and {line['highest']:.2f} N, height within "
+                f"{100 * line['height_error']:.1f} cm, {line['solve_failures']} failed solves."
+            )
+    return said
+
+
+def attach_printed(lines: list[dict], title: str) -> Table:
+    """Return the table of the steps among the lines that `attach_table` gives; N, s, cm."""
+    columns = (
+        ("event", "event"),
+        ("controller", "row"),
+        ("signal", "signal"),
+        ("step [N]", spread("size", 3, factor=1)),
+        ("expected", fixed("expected", 3)),
+        ("off", percent("error", 1)),
+        ("90 % [s]", fixed("rise", 3)),
+        ("over", percent("overshoot")),
+        ("dip", percent("dip")),
+        ("sd [N]", fixed("deviation", 3)),
+        ("height [cm]", fixed("height_error", 1, factor=100)),
+        ("failed", "solve_failures"),
+    )
+    return tabulate(title, [line for line in lines if "size" in line], columns)

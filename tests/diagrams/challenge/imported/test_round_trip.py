@@ -1,0 +1,148 @@
+"""Logs of other origin: in wrong conventions refused by name, and imported diagnosed as their original."""
+
+import dataclasses as dc
+import itertools
+
+import numpy as np
+import pytest
+import yaml
+from written import columns_in, default_map, quantities_of, write_table
+
+from diagrams.challenge.generate.case import CaseDraw, draw_case
+from diagrams.challenge.generate.logged_input import FINER, as_logged
+from diagrams.challenge.generate.make import fly_case
+from diagrams.challenge.generate.sensor_quality import SensorQuality, rows_of, with_sensor_noise
+from diagrams.challenge.generate.trajectories import draw_plan
+from diagrams.challenge.generate.vehicles import draw_vehicle, vehicle_file
+from diagrams.challenge.simulators.drake.simulator import fly
+from np_drake.diagnosis.diagnose import diagnose
+from np_drake.effects.library import LIBRARY
+from np_drake.flight_log import FlightLog
+from np_drake.logs.case_folder import VEHICLE, open_case
+from np_drake.logs.import_sheet import write_sheet
+from np_drake.logs.importing.conventions import WrongConventions, changed
+from np_drake.logs.importing.convert import convert
+from np_drake.logs.importing.import_log import import_log
+from np_drake.logs.importing.log_map import load_map
+from np_drake.logs.log_file import write_log
+
+ERRORS = {  # by name: how the log is written, where its map declares the defaults
+    "world NED": (("world", "ned"),),
+    "body FRD": (("body", "frd"),),
+    "consistent NED/FRD": (("world", "ned"), ("body", "frd")),
+    "quaternion xyzw": (("attitude.order", "xyzw"),),
+    "quaternion world to body": (("attitude.direction", "world_to_body"),),
+    "rates in deg/s": (("rates.unit", "deg/s"),),
+    "rates in FRD": (("rates.body", "frd"),),
+    "accelerometer in g": (("acceleration.unit", "g"),),
+    "accelerometer without gravity": (("acceleration.kind", "acceleration"), ("acceleration.axes", "body")),
+    "accelerometer negative": (("acceleration.scale", -1.0),),
+    "thrust negative": (("thrust.scale", -1.0),),
+    "velocity in body axes": (("velocity.axes", "body"),),
+    "position in mm": (("position.unit", "mm"),),
+    "position and velocity in NED": (("position.world", "ned"), ("velocity.world", "ned")),
+    "time in ms": (("time.unit", "ms"),),
+}
+PAIRS = (("world NED", "quaternion xyzw"), ("rates in deg/s", "thrust negative"))
+FLIGHTS = {"train_1": "aggressive_multisine", "train_2": "waypoints", "heldout_1": "lemniscate"}
+EFFECTS = {  # well visible on a vehicle of this mass [kg]; own choice
+    "linear_drag": lambda mass: {"d_x": 0.25 * mass, "d_y": 0.2 * mass, "d_z": 0.15 * mass},
+    "thrust_scale": lambda mass: {"scale": 0.9},
+}
+TRIPS = (("linear_drag", 100, "held_after"), ("thrust_scale", 100, "averaged"))
+
+
+@pytest.fixture(scope="module")
+def flown():
+    """Vehicle, and a flight of 15 s with drag and wind, at 100 Hz."""
+    rng = np.random.default_rng([3700, 1, 0, 0])
+    vehicle = draw_vehicle(rng, SensorQuality().stated_noise())
+    effects = [
+        LIBRARY["linear_drag"].of(EFFECTS["linear_drag"](vehicle.mass)),
+        LIBRARY["constant_wind"].of({"x": 1.5, "y": -1.0, "z": 0.0}),
+    ]
+    plan = draw_plan(rng, vehicle, 15.0, "aggressive_multisine")
+    log = fly(vehicle, plan, effects, t=np.arange(1500) / 100.0)
+    return with_sensor_noise(log, vehicle, SensorQuality(), rng)
+
+
+def written(log, errors, path):
+    """Write the log in conventions of its own; return its quantities, the default map, and the one that fits."""
+    x = {name: values for name, values in quantities_of(log).items() if name != "rotor_speed"}
+    declared = default_map(list(x), command="held_after")
+    own = changed(declared, tuple(itertools.chain(*(ERRORS[name] for name in errors))))
+    write_table(path, log.t, columns_in(x, own), own)
+    return x, declared, own
+
+
+@pytest.mark.parametrize("errors", [*((name,) for name in ERRORS), *PAIRS], ids=" and ".join)
+def test_a_log_in_other_conventions_is_refused_under_the_right_name(errors, flown, tmp_path):
+    x, declared, own = written(flown, errors, tmp_path / "flight.csv")
+    with pytest.raises(WrongConventions) as refused:
+        import_log(tmp_path / "flight.csv", declared)
+    named = changed(declared, refused.value.verdict.changes)
+    assert (named.time.unit or "s") == (own.time.unit or "s")
+    found = convert(columns_in(x, own), named)
+    found["attitude"] *= np.sign(np.sum(found["attitude"] * x["attitude"], axis=1, keepdims=True))
+    for name, values in x.items():
+        assert np.allclose(found[name], values, rtol=0, atol=1e-4 * max(1.0, np.abs(values).max())), name
+    assert import_log(tmp_path / "flight.csv", own).flights
+
+
+def diagnosed(folder, vehicle):
+    (folder / VEHICLE).write_text(vehicle_file(vehicle), encoding="utf-8")
+    return diagnose(*open_case(folder))
+
+
+@pytest.mark.parametrize("effect, rate, semantics", TRIPS)
+def test_an_imported_log_is_diagnosed_as_its_original(effect, rate, semantics, tmp_path):
+    rng = np.random.default_rng([3700, 2, rate])
+    drawn = draw_vehicle(rng, SensorQuality().stated_noise())
+    vehicle = dc.replace(drawn, command_timing="unknown")
+    acting = LIBRARY[effect].of(EFFECTS[effect](vehicle.mass))
+    finer = 1 if semantics.startswith("held") else FINER
+    folders = [tmp_path / "original", tmp_path / "imported"]
+    for folder in folders:
+        folder.mkdir()
+    for name, kind in FLIGHTS.items():
+        plan = draw_plan(rng, vehicle, 12.0, kind)
+        exact = fly(vehicle, plan, [acting], t=np.arange(12 * rate * finer) / (rate * finer))
+        log = dc.replace(with_sensor_noise(exact, vehicle, SensorQuality(), rng), al=None, rotor=None)
+        write_log(log, folders[0] / f"{name}.csv")
+        log = as_logged(log, semantics, finer)
+        x = quantities_of(log)
+        own = default_map(list(x), world="ned", body="frd", command=semantics)
+        write_table(tmp_path / f"{name}.csv", log.t, columns_in(x, own), own)
+        text = {key: getattr(own, key) for key in ("world", "body", "command")}
+        text |= {"time": {"columns": own.time.columns}}
+        text |= {key: {"columns": source.columns} for key, source in own.sources()}
+        (tmp_path / "map.yaml").write_text(yaml.safe_dump(text), encoding="utf-8")
+        found = import_log(tmp_path / f"{name}.csv", load_map(tmp_path / "map.yaml"))
+        write_log(found.flights[0], folders[1] / f"{name}.csv")
+        write_sheet(found.sheet, folders[1] / f"{name}.csv")
+    original, imported = (diagnosed(folder, vehicle) for folder in folders)
+    assert original.verdict == imported.verdict == (effect,)
+    for name, estimate in original.causes[0].parameters.items():
+        assert estimate.ci95[0] <= imported.causes[0].parameters[name].value <= estimate.ci95[1], name
+
+
+def test_a_thinned_clean_log_has_no_cause_of_timing(tmp_path):
+    case = draw_case(CaseDraw(0, "clean"), quality="clean", seed=3701, seconds=12.0)
+    _, noisy = fly_case(case, "drake")
+    for file, log in noisy.items():
+        write_log(rows_of(log, np.arange(0, len(log), 2)), tmp_path / file)
+    found = diagnosed(tmp_path, dc.replace(case.vehicle, command_timing="unknown"))
+    assert not {"clock_offset", "command_delay", "motor_lag"} & set(found.verdict)
+
+
+def test_a_row_holds_the_command_that_its_meaning_says():
+    rng = np.random.default_rng(0)
+    three = [rng.normal(size=(8, 3)) for _ in range(4)]
+    q = rng.normal(size=(8, 4))
+    p, v, w, a = three
+    q = q / np.linalg.norm(q, axis=1, keepdims=True)
+    log = FlightLog(t=0.01 * np.arange(8), p=p, q=q, v=v, w=w, a=a, u=rng.uniform(1.0, 9.0, (8, 4)))
+    assert np.array_equal(as_logged(log, "held_after", 1).u, log.u)
+    assert np.array_equal(as_logged(log, "held_before", 1).u[1:], log.u[:-1])
+    assert np.allclose(as_logged(log, "averaged", 2).u, 0.5 * (log.u[::2] + log.u[1::2]))
+    assert np.array_equal(as_logged(log, "sampled", 2).u, log.u[::2])

@@ -1,0 +1,93 @@
+"""Laws of `np-drake reproduce`."""
+
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+
+from diagrams.batch.run import Run
+from diagrams.cli.main import run
+from diagrams.cli.reproduce import RETIRED, STUDIES
+from diagrams.tracking import tuning
+
+ROOT = Path(__file__).parents[3]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+WRITTEN = sorted(
+    {line for page in PAGES for line in re.findall(r"`np-drake reproduce ([^`]+)`", page.read_text())}
+)
+
+BAD = {  # arguments: what the line must say
+    "unknown": (
+        ["nothing"],
+        "must be one of tracking, configurations, weights, gap, mhe, theorem, tether, estimation, sample-eff",
+    ),
+    "unknown row": (
+        ["configurations", "--only", "np"],
+        "must name rows of the table (nominal; hold; np: delay-modal",
+    ),
+    "no flights": (["theorem"], "NP_DRAKE_NEUROBEM"),
+    "no folder": (["theorem", "--neurobem", "nowhere"], "nowhere"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_input_is_one_line(case, monkeypatch, capsys):
+    monkeypatch.delenv("NP_DRAKE_NEUROBEM", raising=False)
+    arguments, message = BAD[case]
+    assert run(["reproduce", *arguments]) == 2
+    last = capsys.readouterr().err.splitlines()[-1]
+    verb = "" if case == "unknown" else f" {arguments[0]}"
+    assert last.startswith(f"np-drake reproduce{verb}: ")
+    assert message in last
+
+
+COMMANDS = {name: study.command(name) for name, study in STUDIES.items()}
+
+
+@pytest.mark.parametrize("line", WRITTEN)
+def test_what_the_pages_say_can_be_typed(line):
+    name, *arguments = shlex.split(line)
+    if name in RETIRED:
+        return
+    context = COMMANDS[name].make_context(name, arguments)  # parsed, not run
+    assert context.params["markdown"] is None or str(context.params["markdown"]) == "FILE"
+
+
+def test_every_study_is_on_a_page():
+    assert {line.split()[0] for line in WRITTEN} - set(RETIRED) == set(STUDIES)
+
+
+@pytest.mark.parametrize("arguments", [[], ["--list"]])
+def test_the_studies_are_listed_with_a_line_each(arguments, capsys):
+    assert run(["reproduce", *arguments]) == 0
+    said = capsys.readouterr().out
+    assert all(name in said and study.summary in said for name, study in STUDIES.items())
+
+
+@pytest.mark.parametrize("name", RETIRED)
+def test_a_study_that_is_gone_says_what_took_its_place(name, capsys):
+    assert run(["reproduce", name, "--seed", "3"]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line == f"np-drake reproduce: {name} is gone: {RETIRED[name]}."
+
+
+def test_a_study_runs_in_silence_from_python(tmp_path, capfd, monkeypatch):
+    monkeypatch.setattr(tuning, "weight_table", lambda **given: [])
+    report = tuning.run(Run(seed=3, scratch=tmp_path), tuning.Options())
+    assert report.tables[0][0].endswith("seed 3")
+    assert capfd.readouterr() == ("", "")
+
+
+def test_a_table_takes_its_own_options_only(capsys):
+    assert run(["reproduce", "gap", "--spacing", "3"]) == 2
+    assert "No such option" in capsys.readouterr().err
+    assert run(["reproduce", "theorem", "--help"]) == 0
+    help_of_theorem = capsys.readouterr().out
+    assert "--spacing" in help_of_theorem
+    assert "--solver" not in help_of_theorem
+
+
+def test_every_table_takes_a_seed_and_files_for_machines_and_pages():
+    for table in COMMANDS.values():
+        assert {"seed", "json", "markdown"} <= {parameter.name for parameter in table.params}

@@ -1,0 +1,221 @@
+"""Frozen cases and their answers: a check that a change of the code changes no diagnosis.
+
+The cases are fixed by name and remade from their seed: every effect of the library in both simulators, pairs, triples,
+onsets, out-of-library effects and clean controls, in both sensor qualities. Where NP_DRAKE_NEUROBEM names the published
+real flights, two diagnoses of them are compared as well. The suite answers ten cases, this script all of them:
+
+    python tests/golden/frozen_cases.py [--jobs N] [--only CASE …] [--out FILE]
+
+Exit code 1 where an answer differs from the stored one.
+"""
+
+import argparse
+import json
+import os
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+from joblib import Parallel, delayed
+
+from diagrams.challenge.generate.case import CaseDraw, case_name
+from diagrams.challenge.generate.make import make_case
+from diagrams.challenge.solve import diagnose_folder
+from diagrams.gap.real_flights import agile_flights
+from np_drake.diagnosis.diagnose import diagnose
+from np_drake.effects.library import LIBRARY
+from np_drake.files.atomic_file import write_text
+from np_drake.files.input_file import read_json
+from np_drake.logs.formats.neurobem import published_vehicle
+from np_drake.logs.neurobem import published_vehicle
+
+SEED, SECONDS = 36, 10.0
+DIGITS = 10  # significant ones that are stored
+# The first two and the last two hold both simulators and both qualities: every effect is flown in one of the two pairs.
+SETTINGS = (("drake", "clean"), ("rotorpy", "real"), ("drake", "real"), ("rotorpy", "clean"))
+PAIRS = (
+    ("mass_error", "linear_drag"),
+    ("suspended_payload", "motor_lag"),
+    ("thrust_scale", "attitude_bias"),
+    ("center_of_mass_offset", "velocity_bias"),
+    ("weak_rotor", "constant_wind"),
+    ("command_delay", "blade_flapping"),
+    ("inertia_error", "quadratic_drag"),
+    ("suspended_payload", "linear_drag"),
+    ("motor_lag", "gyro_bias"),
+    ("translational_lift", "accelerometer_bias"),
+)
+TRIPLES = (
+    ("mass_error", "linear_drag", "motor_lag"),
+    ("suspended_payload", "thrust_scale", "velocity_bias"),
+    ("inertia_error", "quadratic_drag", "clock_offset"),
+    ("center_of_mass_offset", "constant_wind", "command_delay"),
+)
+ONSETS = (
+    *("suspended_payload", "weak_rotor", "constant_wind", "thrust_scale", "motor_lag", "linear_drag"),
+    *("mass_error", "accelerometer_bias", "center_of_mass_offset", "thrust_drift"),
+)
+OUT_OF_LIBRARY = (
+    *("fan_jet", "periodic_force", "rotational_damping", "ground_tether", "sticking_axis", "wall_suction"),
+    *("bent_thrust_curve", "yaw_backlash", "liquid_slosh", "vortex_ring", "rotor_saturation"),
+    *("twisted_cable", "wind_shear", "doorway_draft", "spinning_lidar", "creeping_blades", "rubbing_line"),
+    *("winch_tether", "odd_propeller", "losing_sync"),
+)
+CONTROLS = 12
+# Effects that joined the library later stand last: other cases keep their index, which seeds their flights.
+LATER = ("rotor_inflow",)
+REAL = "neurobem"
+STORED = Path(__file__).with_name("answers.json")
+TOLERANCE = 1e-6  # largest relative difference on one machine
+Settings = tuple[str, str, CaseDraw]  # simulator, quality, draw
+SCHEMA = "np_drake.golden/1"
+
+
+def golden_cases() -> dict[str, Settings]:
+    """Return every simulated case by name, in the order of its index."""
+    drawn: list[tuple[int, str, tuple[str, ...]]] = []  # setting, kind, names
+    for i, name in enumerate(sorted(set(LIBRARY) - set(LATER))):
+        drawn += [(2 * (i % 2), "single", (name,)), (2 * (i % 2) + 1, "single", (name,))]
+    for kind, members in (("pair", PAIRS), ("triple", TRIPLES)):
+        drawn += [(i % 4, kind, names) for i, names in enumerate(members)]
+    drawn += [(i % 4, "onset", (name,)) for i, name in enumerate(ONSETS)]
+    drawn += [(i % 4, "foreign", (name,)) for i, name in enumerate(OUT_OF_LIBRARY)]
+    drawn += [(i % 4, "clean", ()) for i in range(CONTROLS)]
+    drawn += [(i, "single", (name,)) for name in LATER for i in (0, 1)]
+    cases: dict[str, Settings] = {}
+    for index, (setting, kind, names) in enumerate(drawn):
+        simulator, quality = SETTINGS[setting]
+        label = "+".join(names) or str(index)
+        cases[f"{kind}/{label}/{simulator}/{quality}"] = (simulator, quality, CaseDraw(index, kind, names))
+    return cases
+
+
+def answer(name: str, neurobem: Path | None = None) -> dict[str, Any]:
+    """Fly and diagnose one case: verdict, probabilities, parameters, onsets and residuals, rounded."""
+    if name.startswith(f"{REAL}/"):
+        if neurobem is None:
+            raise ValueError(f"golden: {name} needs the folder of the NeuroBEM flights.")
+        flights, held = agile_flights(neurobem), int(name.split("/")[1])
+        train = [flights[(held + 1) % len(flights)]]
+        return summary(diagnose(published_vehicle(), train, [flights[held]], adaptive_split=False).as_json())
+    simulator, quality, draw = golden_cases()[name]
+    with tempfile.TemporaryDirectory() as scratch:
+        cases, truth = Path(scratch) / "cases", Path(scratch) / "truth"
+        cases.mkdir()
+        truth.mkdir()
+        make_case(draw, cases, truth, simulator=simulator, quality=quality, seconds=SECONDS, seed=SEED)
+        return summary(diagnose_folder(cases / case_name(SEED, draw.index), replay=False))
+
+
+def summary(diagnosis: dict[str, Any]) -> dict[str, Any]:
+    """Return the part of `diagnosis.json` that must not change."""
+    residual = diagnosis["shrink"]["residual"]
+    return {
+        "verdict": diagnosis["verdict"],
+        "unknown_probability": _rounded(diagnosis["unknown_probability"]),
+        "causes": {
+            cause["effect"]: {
+                "probability": _rounded(cause["probability"]),
+                "parameters": {
+                    name: [_rounded(p["value"]), *map(_rounded, p["ci95"])]
+                    for name, p in cause["parameters"].items()
+                },
+                "onset": {flight: _rounded(time) for flight, time in cause["onset"].items()},
+                "indistinguishable_from": sorted(cause["indistinguishable_from"]),
+            }
+            for cause in diagnosis["causes"]
+        },
+        "residual": {key: _rounded(residual[key]) for key in ("before", "after", "floor")},
+        "minor": [finding["name"] for finding in diagnosis["minor"]],
+        "remains": [finding["name"] for finding in diagnosis["remains"]],
+    }
+
+
+def _rounded(value: float | None) -> float | None:
+    return None if value is None else float(f"{value:.{DIGITS}g}")
+
+
+def write_answers(path: Path, answers: dict[str, dict[str, Any]]) -> None:
+    """Write answers as JSON, a case a line, so that a difference between two versions of the file can be read."""
+    head = {"schema": SCHEMA, "seed": SEED, "seconds": SECONDS}
+    lines = (
+        f"{json.dumps(name)}: {json.dumps(value, separators=(',', ':'))}" for name, value in answers.items()
+    )
+    body = ",\n".join(lines)
+    write_text(path, f'{json.dumps(head)[:-1]}, "answers": {{\n{body}\n}}}}\n')
+
+
+def read_answers(path: Path) -> dict[str, dict[str, Any]]:
+    """Return the stored answers by case."""
+    return json.loads(path.read_text(encoding="utf-8"))["answers"]
+
+
+def differences(reference: dict[str, Any], found: dict[str, Any], tolerance: float) -> list[str]:
+    """Return one line for every value of an answer that differs.
+
+    tolerance: of a parameter, relative to the larger of its value and its interval; of all else absolute [1, s].
+    """
+    out = [
+        f"{key}: {reference[key]} -> {found[key]}"
+        for key in ("verdict", "minor", "remains")
+        if reference[key] != found[key]
+    ]
+    if reference["verdict"] != found["verdict"]:
+        return out
+    out += _differ("unknown_probability", reference, found, tolerance)
+    for key in reference["residual"]:
+        out += _differ(key, reference["residual"], found["residual"], tolerance)
+    for effect, was in reference["causes"].items():
+        now = found["causes"][effect]
+        out += [f"{effect}: {line}" for line in _cause_differences(was, now, tolerance)]
+    return out
+
+
+def _cause_differences(was: dict[str, Any], now: dict[str, Any], tolerance: float) -> list[str]:
+    out = _differ("probability", was, now, tolerance)
+    if was["indistinguishable_from"] != now["indistinguishable_from"]:
+        out.append("indistinguishable_from differs")
+    for flight in was["onset"]:
+        out += _differ(flight, was["onset"], now["onset"], tolerance)
+    for name, values in was["parameters"].items():
+        scale = max([abs(v) for v in values if v is not None], default=0.0) or 1.0
+        for v, w in zip(values, now["parameters"][name], strict=True):
+            if (v is None) != (w is None) or (v is not None and abs(v - w) > tolerance * scale):
+                out.append(f"{name}: {v} -> {w}")
+    return out
+
+
+def _differ(key: str, was: dict[str, Any], now: dict[str, Any], tolerance: float) -> list[str]:
+    a, b = was[key], now.get(key)
+    same = a == b or (a is not None and b is not None and abs(a - b) <= tolerance)
+    return [] if same else [f"{key}: {a} -> {b}"]
+
+
+def main() -> int:
+    """Answer the cases, compare with the stored answers and return the exit code."""
+    neurobem = Path(os.environ["NP_DRAKE_NEUROBEM"]) if os.environ.get("NP_DRAKE_NEUROBEM") else None
+    every = [*golden_cases(), *([f"{REAL}/0", f"{REAL}/1"] if neurobem else [])]
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])  # type: ignore[union-attr]
+    parser.add_argument("--only", nargs="*", choices=every, metavar="CASE", help="these cases alone")
+    parser.add_argument("--jobs", type=int, default=2, help="processes")
+    parser.add_argument("--out", type=Path, help="write the answers")
+    asked = parser.parse_args()
+    names = asked.only or every
+    found = Parallel(asked.jobs)(delayed(answer)(name, neurobem) for name in names)
+    answers = dict(zip(names, found, strict=True))
+    if asked.out is not None:
+        write_answers(asked.out, answers)
+    stored, differing = read_answers(STORED), 0
+    for name, given in answers.items():
+        lines = differences(stored[name], given, TOLERANCE)
+        print(*(f"{name}: {line}\n" for line in lines), sep="", end="")
+        differing += bool(lines)
+    print(
+        f"{len(answers)} answers compared with {STORED.name}, {differing} differ by more than {TOLERANCE:g}"
+    )
+    return int(differing > 0)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
