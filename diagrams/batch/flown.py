@@ -1,11 +1,14 @@
 """What studies that fly several seeds share: options, seeds, title and the choice of rows."""
 
 import dataclasses as dc
+import logging
 from collections.abc import Callable, Collection
 from typing import Any
 
 from diagrams.batch.options import DEFAULT_SOLVER, Seeds, Solver
 from diagrams.batch.run import Run
+
+_log = logging.getLogger(__name__)
 
 
 @dc.dataclass(frozen=True)
@@ -88,7 +91,7 @@ def _present(row: str) -> str:
     """Return the present name of a row, and say so where an old one was given."""
     present = row.replace("np: pendulum", "payload_filter").replace("np: default", "np: delay-modal")
     if present != row:
-        say(f"--only: row {row} is now called {present}.")
+        _log.warning("--only: row %s is now called %s.", row, present)
     return present
 
 

@@ -7,11 +7,11 @@ from diagrams.batch.flown import FlownOptions, FlownRun
 from diagrams.batch.options import Seeds
 from diagrams.batch.run import Report, Run, Table
 from diagrams.batch.workers import failures
-from diagrams.loop.controllers import DEFAULT_MODEL
+from diagrams.loop.controllers import NP_MODEL
 from diagrams.loop.flight import FlightConfig
 from diagrams.payload import attach as experiment
 from diagrams.payload import figures
-from diagrams.payload.attach import ADDED, PAPER, TOSS, encoder_step, label_deviation
+from diagrams.payload.attach import PAPER, TOSS, encoder_step, label_deviation
 from diagrams.payload.hover_swing import TRAINING
 from diagrams.tracking.model_files import file_name, key_of
 from np_drake.lifting.model.model_file import load_model

@@ -32,7 +32,7 @@ def run(run: Run, options: Options) -> Report:
         )
         for row in rows
     }
-    of_figure = f"Hover, impulse of {hover_swing.IMPULSE} N·s on the payload, seed {run.seeds[0]}"
+    of_figure = f"Hover, impulse on the payload, seed {run.seeds[0]}"
     summaries = [{key: value for key, value in flown.items() if key != "course"} for flown in runs]
     return Report(
         [hover_printed(lines, f"{run.title(learner='np ')}; ± 95 % interval of the mean")],

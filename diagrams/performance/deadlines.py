@@ -23,7 +23,6 @@ from diagrams.loop.flight import FlightConfig
 from diagrams.loop.flight_result import FlightResult, fly
 from diagrams.performance.timing import TRACK, TRAINING, ControlLoop
 from diagrams.prediction.learning import train_payload_filter_model
-from diagrams.prediction.learning import train_pendulum_model
 from np_drake.files.figure_file import DASHES, PALETTE, new_figure
 
 RATES = (50, 100, 200)  # of the loop [1/s]

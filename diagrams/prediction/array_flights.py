@@ -5,12 +5,11 @@ from pathlib import Path
 
 import numpy as np
 
-from np_drake.logs.formats.neurobem import TESTS, TRAINING, read_wrenches
 from diagrams.batch.options import required
 from diagrams.batch.run import Advance, Run
-from np_drake.lifting.model.lifted_model import DEFAULT, PAPER, LiftedModel
+from np_drake.lifting.model.lifted_model import MODE_DICTIONARY, PAPER, LiftedModel
 from np_drake.lifting.training.train import make_config, train
-from np_drake.logs.neurobem import TESTS, TRAINING, read_neurobem_npy
+from np_drake.logs.formats.neurobem import TESTS, TRAINING, read_wrenches
 from np_drake.residual_model import FlightForecasts
 from np_drake.residual_models.neural_predictor import NeuralPredictor, PredictorOptions
 from np_drake.skill.response import jerk
@@ -81,7 +80,7 @@ def trained(
     Returns: the models and their settings, by configuration.
     """
     models, settings = {}, {}
-    for name in (PAPER, DEFAULT):
+    for name in (PAPER, MODE_DICTIONARY):
         config = make_config(name, frame="body", seed=run.seed, epochs=epochs)
         with run.progress(f"training {name}") as advance:
 

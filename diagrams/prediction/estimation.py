@@ -14,9 +14,6 @@ from diagrams.prediction import estimation_figures as figures
 from diagrams.prediction.array_flights import Flight, arrays, forecasts, settings_lines, trained
 from np_drake.estimation.wrench_table import COLUMNS, PUBLISHED, column_rmse
 from np_drake.lifting.model.lifted_model import MODE_DICTIONARY, PAPER, LiftedModel
-from np_drake.residual_model import FlightForecasts
-from np_drake.residual_models.neural_predictor import NeuralPredictor, PredictorOptions
-from np_drake.lifting.model.lifted_model import DEFAULT, PAPER, LiftedModel
 from np_drake.skill.skill import naive_predictions
 from np_drake.skill.window_stability import WindowStability, stability_of
 
@@ -180,7 +177,7 @@ def run(run: Run, options: Options) -> Report:
         lines=[*_lines(table, training.name, run.seed), *settings_lines(settings)],
         figures={
             "random_points.png": lambda: figures.window_figure(
-                figures.window(models[DEFAULT], shown), of_figure
+                figures.window(models[MODE_DICTIONARY], shown), of_figure
             )
         },
     )

@@ -11,7 +11,7 @@ from diagrams.batch.run import Report, Run
 from diagrams.batch.workers import Workers, every_result
 from diagrams.prediction.array_flights import Flight, arrays, forecasts, settings_lines, trained
 from diagrams.prediction.estimation import NAIVE, OURS
-from np_drake.lifting.model.lifted_model import DEFAULT, LiftedModel
+from np_drake.lifting.model.lifted_model import MODE_DICTIONARY, LiftedModel
 from np_drake.lifting.training.train import Config, make_config, train
 from np_drake.residual_model import FlightForecasts
 from np_drake.skill.response import aggressive, lag
@@ -148,7 +148,7 @@ def run(run: Run, options: Options) -> Report:
     """How late the prediction is. Its lag behind the label where jerk is largest."""
     training, *tests = arrays("response", options.neurobem)
     models, settings = trained(run, training)
-    config = make_config(DEFAULT, frame="body", seed=run.seed)
+    config = make_config(MODE_DICTIONARY, frame="body", seed=run.seed)
     with run.counting("flights") as on_progress:
         lines = response_lines(
             *(models, training, tests),

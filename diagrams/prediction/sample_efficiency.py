@@ -15,8 +15,6 @@ from diagrams.batch.workers import Workers, every_result
 from diagrams.prediction.array_flights import Flight, arrays, settings_lines
 from np_drake.files.figure_file import DASHES, PALETTE, new_figure
 from np_drake.lifting.model.lifted_model import MODE_DICTIONARY, PAPER
-from np_drake.lifting.training.train import Config, train
-from np_drake.lifting.model.lifted_model import DEFAULT, PAPER
 from np_drake.lifting.training.train import Config, make_config, train
 from np_drake.residual_model import ResidualModel
 from np_drake.residual_models.linear_baselines import fit_dmdc
@@ -212,7 +210,7 @@ def run(run: Run, options: Options) -> Report:
     """Error against training samples. On race track 1; --out DIR: figure."""
     training, *tests = arrays("sample-efficiency", options.neurobem)
     test = next(flight for flight in tests if flight.name == "race track 1")
-    configs = {name: make_config(name, frame="body", seed=run.seed) for name in (PAPER, DEFAULT)}
+    configs = {name: make_config(name, frame="body", seed=run.seed) for name in (PAPER, MODE_DICTIONARY)}
     with run.counting("models") as on_progress:
         points = sample_efficiency(training, test, configs, workers=run.workers, on_progress=on_progress)
     step, settings = test.segment.step, {name: dc.asdict(config) for name, config in configs.items()}

@@ -6,12 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from diagrams.loop.controllers import FILTER_MODEL, MODELS, NP_MODEL
-from diagrams.prediction.learning import train_payload_filter_model, train_predictor
 from diagrams.batch.run import NoOptions as Options
 from diagrams.batch.run import Report, Run
-from diagrams.loop.controllers import DEFAULT_MODEL, FLYING_MODEL, MODELS
-from diagrams.prediction.learning import train_pendulum_model, train_predictor
+from diagrams.loop.controllers import FILTER_MODEL, MODELS, NP_MODEL
+from diagrams.prediction.learning import train_payload_filter_model, train_predictor
 from diagrams.tracking.tracking import DITHERED, training_flight
 from np_drake.lifting.model.model_file import read_tensors, schema_of
 

@@ -26,9 +26,7 @@ from diagrams.gap.real_flights import agile_flights
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.effects.library import LIBRARY
 from np_drake.files.atomic_file import write_text
-from np_drake.files.input_file import read_json
 from np_drake.logs.formats.neurobem import published_vehicle
-from np_drake.logs.neurobem import published_vehicle
 
 SEED, SECONDS = 36, 10.0
 DIGITS = 10  # significant ones that are stored

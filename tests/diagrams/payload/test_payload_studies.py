@@ -8,9 +8,7 @@ import numpy as np
 import pytest
 
 from diagrams.cli.main import run
-from diagrams.cli.reproduce.experiments import hover_printed, timing_printed
 from diagrams.loop.controllers import FILTER_MODEL, NP_MODEL
-from diagrams.loop.controllers import DEFAULT_MODEL, FLYING_MODEL
 from diagrams.payload import attach, hover_swing
 from diagrams.payload.hover_study import hover_printed
 from diagrams.performance import timing

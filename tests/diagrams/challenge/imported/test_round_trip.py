@@ -19,12 +19,12 @@ from np_drake.diagnosis.diagnose import diagnose
 from np_drake.effects.library import LIBRARY
 from np_drake.flight_log import FlightLog
 from np_drake.logs.case_folder import VEHICLE, open_case
+from np_drake.logs.formats.log_file import write_log
 from np_drake.logs.import_sheet import write_sheet
 from np_drake.logs.importing.conventions import WrongConventions, changed
 from np_drake.logs.importing.convert import convert
 from np_drake.logs.importing.import_log import import_log
 from np_drake.logs.importing.log_map import load_map
-from np_drake.logs.log_file import write_log
 
 ERRORS = {  # by name: how the log is written, where its map declares the defaults
     "world NED": (("world", "ned"),),
