@@ -11,7 +11,7 @@ from diagrams.cli.output import Table, progress, say
 from diagrams.cli.runner import Report, Run, counting, reports
 
 if TYPE_CHECKING:
-    from np_drake.mpc.benchmark import SolverReport
+    from diagrams.performance.solver_bench import SolverReport
 
 RECORDED = {"mpc": "default, K = 12", "mpc_refit": "paper, K = 24"}  # key of --json: recorded problems
 
@@ -34,7 +34,7 @@ def bench(
         lines, table = _against_the_pseudo_inverse(run.seed)
         return Report([table], config={}, metrics={"predictor": {"against_pseudo_inverse": lines}})
     from diagrams.performance import bench as measure
-    from np_drake.mpc.benchmark import GROWTH, growth_name, suite
+    from diagrams.performance.solver_bench import GROWTH, growth_name, suite
 
     with progress("training, recording problems", 1.0) as advance:
         walls = measure.time_training(run.folder, seed=run.seed)

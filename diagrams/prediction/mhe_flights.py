@@ -14,9 +14,9 @@ from diagrams.batch.run import Report, Run
 from diagrams.batch.workers import Workers, every_result
 from diagrams.prediction.array_flights import neurobem_folder
 from np_drake.estimation.mhe_config import MheConfig
-from np_drake.estimation.mhe_run import MheRun, run_mhe
 from np_drake.estimation.mhe_tuning import tune
 from np_drake.estimation.motion import Motion, motion_from_attitude, motion_from_rates
+from np_drake.estimation.moving_horizon import MheRun, run_mhe
 from np_drake.estimation.moving_horizon_program import ProgramWindow
 from np_drake.estimation.wrench_table import COLUMNS, PUBLISHED, column_rmse
 from np_drake.logs.errors import LogError

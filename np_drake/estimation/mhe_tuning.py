@@ -7,8 +7,7 @@ import math
 import numpy as np
 import torch
 
-from np_drake.estimation.mhe_config import MheConfig
-from np_drake.estimation.mhe_gains import MheWeights, window_gains
+from np_drake.estimation.mhe_config import MheConfig, MheWeights, window_gains
 from np_drake.estimation.motion import Motion
 
 _SPAN = 1e3  # each weight may change by this factor [1]

@@ -13,13 +13,13 @@ from scipy.linalg import lapack
 from scipy.linalg.blas import dsyrk
 
 from np_drake.mpc.dynamics import DiscreteDynamics
-from np_drake.mpc.horizon import Horizon, Preparation
+from np_drake.mpc.horizon import Horizon, Preparation, hover_solution
 from np_drake.mpc.kernels import condensing
-from np_drake.mpc.objective import Objective, SoftRows, penalty
-from np_drake.mpc.problem import MpcConfig, MpcProblem
-from np_drake.mpc.swing import LATERAL, lateral_response
+from np_drake.mpc.objective import LATERAL, Objective, SoftRows, lateral_response, penalty
+from np_drake.mpc.problem import MpcConfig, MpcProblem, MpcSolution, SolverFailure
 from np_drake.residual_model import Reaction
 from np_drake.rigid_body import INPUT_SIZE, STATE_SIZE, WRENCH_SIZE
+from np_drake.scaling import ratios
 from np_drake.vehicle import Vehicle
 
 ZETA = slice(7, 13)  # part of the state to which a wrench reacts
@@ -183,3 +183,45 @@ class Condensed:
             pull = 2 * self.config.weight_swing * t.chi[:, LATERAL]
             gradient += pull.ravel() @ lateral_response(h, S).reshape(-1, self.size)
         return gradient
+
+
+_REACH = 0.5  # position error that the feedback sees at most, of the paper's vehicle [m]
+_PACE = 2.0  # velocity error that it sees at most, of the paper's vehicle [m/s]
+
+
+def initial_trajectory(
+    condensed: Condensed, h: Horizon, warm_start: MpcSolution | None
+) -> tuple[Trajectory, bool]:
+    """Return the initial trajectory and whether it is a cold start.
+
+    A warm start without a finite rollout is discarded.
+    Raises: SolverFailure: if there is no finite rollout from this state.
+    """
+    if warm_start is not None and np.shape(warm_start.u) == h.u_ref.shape:
+        T = condensed.clip(warm_start.u @ condensed.vehicle.unmixer.T)
+        t = condensed.rollout(h, T)
+        if t.finite:
+            return t, False
+    t = condensed.rollout(h, feedback_thrusts(condensed, h))
+    if not t.finite:
+        raise SolverFailure("MPC: no finite prediction from this state; check the forecast and the state.")
+    return t, True
+
+
+def feedback_thrusts(condensed: Condensed, h: Horizon) -> np.ndarray:
+    """Return rotor thrusts (N, 4) of the hover feedback on saturated errors [N].
+
+    The wrench is that before any planned motion.
+    """
+    vehicle = condensed.vehicle
+    gain = hover_solution(vehicle, condensed.config)[1]
+    bound, unit = np.full(13, np.inf), ratios(vehicle)
+    bound[0:3], bound[7:10] = _REACH * unit.length, _PACE * unit.speed
+    T = np.empty_like(h.u_ref)
+    x = h.x0
+    for i in range(len(T)):
+        e = np.clip(x - h.x_ref[i], -bound, bound)
+        T[i] = condensed.clip(vehicle.unmixer @ (h.u_ref[i] - gain @ e))
+        chi = h.free[i] if h.reaction is None else h.free[i] + h.reaction(x[7:13])
+        x = condensed.dynamics.advance(x, vehicle.mixer @ T[i], chi)
+    return T

@@ -1,20 +1,23 @@
 """Reference solver: IPOPT on the condensed problem, preconditioned, with lazy rows.
 
-A single-shooting problem with 4N variables and few rows suits IPOPT's linear solver in Drake; see `preconditioned`.
+A single-shooting problem with 4N variables and few rows suits IPOPT's linear solver in Drake; see `Preconditioned`.
 Source: own measurement.
 """
 
 import logging
+import math
 import time
+from typing import Any
 
 import numpy as np
+from pydrake.autodiffutils import AutoDiffXd, ExtractValue, InitializeAutoDiff
 from pydrake.solvers import IpoptSolver
+from scipy.linalg import lapack
 
-from np_drake.mpc.condensed import Trajectory
-from np_drake.mpc.drake_solvers import expected_early_ends
+from np_drake.mpc.condensed import Condensed, Trajectory, initial_trajectory
+from np_drake.mpc.drake_solvers import expected_early_ends, new_program, solver_options
 from np_drake.mpc.horizon import Horizon
-from np_drake.mpc.initial_guess import initial_trajectory
-from np_drake.mpc.preconditioned import Preconditioned
+from np_drake.mpc.objective import KINDS, QUADRATIC
 from np_drake.mpc.problem import MpcConfig, MpcProblem, MpcSolution, MpcStatus
 from np_drake.mpc.sqp import SqpSolver, as_solution
 from np_drake.vehicle import Vehicle
@@ -89,3 +92,109 @@ class IpoptCondensedSolver:
             problem, misses = None, misses + 1
         _log.debug("IPOPT gave up after %d rounds; the SQP answer flies.", count)
         return sqp, MpcStatus.SQP_FALLBACK, count
+
+
+_NEAR = 0.05  # share of a set's size within which a row counts as near activity
+_VIOLATED = 1e-6  # excess that counts [in each set's unit]
+_OPTIONS: dict[str, Any] = {
+    "tol": 1e-6,
+    "constr_viol_tol": 1e-6,
+    "acceptable_tol": 1e-5,
+    "max_iter": 20,
+    "hessian_approximation": "limited-memory",
+    "limited_memory_initialization": "constant",
+    "limited_memory_init_val": 1.0,
+    "limited_memory_max_history": 6,
+    "nlp_scaling_method": "none",
+    "spral_order": "metis",
+    "spral_scaling": "none",
+    "print_level": 0,
+}
+
+
+class Preconditioned:
+    """One condensed problem around t_0, preconditioned by the Cholesky factor L of its Gauss-Newton Hessian.
+
+    The Hessian over w starts as the identity, which is the start of IPOPT's limited memory. Slacks are scaled to unit
+    curvature too, and only come in where a soft row is near activity.
+    """
+
+    def __init__(self, condensed: Condensed, h: Horizon, t_0: Trajectory):
+        self._c, self._h, self._T_0 = condensed, h, t_0.T.ravel()
+        S = condensed.sensitivities(h, t_0)
+        hessian = condensed.hessian(h, S)
+        factor, info = lapack.dpotrf(hessian, lower=1)
+        factor = np.diag(np.sqrt(np.diag(hessian))) if info else factor
+        self._M = lapack.dtrtri(factor, lower=1)[0].T  # L^-T
+        self._w: np.ndarray = np.zeros(condensed.size)
+        self._key, self._point = self._w.tobytes(), (t_0, S)
+        config, self._top = condensed.config, condensed.vehicle.max_rotor_thrust
+        self._kind = np.repeat(range(KINDS), [3 * config.horizon, config.horizon, 1])
+        size = np.array([config.max_speed, 1 - condensed.objective.min_cosine, config.terminal_radius])
+        near = _NEAR * self._top
+        self._inputs = np.abs(self._T_0 - 0.5 * self._top) > 0.5 * self._top - near
+        self._soft = t_0.excess > -_NEAR * size[self._kind]
+        self._unit = 1 / math.sqrt(2 * QUADRATIC * config.slack_weight)
+
+    def solve(self, ipopt: Any, time_limit: float) -> tuple[bool, Trajectory]:
+        """Return whether IPOPT converged, and the trajectory at which it ended.
+
+        The rows left out may be violated there.   Args: time_limit: [s].
+        """
+        prog = new_program()
+        w = prog.NewContinuousVariables(len(self._w), "w")
+        prog.AddCost(self._cost, vars=w)
+        start = self._w
+        if self._inputs.any():
+            T = self._T_0[self._inputs]
+            prog.AddLinearConstraint(self._M[self._inputs], -T, self._top - T, w)
+        if self._soft.any():
+            self._add_soft_rows(prog, w)
+            start = np.concatenate([start, self._at(start)[0].slacks / self._unit])
+        options = solver_options({IpoptSolver.id(): {**_OPTIONS, "max_wall_time": min(time_limit, 100.0)}})
+        result = ipopt.Solve(prog, start, options)
+        end = result.GetSolution(w)
+        self._w = end if np.isfinite(end).all() else self._w
+        return result.is_success(), self._at(self._w)[0]
+
+    def add_violated(self, t: Trajectory) -> bool:
+        """Return whether t breaks a row that was left out, and include such rows from now on."""
+        T = t.T.ravel()
+        slacks = self._c.objective.slacks(np.where(self._soft, t.excess, 0.0))
+        inputs = ~self._inputs & (np.abs(T - 0.5 * self._top) > 0.5 * self._top + _VIOLATED)
+        soft = ~self._soft & (t.excess > slacks[self._kind] + _VIOLATED)
+        self._inputs |= inputs
+        self._soft |= soft
+        return bool(inputs.any() or soft.any())
+
+    def _add_soft_rows(self, prog: Any, w: np.ndarray) -> None:
+        s = prog.NewContinuousVariables(KINDS, "s")
+        prog.AddBoundingBoxConstraint(0, np.inf, s)
+        price = np.full(KINDS, self._c.config.slack_weight * self._unit)
+        prog.AddQuadraticCost(np.eye(KINDS), price, s, is_convex=True)
+        m = int(self._soft.sum())
+        prog.AddConstraint(self._rows, np.full(m, -np.inf), np.zeros(m), vars=np.concatenate([w, s]))
+
+    def _at(self, w: np.ndarray) -> tuple[Trajectory, np.ndarray]:
+        """Return trajectory and sensitivities at w; IPOPT asks for each point several times."""
+        if w.tobytes() != self._key:
+            t = self._c.rollout(self._h, (self._T_0 + self._M @ w).reshape(-1, 4))
+            self._key, self._point = w.tobytes(), (t, self._c.sensitivities(self._h, t))
+        return self._point
+
+    def _cost(self, w: np.ndarray) -> Any:
+        symbolic = w.dtype == object
+        t, S = self._at(ExtractValue(w).ravel() if symbolic else w)
+        return AutoDiffXd(t.cost, self._c.gradient(self._h, t, S) @ self._M) if symbolic else t.cost
+
+    def _rows(self, v: np.ndarray) -> Any:
+        symbolic = v.dtype == object
+        value = ExtractValue(v).ravel() if symbolic else v
+        n, kind = len(self._w), self._kind[self._soft]
+        t, S = self._at(value[:n])
+        excess: Any = t.excess[self._soft] - self._unit * value[n:][kind]
+        if not symbolic:
+            return excess
+        rows = self._c.objective.rows(self._h, t.x, S)
+        jacobian: Any = np.hstack([rows.jacobian[self._soft] @ self._M, -self._unit * np.eye(KINDS)[kind]])
+        return InitializeAutoDiff(excess, jacobian).ravel()

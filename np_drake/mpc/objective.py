@@ -4,8 +4,13 @@
 
 with one slack a kind of set, s_k >= every excess of that kind over the horizon: an exact penalty, so that
 every start has an answer and the sets hold wherever they can. Kinds: velocity box [m/s], tilt as cosine [1],
-terminal ellipsoid [m]. swing(chi), off by default: see `swing`. Source: Jin et al. 2025, eq. (nmpc); the slacks and
-the price on the swing are our own choice.
+terminal ellipsoid [m]. swing(chi), off by default, damps a swinging payload without a sensor that sees it:
+
+    weight_swing sum_i f_x,i² + f_y,i²        over the predicted residual force, stage 0 … N-1
+
+The payload pulls sideways, and the lifted linear system predicts its pull from the motion: a plan that flattens the
+pull takes energy out of the swing. Source: Jin et al. 2025, eq. (nmpc); the slacks and the price on the swing are our
+own choice.
 """
 
 import dataclasses as dc
@@ -15,7 +20,29 @@ import numpy as np
 from np_drake.mpc.horizon import Horizon
 from np_drake.mpc.kernels import condensing, merit
 from np_drake.mpc.problem import MpcConfig
-from np_drake.mpc.swing import swing_cost
+
+LATERAL = slice(0, 2)  # f_x and f_y within chi
+
+
+def swing_cost(chi: np.ndarray, weight: float) -> float:
+    """Return the cost of the lateral force in the predicted wrench chi (N, 6) [N, N·m] at `weight` [1/N²]."""
+    return float(weight * np.sum(chi[:, LATERAL] ** 2))
+
+
+def lateral_response(h: Horizon, S: np.ndarray) -> np.ndarray:
+    """Return d(f_x, f_y)_i over the rotor thrusts, (N, 2, 4N) [1].
+
+    Args: S: (N, 13, 4N) as `Condensed.sensitivities` gives it.
+    """
+    n, size = len(h.u_ref), S.shape[-1]
+    response = np.zeros((n, 2, size))
+    if h.markov.size:
+        motion = S[:-1, 7:13].reshape(-1, size)  # of zeta_1 … zeta_(N-1); zeta_0 is measured
+        for i in range(2, n):
+            known = 6 * (i - 1)
+            np.matmul(h.markov[LATERAL, -known:], motion[:known], out=response[i])
+    return response
+
 
 KINDS = 3  # of soft sets [1]
 VELOCITY, TILT, TERMINAL = range(KINDS)  # index of each kind

@@ -5,10 +5,9 @@ import time
 
 import numpy as np
 
-from np_drake.mpc.condensed import Condensed, Curvature, Trajectory
+from np_drake.mpc.condensed import Condensed, Curvature, Trajectory, initial_trajectory
 from np_drake.mpc.drake_solvers import expected_early_ends
 from np_drake.mpc.horizon import Horizon
-from np_drake.mpc.initial_guess import initial_trajectory
 from np_drake.mpc.problem import MpcConfig, MpcProblem, MpcSolution, MpcStatus, SolverFailure
 from np_drake.mpc.qp import QpSolver
 from np_drake.rigid_body import STATE_SIZE

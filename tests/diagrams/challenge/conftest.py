@@ -50,6 +50,10 @@ def by_hand():
 
 
 @pytest.fixture(scope="session")
-def implementations():
-    """Random motions, and what both implementations of an out-of-library effect must have in common."""
-    return _beside("implementations")
+def moving():
+    """Return a level state (13,) of that velocity, turning rate and place."""
+
+    def state(v, w=(0.0, 0.0, 0.0), p=(0.0, 0.0, 0.0)):
+        return np.concatenate([p, [1.0, 0.0, 0.0, 0.0], v, w])
+
+    return state

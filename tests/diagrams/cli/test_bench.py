@@ -1,6 +1,6 @@
 from diagrams.cli import output
 from diagrams.cli.bench import _solver_tables
-from np_drake.mpc.benchmark import SolverReport
+from diagrams.performance.solver_bench import SolverReport
 
 REPORT = SolverReport("acados", 200, 0.4712, 0.5723, 0.6234, 1030.5, 40, 40, 0.0012, 0.12, 0.01, 0.0234, 12.4)
 

@@ -5,8 +5,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from diagrams.challenge.simulators.rotorpy.library_effects import Instant, rotor_inflow
-from np_drake import attitude
 from np_drake.effects.base import Motion
 from np_drake.effects.rotor_inflow import AIR_DENSITY, RotorInflow, induced_velocity
 from np_drake.vehicle import Vehicle
@@ -64,17 +62,3 @@ def test_it_is_linear_in_its_slope_and_feels_the_velocity_through_the_air_alone(
     boosted[7:10] += [1.0, -2.0, 0.5]
     moved = dc.replace(motion, x=boosted, wind=motion.wind + [1.0, -2.0, 0.5])
     np.testing.assert_allclose(RotorInflow(0.4).wrench(VEHICLE, moved), chi, rtol=1e-7, atol=1e-9)
-
-
-@given(st.integers(0, 2**31))
-def test_both_simulators_apply_the_same_law(seed):
-    rng = np.random.default_rng(seed)
-    x = np.concatenate([rng.normal(size=3), rng.normal(size=4), rng.normal(scale=[4, 4, 1.5, 2, 2, 2])])
-    x[3:7] = attitude.multiply([1.0, 0, 0, 0], x[3:7] / np.linalg.norm(x[3:7]))
-    motion = Motion(0.0, x, rng.uniform(2, 12, 4))
-    R = motion.R_WB
-    v_B = R.T @ x[7:10]
-    now = Instant(0.0, x[:3], R, v_B, v_B, x[10:], motion.rotor_thrust, SPEED * np.ones(4), np.zeros(4))
-    other = rotor_inflow(VEHICLE, {"slope": 0.7}, now)
-    chi = RotorInflow(0.7).wrench(VEHICLE, motion)
-    np.testing.assert_allclose([*(R.T @ chi[:3]), *chi[3:]], other, rtol=1e-5, atol=1e-6)

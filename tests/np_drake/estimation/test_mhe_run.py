@@ -7,10 +7,9 @@ import pytest
 import torch
 
 from np_drake.estimation import mhe_tuning
-from np_drake.estimation.mhe_config import MheConfig
-from np_drake.estimation.mhe_gains import MheWeights
-from np_drake.estimation.mhe_run import run_mhe
+from np_drake.estimation.mhe_config import MheConfig, MheWeights
 from np_drake.estimation.motion import motion_from_attitude
+from np_drake.estimation.moving_horizon import run_mhe
 from np_drake.estimation.moving_horizon_program import ProgramWindow
 
 

@@ -3,8 +3,7 @@ import pytest
 from pydrake.autodiffutils import ExtractGradient, InitializeAutoDiff
 
 from np_drake.mpc.condensed import Condensed
-from np_drake.mpc.ipopt import IpoptCondensedSolver
-from np_drake.mpc.preconditioned import Preconditioned
+from np_drake.mpc.ipopt import IpoptCondensedSolver, Preconditioned
 from np_drake.mpc.problem import MpcStatus
 from np_drake.mpc.sqp import SqpSolver
 
@@ -59,7 +58,7 @@ def test_a_solution_that_leaves_the_input_set_is_solved_again(vehicle, config, m
     dut = IpoptCondensedSolver(vehicle, config, time_limit=np.inf)
     add = Preconditioned.add_violated
     monkeypatch.setattr(Preconditioned, "add_violated", lambda *a: answers.append(add(*a)) or answers[-1])
-    monkeypatch.setattr("np_drake.mpc.preconditioned._NEAR", -1e-3)  # no row is passed at first
+    monkeypatch.setattr("np_drake.mpc.ipopt._NEAR", -1e-3)  # no row is passed at first
     solution = dut.solve(problem)
     assert answers[0]
     assert not answers[-1]

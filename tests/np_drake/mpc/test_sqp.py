@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from diagrams.performance.problems import infeasible_problems
 from np_drake import attitude
-from np_drake.mpc.benchmark_problems import infeasible_problems
 from np_drake.mpc.dynamics import DiscreteDynamics
 from np_drake.mpc.plan import shift
 from np_drake.mpc.problem import MpcConfig, MpcProblem, MpcStatus

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from np_drake.mpc.condensed import Condensed
-from np_drake.mpc.stacked_stages import StackedStages
+from np_drake.mpc.ipopt_multiple_shooting import StackedStages
 
 
 @pytest.fixture(params=[False, True], ids=["linear", "reacting"])

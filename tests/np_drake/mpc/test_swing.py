@@ -7,9 +7,9 @@ import pytest
 
 from np_drake.mpc.condensed import Condensed
 from np_drake.mpc.ipopt_multiple_shooting import IpoptMultipleShootingSolver
+from np_drake.mpc.objective import lateral_response, swing_cost
 from np_drake.mpc.problem import MpcConfig, MpcProblem
 from np_drake.mpc.sqp import SqpSolver
-from np_drake.mpc.swing import lateral_response, swing_cost
 from np_drake.residual_model import WrenchForecast, constant_forecast
 
 

@@ -5,7 +5,7 @@ import pytest
 
 from np_drake import attitude
 from np_drake.mpc.dynamics import DiscreteDynamics
-from np_drake.mpc.terminal import TerminalWeight, hover_solution
+from np_drake.mpc.horizon import TerminalWeight, hover_solution
 
 HOVER = np.array([1.0, 0.0, 0.0, 0.0])
 

@@ -25,14 +25,14 @@ def fly(*arguments, **options) -> FlightLog:
 def foreign_vehicle(*, own: bool) -> RealVehicle:
     """Return the `ForeignVehicle`. Raises ValueError: where rotorpy is not installed."""
     require_rotorpy()
-    from diagrams.challenge.simulators.rotorpy.foreign import ForeignVehicle
+    from diagrams.challenge.simulators.rotorpy.rotorpy_vehicle import ForeignVehicle
 
     return ForeignVehicle(own)
 
 
 def own_physics() -> dict[str, float]:
-    """`diagrams.challenge.simulators.rotorpy.own_physics`. Raises ValueError: where rotorpy is not installed."""
+    """`rotorpy.vehicle.own_physics` of this room. Raises ValueError: where rotorpy is not installed."""
     require_rotorpy()
-    from diagrams.challenge.simulators.rotorpy.own_physics import own_physics as own_physics_of_rotorpy
+    from diagrams.challenge.simulators.rotorpy.vehicle import own_physics as own_physics_of_rotorpy
 
     return own_physics_of_rotorpy()

@@ -1,5 +1,6 @@
-"""rotorpy's multirotor as a system of Drake, in the place of `make_tethered_quadrotor`."""
+"""rotorpy's multirotor as a system of Drake, and in the place of Drake's vehicle in this project's own loop."""
 
+import dataclasses as dc
 from collections.abc import Sequence
 
 import numpy as np
@@ -7,14 +8,17 @@ from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector, Context, Diagram, DiagramBuilder, LeafSystem, ValueProducer
 
 from diagrams.challenge.simulators.rotorpy.conversion import (
+    SPEED,
+    Q,
     acceleration_from_rotorpy,
     from_rotorpy,
     rotor_speeds,
     to_rotorpy,
 )
-from diagrams.challenge.simulators.rotorpy.library_effects import ActiveEffect
-from diagrams.challenge.simulators.rotorpy.vehicle import SPEED, Q, RealMultirotor
+from diagrams.challenge.simulators.rotorpy.vehicle import RealMultirotor
+from diagrams.loop.reality import RealityConfig
 from np_drake import attitude
+from np_drake.effects.base import Effect, MeasurementEffect
 from np_drake.vehicle import Vehicle
 from systems.command_buffer import SOONEST, CommandBuffer
 
@@ -51,9 +55,9 @@ class RotorPyVehicle(LeafSystem):
     Args: own: whether rotorpy's own drag, lift and motor lag act beside the effects (`RealMultirotor`).
     """
 
-    def __init__(self, vehicle: Vehicle, acting: Sequence[ActiveEffect], *, own: bool = False):
+    def __init__(self, vehicle: Vehicle, effects: Sequence[Effect | MeasurementEffect], *, own: bool = False):
         super().__init__()
-        self._vehicle, self._real = vehicle, RealMultirotor(vehicle, acting, own=own)
+        self._vehicle, self._real = vehicle, RealMultirotor(vehicle, effects, own=own)
         self._u_port = self.DeclareVectorInputPort("u", 4)
         resting = self._hovering(np.zeros(3))
         self.DeclareContinuousState(BasicVector(resting))
@@ -140,14 +144,22 @@ class RotorPyVehicle(LeafSystem):
 
 
 def make_rotorpy_vehicle(
-    vehicle: Vehicle, acting: Sequence[ActiveEffect], *, command_period: float = 0.001, own: bool = False
+    vehicle: Vehicle,
+    effects: Sequence[Effect | MeasurementEffect],
+    *,
+    command_period: float = 0.001,
+    own: bool = False,
 ) -> Diagram:
     """Return the subsystem `rotorpy`, a `RotorPyVehicle`, with its commands delayed as the effects say.
 
-    Args: command_period: at multiples of which `u` changes [s].   own: as of `RotorPyVehicle`.
+    Args:
+        vehicle: nominal vehicle.
+        effects: that act.
+        command_period: at multiples of which `u` changes [s].
+        own: as of `RotorPyVehicle`.
     """
     builder = DiagramBuilder()
-    rotorpy = builder.AddNamedSystem("rotorpy", RotorPyVehicle(vehicle, acting, own=own))
+    rotorpy = builder.AddNamedSystem("rotorpy", RotorPyVehicle(vehicle, effects, own=own))
     if rotorpy.dead_time >= SOONEST:
         buffer = CommandBuffer(rotorpy.hover_input, dead_time=rotorpy.dead_time, period=command_period)
         builder.AddNamedSystem("command_buffer", buffer)
@@ -158,3 +170,54 @@ def make_rotorpy_vehicle(
     for name in OUTPUTS:
         builder.ExportOutput(rotorpy.GetOutputPort(name), name)
     return builder.Build()
+
+
+@dc.dataclass(frozen=True)
+class ForeignVehicle:
+    """The `RealVehicle` that rotorpy flies, with the effects of the reality.
+
+    The sensors are those of the loop, and Drake integrates. A gusty wind has the same statistics as in Drake, but other
+    gusts.   own: whether rotorpy's own drag, lift and motor lag act beside the effects (`own_physics`).
+    """
+
+    own: bool = False
+    takes_events = False
+
+    def make(
+        self, vehicle: Vehicle, reality: RealityConfig, *, command_period: float, pushed: bool = False
+    ) -> Diagram:
+        """Return the vehicle. Raises ValueError: on what rotorpy does not know (`foreign_effects`), or pushes."""
+        if pushed:
+            raise ValueError(
+                "rotorpy: there must be no pushes from outside; watch a flight of Drake's vehicle."
+            )
+        effects = foreign_effects(reality)
+        return make_rotorpy_vehicle(vehicle, effects, command_period=command_period, own=self.own)
+
+    def hover(self, system: Diagram, root: Context, reality: RealityConfig, p_WB: np.ndarray) -> None:
+        """Set the vehicle level and at rest at p_WB (3,) [m], with the payload hanging still."""
+        rotorpy = system.GetSubsystemByName("rotorpy")
+        assert isinstance(rotorpy, RotorPyVehicle)
+        rotorpy.set_hover(rotorpy.GetMyMutableContextFromRoot(root), p_WB)
+
+
+def foreign_effects(reality: RealityConfig) -> list[Effect | MeasurementEffect]:
+    """Return the effects of a reality that rotorpy flies, without those of sensors.
+
+    Raises: ValueError: on an effect that begins in flight, a disturbance, a rod, or lags in series.
+    """
+    if reality.disturbance.acts:
+        raise ValueError("rotorpy: disturbance must be none; it is what a model leaves over, and no effect.")
+    if reality.onsets:
+        late = ", ".join(effect.identifier for effect in reality.onsets)
+        raise ValueError(f"rotorpy: effects must act from the start; {late} begins in flight.")
+    if reality.hung.tether == "rod":
+        raise ValueError("rotorpy: tether must be cable or none; got rod.")
+    if len(reality.lags) > 1:
+        raise ValueError(f"rotorpy: there must be one motor lag at most; got {len(reality.lags)} in series.")
+    hung = reality.hung.tether != "none"  # a payload without mass is none
+    return [
+        effect
+        for effect in reality.everything()
+        if not hasattr(effect, "measure") and (hung or effect.identifier != "suspended_payload")
+    ]

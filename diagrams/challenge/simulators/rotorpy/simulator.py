@@ -1,73 +1,170 @@
-"""The simulator `rotorpy`: an exact log of one planned flight with effects, independent of how a diagnosis sees them.
+"""The simulator `rotorpy`: an exact log of one planned flight with effects, in another library's vehicle.
 
-Rigid body, rotors and motors are rotorpy's; other effects are written anew in this folder. Only the identifier
-and the parameters of an effect are read.   Source: Folk, Paulos and Kumar 2023 (RotorPy), as a library.
+Rigid body, rotors, motors and steady wind are rotorpy's, the tether and the gusts are written here; every other effect
+acts by its own function, as in Drake.   Source: Folk, Paulos and Kumar 2023 (RotorPy), as a library.
 """
 
+import math
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
 from diagrams.challenge.simulators.flight_plan import Plan, require_flying
-from diagrams.challenge.simulators.rotorpy.closed_loop import Flight
-from diagrams.challenge.simulators.rotorpy.library_effects import ActiveEffect, read_effect
-from diagrams.challenge.simulators.rotorpy.sensors import ERRORS, with_sensor_errors
-from diagrams.challenge.simulators.rotorpy.vehicle import GAINS, LAWS, STATEFUL, RealMultirotor
+from diagrams.challenge.simulators.rotorpy.conversion import (
+    SPEED,
+    Q,
+    acceleration_from_rotorpy,
+    from_rotorpy,
+    rotor_speeds,
+    to_rotorpy,
+)
+from diagrams.challenge.simulators.rotorpy.vehicle import RealMultirotor
+from np_drake.control.cascade import CascadeGains, cascade
+from np_drake.effects.base import Effect, Measurement, SensorEffect
 from np_drake.flight_log import FlightLog
 from np_drake.vehicle import Vehicle
 
 WARM_UP = 4.0  # hovering before the first row, in which integrators settle [s]
-# Effects that are parameters of rotorpy's, or have a place of their own.
-_OWN_PLACE = [
-    *("mass_error", "inertia_error", "center_of_mass_offset", "thrust_scale", "motor_lag", "command_delay"),
-    *("constant_wind", "gusty_wind", "ground_effect", "suspended_payload", "clock_offset"),
-]
-KNOWN = frozenset([*_OWN_PLACE, *LAWS, *GAINS, *STATEFUL, *ERRORS])
+# Of the integrator, at most [s]: one between rows 10 ms apart, jitter included, two with a tether.
+STEP, TETHER_STEP = 0.0112, 0.0056
+LAG_SHARE = 0.5  # of a motor's time constant that a step may last [1]
+
+
+class Flight:
+    """A flight under way. `speed` (4,) of the rotors now [rad/s]; `t` now [s]."""
+
+    def __init__(self, vehicle: Vehicle, real: RealMultirotor, t: float, x: np.ndarray):
+        self._vehicle, self._gains, self.t = vehicle, CascadeGains(), t
+        self._integral, self._updated = np.zeros(6), t
+        # Commanded rotor speeds, and when they arrive [s].
+        self._under_way: list[tuple[float, np.ndarray]] = []
+        self._command = rotor_speeds(vehicle, vehicle.hover_input)
+        self._board(real, x, self._command)
+
+    def _board(self, real: RealMultirotor, x: np.ndarray, speed: np.ndarray) -> None:
+        self.real, self._rate = real, np.zeros(0)
+        s = to_rotorpy(x, real.center, speed)
+        self._s = np.concatenate([s, real.hidden_at_rest(self.t, s)])
+        self._step = min(TETHER_STEP if real.swings else STEP, LAG_SHARE * real.tau_m)
+
+    def change(self, real: RealMultirotor) -> None:
+        """The vehicle is another one from now on: Bo, rotors and commands under way carry on."""
+        self._board(real, self.state(), self.speed)
+
+    @property
+    def speed(self) -> np.ndarray:
+        """Return the rotor speeds (4,) [rad/s]."""
+        return self._s[SPEED].copy()
+
+    def state(self) -> np.ndarray:
+        """Return the state (13,) of Bo."""
+        return from_rotorpy(self._s, self.real.center)
+
+    def control(self, target: np.ndarray) -> np.ndarray:
+        """Return the controller's command (4,) from now on [N, N·m]; it arrives after the dead time."""
+        u, self._integral = cascade(
+            self._vehicle,
+            self._gains,
+            x=self.state(),
+            target=target,
+            integral=self._integral,
+            step=self.t - self._updated,
+        )
+        self._updated = self.t
+        self._under_way.append((self.t + self.real.dead_time, rotor_speeds(self._vehicle, u)))
+        self._deliver()
+        return u
+
+    def reading(self) -> np.ndarray:
+        """Return (19,) state of Bo, its acceleration in W and dw/dt in B, as the acting command makes them."""
+        acceleration = acceleration_from_rotorpy(self._s, self._rate_now(), self.real.center)
+        return np.concatenate([self.state(), acceleration])
+
+    def advance(self, t: float) -> None:
+        """Flies on to `t` [s]; a command that arrives there acts."""
+        while self._under_way and self._under_way[0][0] < t - 1e-9:
+            self._integrate(self._under_way[0][0])
+            self._deliver()
+        self._integrate(t)
+        self._deliver()
+
+    def _deliver(self) -> None:
+        while self._under_way and self._under_way[0][0] <= self.t + 1e-9:
+            self._command, self._rate = self._under_way.pop(0)[1], np.zeros(0)
+            if not self.real.lags:
+                self._s[SPEED] = self._command
+
+    def _rate_now(self) -> np.ndarray:
+        if not self._rate.size:  # not known yet
+            self._rate = self.real.rate(self.t, self._s, self._command)
+        return self._rate
+
+    def _integrate(self, t: float) -> None:
+        """Classical Runge-Kutta of fourth order in equal steps."""
+        if t <= self.t + 1e-12:
+            return
+        rate, command = self.real.rate, self._command
+        steps = math.ceil((t - self.t) / self._step - 1e-6)
+        h = (t - self.t) / steps
+        for _ in range(steps):
+            s, k1, middle = self._s, self._rate_now(), self.t + 0.5 * h
+            k2 = rate(middle, s + 0.5 * h * k1, command)
+            k3 = rate(middle, s + 0.5 * h * k2, command)
+            k4 = rate(self.t + h, s + h * k3, command)
+            self._s = s + h / 6 * (k1 + 2 * (k2 + k3) + k4)
+            self._s[Q] /= math.sqrt(float(self._s[Q] @ self._s[Q]))
+            self.t, self._rate = self.t + h, np.zeros(0)
+        self.t = t
 
 
 def fly(
     vehicle: Vehicle,
     plan: Plan,
-    effects: Sequence[Any] = (),
+    effects: Sequence[Effect] = (),
     *,
     t: np.ndarray,
     onset: float | None = None,
-    background: Sequence[Any] = (),
+    background: Sequence[Effect] = (),
 ) -> FlightLog:
     """Return the exact log of Bo: no noise; systematic sensor effects and the right-sided accelerations are in it.
 
     Args:
+        vehicle: nominal vehicle, for which the controller is made.
+        plan: where to fly.
+        effects: that act.
         t: (n,) instants of the rows [s]; the command is updated there too.
         onset: the effects act from the first row at or after it on [s], errors of sensors throughout; None: from the
             start.
         background: effects that act throughout and are no cause (a vehicle file that is a percent off).
-    Raises: FailedRun: if the vehicle is lost; ValueError: on an effect that this simulator does not know.
+
+    Raises: FailedRun: if the vehicle is lost; ValueError: on what is no effect, or two payloads.
     """
-    added, always = read_effects(effects), read_effects(background)
-    offset = sum(a.values["offset"] for a in added if a.name == "clock_offset")
+    sensors = [effect for effect in effects if isinstance(effect, SensorEffect)]
+    offset = sum(sensor.clock_shift for sensor in sensors)
     rows = instants(t, max(offset, 0.0))
     split = 0 if onset is None else int(np.searchsorted(rows, onset - 1e-9))
-    first = RealMultirotor(vehicle, [*always, *added] if split == 0 else always)
+    real = RealMultirotor(vehicle, [*background, *effects])
+    first = RealMultirotor(vehicle, background) if split else real
     x = np.concatenate([plan.start(vehicle.gravity), np.zeros(6)])
     flight = Flight(vehicle, first, rows[0], x)
-    later = RealMultirotor(vehicle, [*always, *added]) if split else None
-    commands, states = _fly_rows(flight, plan.targets(vehicle.gravity, rows), rows, t + offset, split, later)
+    targets = plan.targets(vehicle.gravity, rows)
+    commands, states = _fly_rows(flight, targets, rows, t + offset, split, real if split else None)
     start = int(np.searchsorted(rows, t[0] - 1e-9))
     u, speed = commands[start : start + len(t), :4], commands[start : start + len(t), 4:]
-    p, q, v, w, a, al = np.split(states, [3, 7, 10, 13, 16], axis=1)
-    return with_sensor_errors(FlightLog(t, p, q, v, w, u, a, al, speed), added)
+    return _sensed(
+        vehicle, sensors, t, u, Measurement(states[:, :13], states[:, 13:16], states[:, 16:], speed)
+    )
 
 
-def read_effects(effects: Sequence[Any]) -> list[ActiveEffect]:
-    """Return the effects as read here. Raises ValueError: if one is unknown, or there are two payloads."""
-    acting = [read_effect(effect) for effect in effects]
-    for a in acting:
-        if a.name not in KNOWN:
-            raise ValueError(f"rotorpy: an effect must be one of {', '.join(sorted(KNOWN))}; got {a.name!r}.")
-    if sum(a.name == "suspended_payload" for a in acting) > 1:
-        raise ValueError("rotorpy: there must be one suspended_payload at most; got two.")
-    return acting
+def _sensed(
+    vehicle: Vehicle, sensors: Sequence[SensorEffect], t: np.ndarray, u: np.ndarray, truth: Measurement
+) -> FlightLog:
+    """Return the log as sensors read it; every error acts on the true attitude, so that of the attitude comes last."""
+    reading = truth
+    for sensor in sorted(sensors, key=lambda sensor: "qw" in sensor.corrupts):
+        reading = sensor.measure(vehicle, reading, np.zeros((len(t), 0)))
+    p, q, v, w = np.split(reading.x, [3, 7, 10], axis=1)
+    return FlightLog(t, p, q, v, w, u, reading.a, reading.al, reading.rotor)
 
 
 def instants(t: np.ndarray, margin: float) -> np.ndarray:

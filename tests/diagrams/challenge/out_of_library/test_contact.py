@@ -13,16 +13,16 @@ from diagrams.challenge.out_of_library.contact import (
 from np_drake.effects.base import Motion
 
 
-def test_a_line_rubs_against_the_motion_and_no_more_at_speed(vehicle, implementations):
+def test_a_line_rubs_against_the_motion_and_no_more_at_speed(vehicle, moving):
     """Over ground: wind is none of it."""
     dut = RubbingLine(0.5, 0.2)
     for speed, friction in ((0.0, 0.0), (0.2, 0.5 * np.tanh(1.0)), (3.0, 0.5), (9.0, 0.5)):
-        x = implementations.moving(speed * np.array([0.6, 0.0, -0.8]))
+        x = moving(speed * np.array([0.6, 0.0, -0.8]))
         chi = dut.wrench(vehicle, Motion(0.0, x, np.ones(4), np.array([2.0, 1.0, 0.0])))
         np.testing.assert_allclose(chi, [-0.6 * friction, 0, 0.8 * friction, 0, 0, 0], atol=1e-9)
 
 
-def test_a_winch_pulls_as_hard_from_afar_and_harder_while_the_tether_runs_out(vehicle, implementations):
+def test_a_winch_pulls_as_hard_from_afar_and_harder_while_the_tether_runs_out(vehicle, moving):
     """Towards its anchor; motion across the tether changes nothing."""
     dut = WinchTether(tension=0.5, friction=0.2, creep=0.1, anchor=(1.0, 0.0, 0.0))
     for span, v, pull in (
@@ -32,7 +32,7 @@ def test_a_winch_pulls_as_hard_from_afar_and_harder_while_the_tether_runs_out(ve
         (2.0, (0.0, 0.0, -5.0), 0.4),
         (2.0, (3.0, -2.0, 0.0), 0.5),
     ):
-        chi = dut.wrench(vehicle, Motion(0.0, implementations.moving(v, p=(1.0, 0.0, span)), np.ones(4)))
+        chi = dut.wrench(vehicle, Motion(0.0, moving(v, p=(1.0, 0.0, span)), np.ones(4)))
         np.testing.assert_allclose(chi, [0, 0, -pull, 0, 0, 0], atol=1e-9)
 
 
@@ -47,19 +47,17 @@ def test_a_sprung_load_without_damping_bounces_on_as_a_cosine(vehicle):
         s = s + step * dut.state_rate(vehicle, s, after)
 
 
-def test_a_lifted_cable_weighs_what_is_off_the_ground(vehicle, implementations):
+def test_a_lifted_cable_weighs_what_is_off_the_ground(vehicle, moving):
     dut = LiftedCable(0.05)
     for height, weight in ((2.0, 0.981), (0.0, 0.0), (-0.5, 0.0)):
-        x = implementations.moving((0.0, 0.0, 0.0), p=(1.0, 1.0, height))
+        x = moving((0.0, 0.0, 0.0), p=(1.0, 1.0, height))
         chi = dut.wrench(vehicle, Motion(0.0, x, np.ones(4)))
         np.testing.assert_allclose(chi, [0, 0, -weight, 0, 0, 0], atol=1e-12)
 
 
-def test_a_lidar_couples_roll_and_pitch_and_does_no_work(vehicle, implementations):
+def test_a_lidar_couples_roll_and_pitch_and_does_no_work(vehicle, moving):
     w = np.array([0.5, -0.8, 0.3])
-    tau = SpinningLidar(0.02).wrench(vehicle, Motion(0.0, implementations.moving((0, 0, 0), w), np.ones(4)))[
-        3:
-    ]
+    tau = SpinningLidar(0.02).wrench(vehicle, Motion(0.0, moving((0, 0, 0), w), np.ones(4)))[3:]
     np.testing.assert_allclose(tau, [0.02 * 0.8, 0.02 * 0.5, 0.0], atol=1e-12)
     assert abs(tau @ w) < 1e-12
 

@@ -23,7 +23,7 @@ def test_a_cushion_rights_what_leans_near_the_ground(vehicle):
         np.testing.assert_allclose(chi, [0, 0, 0, 0, -0.02 * 20.0 * share * np.sin(0.3), 0], atol=1e-12)
 
 
-def test_only_rotors_over_a_platform_feel_it(vehicle, implementations):
+def test_only_rotors_over_a_platform_feel_it(vehicle, moving):
     """Right over the edge the front rotors alone gain, and raise the nose; a reach higher 1 / e of that."""
     dut = PlatformEdge(0.1, 0.5, 0.2, normal=(1.0, 0.0, 0.0), from_origin=1.0, edge=1e-3)
     front = np.array(vehicle.rotor_positions)[:, 0] > 0
@@ -34,6 +34,6 @@ def test_only_rotors_over_a_platform_feel_it(vehicle, implementations):
         (2.0, 0.2, 0.1 * thrust),
         (0.0, 0.2, np.zeros(4)),
     ):
-        state = implementations.moving((0, 0, 0), p=(x, 0.0, height - z))
+        state = moving((0, 0, 0), p=(x, 0.0, height - z))
         chi = dut.wrench(vehicle, Motion(0.0, state, thrust))
         np.testing.assert_allclose(chi, [0, 0, *(vehicle.mixer @ gained)], atol=1e-9)

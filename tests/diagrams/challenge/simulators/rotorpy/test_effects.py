@@ -1,4 +1,4 @@
-"""What the simulator `rotorpy` writes anew, against the effects that a diagnosis fits."""
+"""Effects act in the simulator `rotorpy` as they do by themselves."""
 
 import numpy as np
 import pytest

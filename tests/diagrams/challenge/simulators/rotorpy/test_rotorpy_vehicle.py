@@ -8,25 +8,22 @@ pytest.importorskip("rotorpy", reason="rotorpy is not installed: pip install 'np
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 
 from diagrams.challenge.closing.reality import nominal_reality
-from diagrams.challenge.simulators.rotorpy.library_effects import ActiveEffect
-from diagrams.challenge.simulators.rotorpy.own_physics import own_physics
 from diagrams.challenge.simulators.rotorpy.rotorpy_vehicle import (
     OUTPUTS,
     RotorPyVehicle,
     make_rotorpy_vehicle,
 )
+from diagrams.challenge.simulators.rotorpy.vehicle import own_physics
 from diagrams.loop.real_vehicle import make_real_vehicle
+from np_drake.effects.library import LIBRARY
 from np_drake.vehicle import Vehicle
 
 VEHICLE = Vehicle()
-PAYLOAD = ActiveEffect(
-    "suspended_payload",
-    {"mass": 0.3, "length": 0.8, "hook_x": 0.0, "hook_y": 0.0, "hook_z": -0.03, "damping": 0.0},
-)
-LAG = ActiveEffect("motor_lag", {"time_constant": 0.03})
-DELAY = ActiveEffect("command_delay", {"delay": 0.05})
-FALLING = ActiveEffect("thrust_drift", {"start": 1.0, "rate": -0.01})
-OFFSET = ActiveEffect("center_of_mass_offset", {"x": 0.0, "y": 0.0, "z": 0.02})
+PAYLOAD = LIBRARY["suspended_payload"](0.3, 0.8, 0.0, 0.0, -0.03)
+LAG = LIBRARY["motor_lag"](0.03)
+DELAY = LIBRARY["command_delay"](0.05)
+FALLING = LIBRARY["thrust_drift"](1.0, -0.01)
+OFFSET = LIBRARY["center_of_mass_offset"](0.0, 0.0, 0.02)
 INERTIAL = [1.0, 0.0, 0.0, 0.0]
 
 

@@ -7,14 +7,14 @@ pytest.importorskip("rotorpy", reason="rotorpy is not installed: pip install 'np
 
 from diagrams.challenge.generate.trajectories import draw_plan
 from diagrams.challenge.simulators.rotorpy import simulator
-from diagrams.challenge.simulators.rotorpy.library_effects import Instant
 from diagrams.challenge.simulators.rotorpy.simulator import fly
 from diagrams.challenge.simulators.rotorpy.tether import Tether
-from np_drake.effects.library import LIBRARY
+from np_drake.effects.base import Motion
 from np_drake.effects.pendulum import hook_acceleration, hook_velocity
+from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.labels import raw_labels
 
-EFFECT = LIBRARY["suspended_payload"](0.3, 0.7, 0.01, -0.01, -0.03)
+EFFECT = SuspendedPayload(0.3, 0.7, 0.01, -0.01, -0.03)
 GRAVITY = 9.81
 
 
@@ -27,8 +27,7 @@ def short_warm_up():
 
 def hung_up():
     """A hook that is held at the origin, where it points whichever way the world does."""
-    zero = np.zeros(3)
-    return Instant(0.0, zero, np.eye(3), zero, zero, zero, np.zeros(4), np.zeros(4), np.zeros(4))
+    return Motion(0.0, np.eye(13)[3], np.zeros(4))
 
 
 def swing(tether, own, seconds, step=0.002):
@@ -43,12 +42,12 @@ def swing(tether, own, seconds, step=0.002):
     return np.array(states)
 
 
-VALUES = {"mass": 0.3, "length": 0.7, "hook_x": 0.0, "hook_y": 0.0, "hook_z": 0.0}
+PAYLOAD = SuspendedPayload(0.3, 0.7, 0.0, 0.0, 0.0)
 
 
 @pytest.fixture
 def dut():
-    return Tether(VALUES)
+    return Tether(PAYLOAD)
 
 
 def test_a_small_swing_has_the_pendulums_period_and_keeps_its_energy(dut):
@@ -62,7 +61,7 @@ def test_a_small_swing_has_the_pendulums_period_and_keeps_its_energy(dut):
 
 def test_in_the_air_its_energy_decays_with_the_damping():
     way = 0.7 * np.array([np.sin(0.05), 0.0, -np.cos(0.05)])
-    states = swing(Tether(VALUES | {"damping": 0.3}), np.append(way, np.zeros(3)), 10.0)
+    states = swing(Tether(dc.replace(PAYLOAD, damping=0.3)), np.append(way, np.zeros(3)), 10.0)
     energy = 0.5 * np.sum(states[:, 3:] ** 2, axis=1) + GRAVITY * (0.7 + states[:, 2])
     period = round(2 * np.pi * np.sqrt(0.7 / GRAVITY) / 0.002)
     assert energy[-period:].mean() / energy[:period].mean() == pytest.approx(
@@ -73,8 +72,8 @@ def test_in_the_air_its_energy_decays_with_the_damping():
 def test_a_payload_that_is_lifted_through_the_air_steadily_is_not_accelerated():
     climb, wall = np.array([0.0, 0.0, 2.0]), (1e12, np.eye(3) * 1e-12, np.zeros(3))
     own = np.concatenate([[0.0, 0.0, -0.7], climb])
-    now = dc.replace(hung_up(), v=climb)
-    pulled, rate = Tether(VALUES | {"damping": 0.5}).pull(now, own, np.zeros(6), wall, GRAVITY)
+    now = dc.replace(hung_up(), x=np.concatenate([np.eye(13)[3, :7], climb, np.zeros(3)]))
+    pulled, rate = Tether(dc.replace(PAYLOAD, damping=0.5)).pull(now, own, np.zeros(6), wall, GRAVITY)
     np.testing.assert_allclose(rate, [*climb, 0.0, 0.0, 0.0], atol=1e-9)
     assert pulled[2] * 1e12 == pytest.approx(-0.3 * (GRAVITY + 0.5 * 2.0))  # [N]
 
@@ -95,7 +94,7 @@ def test_a_tether_keeps_its_length_and_never_pushes(vehicle, monkeypatch):
 
     def watched(self, now, own, *rest):
         out = pull(self, now, own, *rest)
-        way = own[:3] - now.p - now.R @ self.hook
+        way = own[:3] - now.x[:3] - now.R_WB @ self.hook
         spans.append(np.linalg.norm(way))
         assert out[0][:3] @ way >= 0
         return out

@@ -4,7 +4,6 @@ import pytest
 pytest.importorskip("rotorpy", reason="rotorpy is not installed: pip install 'np_drake[challenge]'")
 
 from diagrams.challenge.simulators.rotorpy import simulator
-from diagrams.challenge.simulators.rotorpy.library_effects import read_effect
 from diagrams.challenge.simulators.rotorpy.simulator import fly
 from diagrams.challenge.simulators.rotorpy.wind import Gusts
 from np_drake.effects.base import Motion
@@ -23,7 +22,7 @@ def blown(profile, t):
 
 
 def test_gusts_have_their_mean_deviation_and_correlation_time():
-    air = blown(Gusts(read_effect(gusty(3))), np.arange(0, 300, 0.02))
+    air = blown(Gusts(gusty(3)), np.arange(0, 300, 0.02))
     np.testing.assert_allclose(air.mean(axis=0), [2.0, -1.0, 0.5], atol=0.2)  # of 250 independent gusts
     np.testing.assert_allclose(air.std(axis=0), 0.8, rtol=0.15)
     gust = air - air.mean(axis=0)
@@ -34,14 +33,12 @@ def test_gusts_have_their_mean_deviation_and_correlation_time():
 def test_gusts_push_through_the_drag(vehicle, plan, t, monkeypatch):
     monkeypatch.setattr(simulator, "WARM_UP", 0.5)
     log = fly(vehicle, plan, [gusty(1), DRAG], t=t)
-    air = blown(Gusts(read_effect(gusty(1))), t)
+    air = blown(Gusts(gusty(1)), t)
     chi = DRAG.wrench(vehicle, Motion(t, log.x, log.u @ vehicle.unmixer.T, air))
     np.testing.assert_allclose(raw_labels(log, vehicle), chi, atol=1e-9)  # [N]
 
 
 def test_gusts_differ_by_seed_alone():
     t = np.arange(0, 3, 0.05)
-    np.testing.assert_array_equal(
-        blown(Gusts(read_effect(gusty(1))), t), blown(Gusts(read_effect(gusty(1))), t)
-    )
-    assert np.abs(blown(Gusts(read_effect(gusty(1))), t) - blown(Gusts(read_effect(gusty(2))), t)).max() > 0.5
+    np.testing.assert_array_equal(blown(Gusts(gusty(1)), t), blown(Gusts(gusty(1)), t))
+    assert np.abs(blown(Gusts(gusty(1)), t) - blown(Gusts(gusty(2)), t)).max() > 0.5

@@ -13,12 +13,11 @@ from typing import Any
 
 import numpy as np
 
-from np_drake.mpc import acados_code, acados_model
-from np_drake.mpc.condensed import Condensed, Trajectory
+from diagrams.performance import acados_code, acados_model
+from diagrams.performance.split_sqp import PhaseTimes
+from np_drake.mpc.condensed import Condensed, Trajectory, initial_trajectory
 from np_drake.mpc.horizon import Horizon
-from np_drake.mpc.initial_guess import initial_trajectory
 from np_drake.mpc.problem import MpcConfig, MpcProblem, MpcSolution, MpcStatus, SolverFailure
-from np_drake.mpc.split_sqp import PhaseTimes
 from np_drake.mpc.sqp import as_solution
 from np_drake.residual_model import WrenchForecast
 from np_drake.vehicle import Vehicle

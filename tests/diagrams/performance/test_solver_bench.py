@@ -3,9 +3,10 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.mpc import benchmark, benchmark_problems
+from diagrams.performance import problems as benchmark_problems
+from diagrams.performance import solver_bench as benchmark
+from diagrams.performance.split_sqp import SplitSqpSolver
 from np_drake.mpc.problem import MpcConfig, SolverFailure
-from np_drake.mpc.split_sqp import SplitSqpSolver
 from np_drake.mpc.sqp import SqpSolver
 
 

@@ -7,13 +7,13 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from np_drake.mpc.acados_peer import AcadosSolver
-from np_drake.mpc.benchmark_problems import cold_problems, infeasible_problems, tracking_problems
-from np_drake.mpc.casadi_peer import CasadiSolver
+from diagrams.performance.acados_peer import AcadosSolver
+from diagrams.performance.casadi_peer import CasadiSolver
+from diagrams.performance.problems import cold_problems, infeasible_problems, tracking_problems
+from diagrams.performance.split_sqp import PhaseTimes, SplitSqpSolver
 from np_drake.mpc.ipopt import IpoptCondensedSolver
 from np_drake.mpc.plan import shift
 from np_drake.mpc.problem import MpcConfig, MpcProblem, MpcSolution, MpcSolver, MpcStatus, SolverFailure
-from np_drake.mpc.split_sqp import PhaseTimes, SplitSqpSolver
 from np_drake.mpc.sqp import SqpSolver
 from np_drake.vehicle import Vehicle
 

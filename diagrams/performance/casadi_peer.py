@@ -10,9 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from np_drake.mpc.condensed import Condensed
+from np_drake.mpc.condensed import Condensed, initial_trajectory
 from np_drake.mpc.horizon import Horizon
-from np_drake.mpc.initial_guess import initial_trajectory
 from np_drake.mpc.objective import QUADRATIC
 from np_drake.mpc.problem import MpcConfig, MpcProblem, MpcSolution, MpcStatus, SolverFailure
 from np_drake.mpc.sqp import as_solution

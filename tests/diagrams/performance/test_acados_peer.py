@@ -3,10 +3,10 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.mpc import acados_code
-from np_drake.mpc.acados_model import solver_options
-from np_drake.mpc.acados_peer import AcadosSolver
-from np_drake.mpc.benchmark_problems import tracking_problems
+from diagrams.performance import acados_code
+from diagrams.performance.acados_model import solver_options
+from diagrams.performance.acados_peer import AcadosSolver
+from diagrams.performance.problems import tracking_problems
 from np_drake.mpc.plan import shift
 from np_drake.mpc.problem import SolverFailure
 from np_drake.mpc.sqp import SqpSolver

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from np_drake.mpc.casadi_peer import RigidBodyInCasadi
+from diagrams.performance.casadi_peer import RigidBodyInCasadi
 from np_drake.mpc.objective import QUADRATIC, Objective
 from np_drake.mpc.problem import MpcConfig
 from np_drake.rigid_body import INPUT_SIZE, STATE_SIZE, WRENCH_SIZE

@@ -3,7 +3,7 @@ import importlib
 import numpy as np
 import pytest
 
-from np_drake.mpc.casadi_peer import CasadiSolver, RigidBodyInCasadi
+from diagrams.performance.casadi_peer import CasadiSolver, RigidBodyInCasadi
 from np_drake.mpc.sqp import SqpSolver
 from np_drake.rigid_body import state_derivative
 

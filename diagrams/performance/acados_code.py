@@ -20,7 +20,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from np_drake.mpc import acados_model
+from diagrams.performance import acados_model
 from np_drake.mpc.problem import MpcConfig
 from np_drake.vehicle import Vehicle
 
