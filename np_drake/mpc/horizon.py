@@ -8,7 +8,6 @@ import numpy as np
 from scipy.linalg import solve_discrete_are
 
 from np_drake.compiled import finite
-from np_drake.finite import finite
 from np_drake.mpc.dynamics import DiscreteDynamics
 from np_drake.mpc.kernels import horizon as kernel
 from np_drake.mpc.problem import MpcConfig, MpcProblem, SolverFailure

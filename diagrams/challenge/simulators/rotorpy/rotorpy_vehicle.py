@@ -21,6 +21,7 @@ from np_drake import attitude
 from np_drake.effects.base import Effect, MeasurementEffect
 from np_drake.vehicle import Vehicle
 from systems.command_buffer import SOONEST, CommandBuffer
+from systems.payload_event import PayloadEvent
 
 OUTPUTS = ("x", "acceleration", "rotor_thrust", "nominal_rotor_thrust", "plant_state")
 
@@ -181,12 +182,22 @@ class ForeignVehicle:
     """
 
     own: bool = False
-    takes_events = False
 
     def make(
-        self, vehicle: Vehicle, reality: RealityConfig, *, command_period: float, pushed: bool = False
+        self,
+        vehicle: Vehicle,
+        reality: RealityConfig,
+        *,
+        command_period: float,
+        pushed: bool = False,
+        events: Sequence[PayloadEvent] = (),
     ) -> Diagram:
-        """Return the vehicle. Raises ValueError: on what rotorpy does not know (`foreign_effects`), or pushes."""
+        """Return the vehicle.
+
+        Raises: ValueError: on what rotorpy does not know (`foreign_effects`), events or pushes.
+        """
+        if events:
+            raise ValueError("rotorpy: events must be none for this simulator; fly Drake's vehicle.")
         if pushed:
             raise ValueError(
                 "rotorpy: there must be no pushes from outside; watch a flight of Drake's vehicle."

@@ -9,9 +9,7 @@ pytest.importorskip("rotorpy", reason="rotorpy is not installed: pip install 'np
 
 from diagrams.challenge.closing.reality import WITHHELD, nominal_reality
 from diagrams.challenge.generate.magnitudes import draw_effect
-from diagrams.challenge.simulators.rotorpy.foreign import ForeignVehicle, foreign_effects
 from diagrams.challenge.simulators.rotorpy.rotorpy_vehicle import ForeignVehicle, foreign_effects
-from diagrams.loop.events import Event
 from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight_diagram import make_flight_diagram
 from diagrams.loop.flight_result import fly
