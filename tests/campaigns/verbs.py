@@ -42,11 +42,6 @@ VERBS: dict[str, Verb] = {
         "--out {out}.json --resume {out}/cases",
     ),
     "challenge logs": Verb("--flights 6 --wrong 3 --only thinned --only conventions"),
-    "challenge active": Verb(
-        "--seeds 2 --flights 1 --arms designed --seconds 5",
-        times=frozenset({"design_median", "design_most", "design_seconds"}),
-        columns=("design, median [s]", "most [s]"),
-    ),
     "reproduce tracking": Verb("--seeds 1 --only np", times=FLIGHT),
     "reproduce configurations": Verb("--seeds 1 --only hold", times=FLIGHT),
     "reproduce weights": Verb(""),

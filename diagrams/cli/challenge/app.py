@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 from typer import Option
 
-from diagrams.cli.challenge import active, compare, golden, logs, score, solve
+from diagrams.cli.challenge import compare, golden, logs, score, solve
 from diagrams.cli.output import require_folder
 from diagrams.cli.runner import Report, Run, counting, reports
 
@@ -16,7 +16,6 @@ challenge.command("score")(score.score)
 challenge.command("compare")(compare.compare)
 challenge.command("golden")(golden.golden)
 challenge.command("logs")(logs.logs)
-challenge.command("active")(active.active)
 
 
 @challenge.command("make")
