@@ -1,24 +1,30 @@
-"""Report of a diagnosis as the start of a design: the explanations that stand, and the corrected simulator."""
+"""Files of the next flight: the report of a diagnosis that it starts from, its scenario and its figure."""
 
 import dataclasses as dc
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import yaml
+from matplotlib.figure import Figure
 
 from diagrams.gap.corrected_file import FILE as CORRECTED
-from diagrams.gap.flown_design import FILE as TRACK
 from diagrams.loop.flight import FlightConfig, load_flight
 from np_drake.diagnosis.numerics import Readings
 from np_drake.effects.explanation import Explanation
 from np_drake.files.atomic_file import plain, write_text
 from np_drake.files.input_file import read_json
+from np_drake.flight_design.limits import Limits
+from np_drake.flight_design.multisine import FadedMultisine
+from np_drake.flight_design.prediction import Prediction, nominal_residuals, predict
 
 REPORT = "diagnosis.json"
 SCENARIO = "next_flight.yaml"
+TRACK = "next_flight.csv"
+RATE = 100.0  # of the trajectory file [Hz]
 HEAD = """\
-# Next flight: the track that best separates {explanations}.
+# Next flight: a random multisine, to separate {explanations}.
 #   np-drake fly {file} --reality {corrected}
 """
 
@@ -40,6 +46,18 @@ class DiagnosisReport:
     def accelerations(self) -> bool:
         """Whether the logs of the diagnosis had accelerations."""
         return bool(self.readings.noise.active[9:12].any())
+
+    def predicted(self, motion: FadedMultisine, limits: Limits) -> Prediction:
+        """Return what a flight would tell of the explanations.
+
+        Args:
+            motion: that the nominal vehicle follows exactly.
+            limits: whose vehicle flies.
+        """
+        step = self.readings.noise.step
+        t = step * np.arange(round(motion.end / step) + 1)
+        planned = nominal_residuals(limits.vehicle, t, motion.sample(t), accelerations=self.accelerations)
+        return predict(planned, self.explanations, self.readings)
 
 
 def read_report(folder: Path) -> DiagnosisReport:
@@ -74,6 +92,11 @@ def write_scenario(
 ) -> Path:
     """Write the scenario that flies the track `TRACK` of the same folder, and return its path.
 
+    Args:
+        config: vehicle and controller that will fly.
+        explanations: that stand.
+        folder: to write to.
+        report: folder of the diagnosis, whose corrected simulator flies.
     Raises: OSError: if it cannot be written.
     """
     labels = ", ".join(e.label for e in explanations)
@@ -91,3 +114,27 @@ def write_scenario(
 
 def _named(values: dict[str, Any]) -> dict[str, Any]:
     return {name: value for name, value in values.items() if value is not None}
+
+
+def track_figure(motion: FadedMultisine, limits: Limits) -> Figure:
+    """Return the figure of a flight: from above in its room, and position and speed over time.
+
+    Args:
+        motion: of the flight.
+        limits: whose room is drawn.
+    """
+    t = np.linspace(0.0, motion.end, round(motion.end * RATE) + 1)
+    flat = motion.sample(t)
+    figure = Figure(figsize=(11, 4), layout="constrained")
+    above, moved, fast = figure.subplots(1, 3)
+    above.plot(flat[0, :, 0], flat[0, :, 1], linewidth=0.8)
+    (x, y, _), (x_, y_, _) = limits.lower, limits.upper
+    above.plot([x, x_, x_, x, x], [y, y, y_, y_, y], "k--", linewidth=0.8)
+    above.set(xlabel="x [m]", ylabel="y [m]", title="from above; dashed: the room", aspect="equal")
+    moved.plot(t, flat[0], linewidth=0.8, label=["x", "y", "z"])
+    moved.set(xlabel="time [s]", ylabel="position [m]")
+    moved.legend(loc="upper right")
+    fast.plot(t, np.linalg.norm(flat[1], axis=1), linewidth=0.8)
+    fast.axhline(limits.speed, color="k", linestyle="--", linewidth=0.8)
+    fast.set(xlabel="time [s]", ylabel="speed [m/s]", title="dashed: its limit")
+    return figure

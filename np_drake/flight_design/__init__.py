@@ -1,1 +1,1 @@
-"""Design of the next flight: the motion that best separates the explanations that still stand."""
+"""Next flight: a random multisine within limits, and what its residual would tell of the explanations that stand."""

@@ -15,7 +15,6 @@ from np_drake.effects.explanation import STANDS
 
 DRAWS = 400  # of each explanation; own choice
 SEED = 1
-SURE = 40.0  # -ln of the bound on a wrong name, beyond which more tells nothing more [nat]; own choice
 
 
 @dc.dataclass(frozen=True)
@@ -35,15 +34,11 @@ class Information:
     """Inner products (K, K) of the whitened columns C = [r_1 … r_n, A_1 … A_n, D].
 
     sizes: (n,) columns of each A_i.   prior: (n,) probability of each explanation [1].
-    Information of independent flights adds; sensor errors then count as the same in all.
     """
 
     gram: np.ndarray
     sizes: tuple[int, ...]
     prior: np.ndarray
-
-    def __add__(self, other: "Information") -> "Information":
-        return dc.replace(self, gram=self.gram + other.gram)
 
     def spread(self, i: int) -> np.ndarray:
         """Return the positions of A_i."""
@@ -88,6 +83,10 @@ class Information:
         columns = np.concatenate([self.spread(i), self.drift])
         return np.eye(len(columns)) + self.gram[np.ix_(columns, columns)]
 
+    def posterior(self, i: int) -> np.ndarray:
+        """Return the covariance (k_i, k_i) of z under explanation i after the flight; before it is 1."""
+        return np.linalg.inv(self._posterior_precision(i))[: self.sizes[i], : self.sizes[i]]
+
     def parameters(self, i: int) -> float:
         """Return the information about the parameters of explanation i: 1/2 ln of prior over posterior volume [nat].
 
@@ -95,25 +94,6 @@ class Information:
         """
         rest = np.eye(len(self.drift)) + self.gram[np.ix_(self.drift, self.drift)]
         return 0.5 * (self._volume(i) - _logdet(rest))
-
-    @property
-    def value(self) -> float:
-        """What a design maximises [nat].
-
-        It is -ln of the bound on the probability of a wrong name, sum over pairs of sqrt(p_i p_j) exp(-distance), at
-        most `SURE`; of a single explanation the information about its parameters.
-        """
-        if len(self.sizes) == 1:
-            return self.parameters(0)
-        pairs = combinations(range(len(self.sizes)), 2)
-        p = 0.5 * np.log(np.maximum(self.prior, 1e-12))
-        bound = np.logaddexp.reduce([p[i] + p[j] - self.distances[i, j] for i, j in pairs])
-        return min(SURE, float(-bound))
-
-    @property
-    def sure(self) -> bool:
-        """Whether the flight tells all explanations apart as surely as counts."""
-        return len(self.sizes) > 1 and self.value >= SURE
 
     @property
     def weakest(self) -> tuple[int, int] | None:

@@ -1,7 +1,7 @@
 """Limits of room, vehicle and payload on a motion, and how much of each a motion uses."""
 
 import dataclasses as dc
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import lru_cache
 
 import numpy as np
@@ -20,7 +20,6 @@ CLEAR = 0.15  # distance of a hanging payload from the floor [m]; own choice
 MOST_THRUST, LEAST_THRUST = 0.95, 0.05  # of a rotor, over its largest and over that of hover [1]; own choice
 MOST_SWING = 0.8  # angle of a payload's tether from vertical [rad]; own choice
 DAMPING = 0.02  # damping ratio of a payload's swing [1]; own choice: hardly any
-TRIES = 12  # most steps to the largest size within the limits
 
 
 @dc.dataclass(frozen=True)
@@ -124,7 +123,12 @@ def limits_for(
 
 
 def load_of(vehicle: Vehicle, explanation: Explanation) -> float:
-    """Return the command that hover needs under an explanation over the nominal one [1]."""
+    """Return the command that hover needs under an explanation over the nominal one [1].
+
+    Args:
+        vehicle: the nominal vehicle.
+        explanation: whose effects act.
+    """
     effects = explanation.effects
     mass = mass_properties(vehicle, [e for e in effects if isinstance(e, MassEffect)]).mass
     mass += sum(e.payload.mass for e in effects if isinstance(e, SuspendedPayload))
@@ -136,9 +140,13 @@ def load_of(vehicle: Vehicle, explanation: Explanation) -> float:
 
 
 def swing_of(length: float, gravity: float, t: np.ndarray, a: np.ndarray) -> np.ndarray:
-    """Return the angles (n, 2) from vertical of a pendulum whose hook accelerates with a (n, 3) [rad].
+    """Return the angles (n, 2) from vertical of a pendulum whose hook accelerates [rad]; linear, from rest.
 
-    Linear about hanging, from rest; t (n,) is equally spaced [s].
+    Args:
+        length: of the tether [m].
+        gravity: [m/s²].
+        t: (n,) equally spaced times [s].
+        a: (n, 3) acceleration of the hook in W [m/s²].
     """
     numerator, denominator = _pendulum(length, gravity, float(t[1] - t[0]))
     return signal.lfilter(numerator, denominator, -a[:, :2], axis=0)
@@ -150,27 +158,3 @@ def _pendulum(length: float, gravity: float, step: float) -> tuple[np.ndarray, n
     system = ([1.0 / length], [1.0, 2 * DAMPING * rate, rate**2])
     numerator, denominator, _ = signal.cont2discrete(system, step, method="zoh")
     return np.ravel(numerator), denominator
-
-
-def largest(usage: Callable[[float], float], guess: float, share: float) -> float:
-    """Return the largest size at which `usage`, which grows about as a power of the size, is within `share`.
-
-    Args: usage: of a size [1].   guess: of the size; 0 stays 0.   share: of the limits that may be used [1].
-    """
-    size, within, beyond, power = guess, 0.0, np.inf, 1.0
-    before: tuple[float, float] | None = None
-    for _ in range(TRIES):
-        used = usage(size)
-        if used <= share:
-            within = max(within, size)
-            if used >= 0.98 * share or used == 0.0:
-                break
-        else:
-            beyond = min(beyond, size)
-        if before is not None and size != before[0] and used != before[1] > 0:
-            power = float(np.clip(np.log(used / before[1]) / np.log(size / before[0]), 0.2, 3.0))
-        before = (size, used)
-        size *= (0.99 * share / max(used, 1e-9)) ** (1.0 / power)
-        if not within < size < beyond:
-            size = float(np.sqrt(within * beyond)) if within > 0 else 0.5 * beyond
-    return within

@@ -8,6 +8,7 @@ from typer import Option
 from typer.core import TyperGroup
 
 from diagrams.cli.challenge import compare, score, solve
+from diagrams.cli.challenge import compare, golden, logs, score, solve
 from diagrams.cli.output import require_folder
 from diagrams.cli.runner import Report, Run, counting, reports
 

@@ -1,6 +1,8 @@
 """Laws of `np-drake next-flight`."""
 
 import json
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -22,7 +24,8 @@ name: corrected
 reality: {payload: {tether: none}, rotor_drag: 0.0, motor_lag: 0.0, thrust_scale: 1.0}
 """
 BOX = ["--box", "4", "4", "2.5"]
-QUICK = [*BOX, "--seconds", "5", "--evaluations", "15"]
+QUICK = [*BOX, "--seconds", "5"]
+MOST_MEMORY, MOST_TIME = 500, 20.0  # of the default flight [MB, s]; on a quiet machine it takes about 6 s
 
 
 def told() -> dict:
@@ -39,16 +42,20 @@ def report(tmp_path):
     return folder
 
 
-def test_a_design_is_written_flown_and_can_be_flown_again(report, tmp_path, capsys):
+def test_a_flight_is_checked_written_and_can_be_flown_again(report, tmp_path, capsys):
     out, values = tmp_path / "out", tmp_path / "a.json"
     assert run(["next-flight", str(report), *QUICK, "--out", str(out), "--json", str(values)]) == 0
     text = capsys.readouterr().out
     assert "2 explanations stand: " in text
-    assert "the design in the simulator" in text
+    assert "Limits: kept in the simulator under each of 2 explanations" in text
     assert {path.name for path in out.iterdir()} == {"next_flight.csv", "next_flight.png", "next_flight.yaml"}
     content = json.loads(values.read_text())
     assert content["schema"] == "np_drake.next-flight/1"
-    assert content["candidates"][0]["name"] == "designed"
+    (told,) = content["candidates"]
+    assert told["name"] == "multisine"
+    assert told["distances"][0][1] > 1.0
+    assert told["weakest"] == ["nothing", "linear_drag"]
+    assert len(told["intervals"]) == 2
     for k, flight in enumerate(content["flown"]):
         assert flight["posterior"][k] > 0.95
         assert max(flight["usage"].values()) <= 1.0
@@ -76,6 +83,43 @@ def test_the_same_seed_writes_the_same_trajectory(report, tmp_path):
     motion = read_track(tmp_path / "a" / "next_flight.csv", speed=1.0, ramp=2.0)
     assert motion.starts_at_rest
     assert motion.end == pytest.approx(5.0)
+
+
+def test_the_default_flight_stays_within_memory_and_time(report, tmp_path):
+    code = """if True:
+        import pathlib, re, sys, time
+        from diagrams.cli.main import run
+        assert run(sys.argv[1:]) == 0
+        status = pathlib.Path("/proc/self/status").read_text()  # ru_maxrss would count the parent's memory
+        print(int(re.search(r"VmHWM:\\s+(\\d+)", status)[1]) / 1000, time.process_time())
+    """
+    arguments = ["next-flight", str(report), *BOX, "--out", str(tmp_path / "out")]
+    done = subprocess.run(
+        [sys.executable, "-c", code, *arguments], capture_output=True, text=True, check=True
+    )
+    memory, seconds = map(float, done.stdout.split("\n")[-2].split())
+    assert memory < MOST_MEMORY
+    assert seconds < MOST_TIME
+
+
+def test_what_an_interval_becomes_is_printed(report, tmp_path, capsys):
+    drag = Explanation(
+        ("linear_drag",), 1.0, (LinearDrag(0.5, 0.4, 0.3),), (), ("linear_drag.d_x",), np.array([[0.01]])
+    )
+    (report / REPORT).write_text(json.dumps(told() | {"explanations": [drag.as_json()]}))
+    values = tmp_path / "a.json"
+    assert run(["next-flight", str(report), *QUICK, "--no-fly", "--json", str(values)]) == 0
+    text = capsys.readouterr().out
+    assert "linear_drag.d_x" in text
+    assert "not flown in the simulator" in text
+    ((before, after),) = json.loads(values.read_text())["candidates"][0]["intervals"][0].values()
+    assert before == pytest.approx(1.96 * 0.1)
+    assert after < 0.97 * before
+
+
+def test_an_option_of_the_former_search_warns(report, capsys):
+    assert run(["next-flight", str(report), *QUICK, "--no-fly", "--evaluations", "15"]) == 0
+    assert "warning: --evaluations has no effect" in capsys.readouterr().out
 
 
 def test_a_second_answer_counts(report):

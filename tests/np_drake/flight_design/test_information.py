@@ -47,11 +47,6 @@ def test_an_explanation_compared_with_itself_has_no_information():
     assert dut.outlook.named == 0.0
 
 
-def test_information_of_flights_adds():
-    a, b = made(5, sizes=(0, 0), drift=0)[0], made(6, sizes=(0, 0), drift=0)[0]
-    np.testing.assert_allclose((a + b).distances, a.distances + b.distances, rtol=1e-12)
-
-
 def test_free_parameters_take_from_what_is_told():
     dut, *_ = made(7, sizes=(2, 2), drift=0)
     fixed = Information(dut.gram[:2, :2], (0, 0), dut.prior)
@@ -72,7 +67,14 @@ def test_the_more_is_told_the_less_entropy_is_left():
 def test_of_a_single_explanation_the_parameters_count():
     dut, C, _, _ = made(9, sizes=(2,), drift=0)
     A = C[:, 1:3]
-    assert dut.value == pytest.approx(0.5 * np.linalg.slogdet(np.eye(2) + A.T @ A)[1])
+    assert dut.parameters(0) == pytest.approx(0.5 * np.linalg.slogdet(np.eye(2) + A.T @ A)[1])
     assert dut.weakest is None
     assert dut.outlook.named == 1.0
     assert made(9, sizes=(2, 1, 1))[0].weakest is not None
+
+
+def test_the_posterior_of_parameters_is_that_of_least_squares():
+    dut, C, _, _ = made(10, sizes=(2,), drift=1)
+    AD = C[:, 1:]
+    expected = np.linalg.inv(np.eye(3) + AD.T @ AD)[:2, :2]
+    np.testing.assert_allclose(dut.posterior(0), expected, rtol=1e-9)

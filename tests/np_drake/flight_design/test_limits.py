@@ -7,7 +7,7 @@ from np_drake.effects.explanation import Explanation
 from np_drake.effects.mass_error import MassError
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.effects.thrust_scale import ThrustScale
-from np_drake.flight_design.limits import Limits, largest, limits_for, load_of, swing_of
+from np_drake.flight_design.limits import Limits, limits_for, load_of, swing_of
 from np_drake.references.base import Hover
 from np_drake.vehicle import Vehicle
 
@@ -64,12 +64,6 @@ def test_a_room_too_small_is_refused():
 def test_a_load_too_large_is_refused():
     with pytest.raises(ValueError, match="thrust left"):
         limits_for(Vehicle(), [Explanation((), 1.0, (ThrustScale(0.5),))], **ROOM)
-
-
-@pytest.mark.parametrize("power", [1.0, 1.5, 2.0])
-def test_the_largest_size_fills_the_share(power):
-    size = largest(lambda s: (s / 3.0) ** power, 0.1, 0.8)
-    assert 0.95 * 0.8 < (size / 3.0) ** power <= 0.8
 
 
 @pytest.mark.parametrize("wrong", [{"speed": -1.0}, {"tilt": 2.0}])
