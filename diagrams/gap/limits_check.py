@@ -7,21 +7,18 @@ from pathlib import Path
 
 import numpy as np
 
+from diagrams.gap.next_flight import RATE, TRACK, DiagnosisReport
 from diagrams.loop.flight import FlightConfig
 from diagrams.loop.flight_result import FlightResult, LostVehicle, fly
-from diagrams.gap.next_flight import RATE, TRACK, DiagnosisReport
-from diagrams.loop.flight import FlightConfig, LostVehicle
-from diagrams.loop.flight_result import FlightResult, fly
 from np_drake import attitude
 from np_drake.diagnosis.residuals import make_flight_residuals
 from np_drake.effects.effect_entry import EffectEntry
 from np_drake.effects.explanation import Explanation
 from np_drake.effects.posterior import Posterior
 from np_drake.flight_design.limits import Limits
-from np_drake.references.track_file import write_trajectory
 from np_drake.flight_design.multisine import FadedMultisine
 from np_drake.flight_design.prediction import predict
-from np_drake.references.trajectory_file import write_trajectory
+from np_drake.references.track_file import write_trajectory
 
 ROOM = 0.95  # of what a limit leaves that a smaller motion takes [1]; own choice
 TRIES = 4  # of making it smaller

@@ -8,14 +8,13 @@ from typer import Option
 from typer.core import TyperGroup
 
 from diagrams.cli.challenge import compare, score, solve
-from diagrams.cli.challenge import compare, golden, logs, score, solve
 from diagrams.cli.output import require_folder
 from diagrams.cli.runner import Report, Run, counting, reports
 
 RETIRED = {
     "golden": "the frozen cases are tests: `make golden`",
     "logs": "round trips through files are tests: `pytest tests/diagrams/challenge/imported`",
-    "active": "`np-drake next-flight` writes a random multisine, which does as well",
+    "active": "`np-drake next-flight` writes a random multisine",
 }
 
 

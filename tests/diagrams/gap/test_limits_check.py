@@ -16,7 +16,7 @@ from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.flight_design.limits import limits_for
 from np_drake.flight_design.multisine import random_multisine
 from np_drake.references.base import Hover
-from np_drake.references.trajectory_file import write_trajectory
+from np_drake.references.track_file import write_trajectory
 from np_drake.vehicle import Vehicle
 from systems.payload_config import PayloadConfig
 

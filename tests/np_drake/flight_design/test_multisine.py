@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from np_drake.flight_design.multisine import RATE, SHARE, random_multisine
-from np_drake.references.track_file import read_track
-from np_drake.references.trajectory_file import write_trajectory
+from np_drake.references.track_file import read_track, write_trajectory
 
 
 @pytest.fixture(scope="module")
