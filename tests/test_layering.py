@@ -35,7 +35,17 @@ DIAGNOSIS = (
     ),
 )
 GROUND = (
-    *("attitude", "compiled", "attitude_kernel", "files", "finite", "flight_log", "metrics", "swing_metrics"),
+    *(
+        "attitude",
+        "compiled",
+        "attitude_kernel",
+        "lazy_names",
+        "files",
+        "finite",
+        "flight_log",
+        "metrics",
+        "swing_metrics",
+    ),
     *("vehicle", "rigid_body", "rotor_input", "scaling", "vehicle_estimate"),
     *("residual_model", "command_delay", "labels", "actuator_timing"),
     *("training_data", "effects", "logs", "references", "control", "diagnosis", "flight_design"),
