@@ -1,3 +1,33 @@
-"""Models, estimation, diagnosis and control without a simulator: no Diagram, LeafSystem or MultibodyPlant."""
+"""Models, estimation, diagnosis and control without a simulator: no Diagram, LeafSystem or MultibodyPlant.
+
+The names below are the public interface; each is imported when it is first used. Effects are in `np_drake.effects`.
+"""
+
+from typing import Any
+
+from np_drake.lazy_names import lazy_name
 
 __version__ = "0.1.0"
+
+NAMES = {
+    "Vehicle": "np_drake.vehicle",
+    "load_vehicle": "np_drake.vehicle",
+    "FlightLog": "np_drake.flight_log",
+    "open_case": "np_drake.logs.case_folder",
+    "circle": "np_drake.references.harmonic",
+    "lemniscate": "np_drake.references.harmonic",
+    "effects": "np_drake.effects",
+    "train": "np_drake.lifting.training.train",
+    "NeuralPredictor": "np_drake.residual_models.neural_predictor",
+    "MpcConfig": "np_drake.mpc.problem",
+    "diagnose": "np_drake.diagnosis.diagnose",
+    "tracking_errors": "np_drake.metrics",
+}
+
+
+def __getattr__(name: str) -> Any:
+    return lazy_name(__name__, NAMES, name)
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *NAMES])

@@ -1,1 +1,29 @@
-"""LeafSystems and plant pieces; all memory lives in the Context."""
+"""LeafSystems and plant pieces; all memory lives in the Context.
+
+The names below are the public interface; each is imported when it is first used.
+"""
+
+from typing import Any
+
+from np_drake.lazy_names import lazy_name
+
+NAMES = {
+    "PayloadConfig": "systems.payload_config",
+    "make_tethered_quadrotor": "systems.tethered_quadrotor",
+    "add_sensor_rig": "systems.sensor_rig",
+    "add_recorder": "systems.recorder",
+    "set_hover": "systems.initial_state",
+    "NeuralPredictor": "systems.neural_predictor",
+    "NpMpc": "systems.np_mpc",
+    "ReferenceSource": "systems.reference_source",
+    "WrenchEstimator": "systems.wrench_estimator",
+    "WrenchEffects": "systems.wrench_effects",
+}
+
+
+def __getattr__(name: str) -> Any:
+    return lazy_name(__name__, NAMES, name)
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *NAMES])

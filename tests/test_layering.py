@@ -35,7 +35,7 @@ DIAGNOSIS = (
     ),
 )
 GROUND = (
-    *("attitude", "compiled", "files", "flight_log", "metrics"),
+    *("lazy_names", "attitude", "compiled", "files", "flight_log", "metrics"),
     *("vehicle", "rigid_body", "rotor_input", "scaling", "vehicle_estimate"),
     *("residual_model", "command_delay", "labels"),
     *("training_data", "effects", "logs", "references", "control", "diagnosis", "flight_design"),

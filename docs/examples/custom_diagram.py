@@ -8,17 +8,10 @@ import numpy as np
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
-from diagrams.loop.controllers import ControllerConfig, add_controller
-from np_drake.effects.constant_wind import ConstantWind
-from np_drake.effects.linear_drag import LinearDrag
-from np_drake.effects.sensor_noise import SensorNoise
-from np_drake.metrics import tracking_errors
-from np_drake.references.harmonic import lemniscate
-from np_drake.vehicle import Vehicle
-from systems.initial_state import set_hover
-from systems.recorder import Recorder, add_recorder
-from systems.sensor_rig import add_sensor_rig
-from systems.tethered_quadrotor import PayloadConfig, make_tethered_quadrotor
+from diagrams import ControllerConfig, add_controller
+from np_drake import Vehicle, effects, lemniscate, tracking_errors
+from systems import PayloadConfig, add_recorder, add_sensor_rig, make_tethered_quadrotor, set_hover
+from systems.recorder import Recorder
 
 VEHICLE, PAYLOAD = Vehicle(), PayloadConfig(mass=0.3, length=0.7)
 TRACK = lemniscate(length=1.5, width=0.75, height=1.5, speed=1.0, ramp=3.0)
@@ -28,10 +21,10 @@ PERIOD = 0.02  # of controller and recorder [s]
 def make_diagram(kind: str) -> tuple[Diagram, Recorder]:
     """The closed loop of the controller `kind` on a vehicle with drag, in a wind of 1 m/s along x."""
     builder = DiagramBuilder()
-    effects = [LinearDrag(0.3, 0.3, 0.2), ConstantWind(1.0, 0.0, 0.0)]
-    quadrotor = builder.AddSystem(make_tethered_quadrotor(VEHICLE, PAYLOAD, wrench_effects=effects))
-    sensors = add_sensor_rig(builder, quadrotor, VEHICLE, [SensorNoise()], period=PERIOD)
-    config = ControllerConfig(kind=kind, solver="sqp", period=PERIOD)
+    acting = [effects.LinearDrag(0.3, 0.3, 0.2), effects.ConstantWind(1.0, 0.0, 0.0)]
+    quadrotor = builder.AddSystem(make_tethered_quadrotor(VEHICLE, PAYLOAD, wrench_effects=acting))
+    sensors = add_sensor_rig(builder, quadrotor, VEHICLE, [effects.SensorNoise()], period=PERIOD)
+    config = ControllerConfig(kind=kind, period=PERIOD)
     ports = add_controller(builder, config, VEHICLE, TRACK, sensors)
     builder.Connect(ports["u"], quadrotor.GetInputPort("u"))
     signals = {"x": quadrotor.GetOutputPort("x"), "p_ref": ports["p_ref"]}
