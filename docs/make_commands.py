@@ -3,7 +3,8 @@
 `python docs/make_commands.py` writes the page; the tests compare it with `page()`.
 """
 
-import textwrap
+import re
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -11,114 +12,69 @@ import typer
 
 from diagrams.cli.app import app
 from diagrams.cli.outcome import PROGRAM
-from diagrams.cli.reproduce import STUDIES, VERB
 
-SHARED = {"seed", "jobs", "scheduler", "out", "json", "markdown"}  # options of every study, said once
-OF_STUDIES = (
-    "Every study takes `--seed`, `--out DIR`, `--json FILE` and `--markdown FILE`; studies of many cases take "
-    "`--jobs` and `--scheduler ADDRESS`. Its other options:"
-)
 PAGE = Path(__file__).parent / "reference" / "commands.md"
+MANY = 8  # verbs from which on a group is one row
 HEAD = f"""# Commands
 
-This page is generated from the command line by `docs/make_commands.py`. `{PROGRAM} <verb> --help` prints the same.
+Which verb does what? `{PROGRAM} VERB --help` prints the arguments, options and defaults of a verb. This page is generated
+from the command line by `docs/make_commands.py`.
 
 Every verb ends with exit code 0, with 2 on bad input (one line on stderr, nothing half-written), with 1 when a run
 failed, with 70 on a fault of the program, or with 128 + the number of a signal. Files appear whole or not at all, and
 no file that is read is written. `--debug`, anywhere, prints the traceback of an error before its line.
+
+| verb | does | page |
+|---|---|---|
 """
+PAGES = {  # verb -> the page that shows its use; a verb without one has an empty cell
+    "demo": "guide/install.md",
+    "fly": "guide/fly.md",
+    "train": "guide/train.md",
+    "evaluate": "guide/train.md",
+    "import": "guide/import.md",
+    "doctor": "reference/doctor.md",
+    "diagnose": "guide/diagnose.md",
+    "next-flight": "guide/next-flight.md",
+    "export": "guide/export.md",
+    "vehicle": "reference/vehicle-file.md",
+    "challenge": "studies/diagnosis-benchmark.md",
+    "reproduce": "studies/index.md",
+    "bench": "studies/speed.md",
+}
 
 
 def page() -> str:
-    """The content of commands.md."""
-    sections = "\n".join(_section(name, command) for name, command in _commands(PROGRAM, _root()))
-    return f"{HEAD}\n{sections}"
+    """Return the content of commands.md."""
+    return HEAD + "".join(_row(name, command) for name, command in _verbs())
 
 
-def _root() -> Any:
-    return typer.main.get_command(app)
+def _verbs() -> Iterator[tuple[str, Any]]:
+    """Yield (name, command) of every verb; a group of many verbs is one."""
+    for name, command in typer.main.get_command(app).commands.items():
+        below = getattr(command, "commands", None)
+        if below is None:
+            yield name, command
+        elif len(below) >= MANY:
+            yield f"{name} …", command
+        else:
+            yield from ((f"{name} {inner}", verb) for inner, verb in below.items())
 
 
-def _commands(name: str, command: Any) -> list[tuple[str, Any]]:
-    """(full name, command) of every verb below `command`, groups before their verbs."""
-    found = [] if name == PROGRAM else [(name, command)]
-    for inner, below in getattr(command, "commands", {}).items():
-        found += _commands(f"{name} {inner}", below)
-    return found
+def _row(name: str, command: Any) -> str:
+    target = PAGES.get(name.split()[0], "")
+    link = f"[{Path(target).stem.replace('-', ' ')}](../{target})" if target else ""
+    if target.startswith("reference/"):
+        link = link.replace("../reference/", "")
+    return f"| `{name}` | {_first_sentence(command.help or '')} | {link} |\n"
 
 
-def _studies() -> str:
-    """What each study shows, and its own options."""
-    lines = [textwrap.fill(OF_STUDIES, 118), ""]
-    for name, study in STUDIES.items():
-        own = [p for p in study.command(name).params if p.name not in SHARED and p.name != "help"]
-        lines.append(f"- `{name}`: {_plain(study.summary)}")
-        lines += [f"    - {_names(p)} ({_default(p)}): {_meaning(p)}" for p in own]
-    return "\n".join([*lines, ""])
-
-
-def _section(name: str, command: Any) -> str:
-    level = "#" * (len(name.split()))
-    lines = [f"{level} `{name}`", "", textwrap.fill(_plain(command.help or ""), 118), ""]
-    shown = [p for p in command.params if not getattr(p, "hidden", False) and p.name != "help"]
-    if shown:
-        lines += ["| argument or option | default | meaning |", "|---|---|---|"]
-        lines += [f"| {_names(p)} | {_default(p)} | {_meaning(p)} |" for p in shown]
-        lines.append("")
-    if name == f"{PROGRAM} {VERB}":
-        lines.append(_studies())
-    return "\n".join(lines)
-
-
-def _names(parameter: Any) -> str:
-    if parameter.param_type_name == "argument":
-        name = parameter.metavar or parameter.name.upper()
-        return f"`{name}`"
-    value = "" if parameter.is_flag else f" {_value(parameter)}"
-    names = [f"`{name}{value}`" for name in parameter.opts]
-    return ", ".join(names + [f"`{name}`" for name in parameter.secondary_opts])
-
-
-def _value(parameter: Any) -> str:
-    """The metavar, or the kind of the value."""
-    kind = str(parameter.type_descriptor.annotation)
-    words = {"str": "TEXT", "int": "INTEGER", "float": "NUMBER"}
-    plain = next((word for name, word in words.items() if name in kind), "PATH")
-    return parameter.metavar or plain
-
-
-def _default(parameter: Any) -> str:
-    default = parameter.default
-    if parameter.required:
-        return "required"
-    if default in (None, False, "", (), []):
-        return "–"
-    return f"`{default}`"
-
-
-def _meaning(parameter: Any) -> str:
-    parts = [_plain(parameter.help or "")]
-    lower, upper = parameter.min, parameter.max
-    if lower is not None and upper is not None:
-        parts.append(f"{lower:g} to {upper:g}." if isinstance(upper, float) else f"{lower} to {upper}.")
-    elif lower is not None:
-        parts.append(f"At least {lower:g}.")
-    if (parameter.nargs == -1 or parameter.multiple) and "repeatable" not in parts[0]:
-        parts.append("Repeatable.")
-    if parameter.envvar:
-        parts.append(f"Environment variable: `{parameter.envvar}`.")
-    return " ".join(part for part in parts if part)
-
-
-def _plain(text: str) -> str:
-    """One line that neither a table nor Markdown mistakes for something of its own."""
-    return (
-        " ".join(text.split())
-        .replace("|", "\\|")
-        .replace("<", "&lt;")
-        .replace("*", "\\*")
-        .replace("_", "\\_")
-    )
+def _first_sentence(text: str) -> str:
+    """Return the first sentence, such that neither a table nor Markdown mistakes it for something of its own."""
+    plain = re.split(r"(?<=\.)\s|[:;]\s|\n\s*\n", " ".join(text.split("\n\n")[0].split()))[0].rstrip(":.")
+    for sign, written in {"|": "\\|", "<": "&lt;", "*": "\\*", "_": "\\_"}.items():
+        plain = plain.replace(sign, written)
+    return plain + "."
 
 
 if __name__ == "__main__":

@@ -103,3 +103,16 @@ def test_the_constants_of_the_decision_in_the_docs_are_those_of_the_code():
         f"{t.slow_torque:g} ({fine.slow_torque:g}) times what gyro noise implies",
     ):
         assert text in page, text
+
+
+def test_every_function_that_the_theory_names_is_in_its_file():
+    text = " ".join((ROOT / "docs" / "theory.md").read_text().split())
+    named = re.findall(r"`(\w+)`(?: of `\w+`)? in `(np_drake/[\w/]+\.py)`", text)
+    assert len(named) > 25
+    for name, file in named:
+        assert re.search(rf"(def|class) {name}\b", (ROOT / file).read_text()), f"{name} in {file}"
+
+
+def test_every_figure_is_on_a_page():
+    shown = {name for page in PAGES for name in re.findall(r"figures/([\w.-]+)\)", page.read_text())}
+    assert {file.name for file in (ROOT / "docs" / "figures").iterdir()} == shown

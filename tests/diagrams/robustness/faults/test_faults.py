@@ -2,7 +2,6 @@
 
 import dataclasses as dc
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -171,11 +170,6 @@ def test_a_jerk_of_the_cable_does_not_make_the_payload_heavy(seed):
     faults = [dc.asdict(Fault("cable snap", 3.0, None, {"impulse": 0.35}))]
     result = Flying({}, "sqp")({"row": "payload_filter", "model": "", "faults": faults, "seed": seed})
     assert result["peak"] < 0.1  # the nominal MPC has 0.05 [m]
-
-
-def test_the_page_states_every_distribution():
-    page = (Path(__file__).parents[4] / "docs" / "studies" / "faults.md").read_text(encoding="utf-8")
-    assert all(f"| {kind.name} | {kind.place} | {kind.says} |" in page for kind in KINDS)
 
 
 def test_a_vehicle_that_can_no_longer_fly_is_lost_and_raises_nothing():

@@ -1,7 +1,6 @@
 """Laws of the study of vehicles; the flights of the verb are made here."""
 
 import json
-import re
 from pathlib import Path
 
 import numpy as np
@@ -27,7 +26,6 @@ from np_drake.files.atomic_file import plain
 from np_drake.scaling import numbers, ratios
 
 ROOT = Path(__file__).parents[4]
-PAGE = ROOT / "docs" / "studies" / "vehicles.md"
 MODELS = {(v, row.configuration): v.encode() for v in VEHICLES for row in ROWS if row.configuration}
 
 
@@ -246,10 +244,3 @@ def test_what_a_campaign_depends_on_fits_in_every_file_of_a_case():
     text = json.dumps(plain(campaign_config(1, "sqp")), allow_nan=False)
     assert len(text) < 40_000  # [B], beside hundreds of cases
     assert json.loads(text)["rows"]["np"]["configuration"] == "delay-modal"
-
-
-def test_the_rows_of_the_page_are_those_of_the_command():
-    page = PAGE.read_text()
-    shown = re.findall(r"^\| ([^|]+?) \|", page, re.M)
-    for name in (*TRACKS, *(row.name for row in ROWS)):
-        assert shown.count(name) >= len(VEHICLES), name
