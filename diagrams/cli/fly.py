@@ -14,7 +14,6 @@ from diagrams.cli.output import Advance, Table, progress, say
 from diagrams.cli.runner import Report, Run, reports
 
 if TYPE_CHECKING:
-    from diagrams.cooperative.config import CooperativeConfig
     from diagrams.loop.flight import FlightConfig
     from diagrams.loop.flight_result import FlightResult
 
@@ -214,7 +213,7 @@ def named_solver(experiment: str) -> str | None:
     return (read_yaml(file).get("controller") or {}).get("solver")
 
 
-def as_config(config: "FlightConfig | CooperativeConfig") -> dict:
+def as_config(config: "FlightConfig") -> dict:
     """Return the scenario as plain data, for `--json`."""
     simulator = {k: getattr(config.simulator, k) for k in ("integration_scheme", "max_step_size", "accuracy")}
     parts = {f.name: getattr(config, f.name) for f in dc.fields(config) if f.name != "simulator"}

@@ -1,1 +1,0 @@
-"""Several vehicles on one payload."""
