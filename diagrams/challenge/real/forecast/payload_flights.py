@@ -7,12 +7,11 @@ from typer import Option
 
 from diagrams.batch.options import RealFlights, required
 from diagrams.batch.run import Report, Run
-from diagrams.challenge.real.forecast.bound import bound_lines
 from diagrams.challenge.real.forecast.figure import ratio_figure
 from diagrams.challenge.real.forecast.folds import DAMPINGS, open_campaign, true_estimate, true_payload
 from diagrams.challenge.real.forecast.rows import choose
 from diagrams.challenge.real.forecast.study import persistence_rmse, run_study
-from diagrams.challenge.real.forecast.tables import bound_table, model_table, payload_table, ratio_tables
+from diagrams.challenge.real.forecast.tables import model_table, payload_table, ratio_tables
 
 
 @dc.dataclass(frozen=True)
@@ -57,9 +56,6 @@ def run(run: Run, options: Options) -> Report:
     tables = [*ratio_tables(lines), model_table(models, DAMPINGS, true_payload().length)]
     if study.payloads:
         tables.append(payload_table(study.payloads, true_estimate(), DAMPINGS))
-    bounds = bound_lines(study.bounds, study.horizons, options.step) if study.bounds else []
-    if bounds:
-        tables.append(bound_table(bounds))
     return Report(
         tables,
         config={
@@ -67,7 +63,7 @@ def run(run: Run, options: Options) -> Report:
             "flights": [flight.log.name for flight in flights],
         },
         metrics={
-            "table": lines, "models": models, "bound": bounds,
+            "table": lines, "models": models,
             "payloads": [{**flown._asdict(), "estimate": flown.estimate._asdict()} for flown in study.payloads],
         },
         summary=[

@@ -10,7 +10,6 @@ import numpy as np
 from diagrams.batch.arrays import packed, unpacked
 from diagrams.batch.campaign import Case
 from diagrams.batch.workers import Workers, every_result
-from diagrams.challenge.real.forecast.bound import BoundCheck, check_bound
 from diagrams.challenge.real.forecast.folds import PayloadFlight, drag_beside, told
 from diagrams.challenge.real.forecast.rows import HISTORY, PERSISTENCE, ROWS, TOLD_ROWS, segments_of
 from diagrams.challenge.real.forecast.scores import Score, diverged, pooled, score
@@ -43,7 +42,6 @@ class Study:
     """Results: scores of every row on every flight, and by row the swing and training time [s] of every fold.
 
     payloads: of rows that estimate the payload in flight, the estimate at the end of every flight.
-    bounds: of rows whose matrices change from solve to solve, the check of their bound on every flight.
     """
 
     step: float
@@ -52,7 +50,6 @@ class Study:
     swings: dict[str, list[Swing]] = dc.field(default_factory=dict)
     walls: dict[str, list[float]] = dc.field(default_factory=dict)
     payloads: list[FlownPayload] = dc.field(default_factory=list)
-    bounds: list[BoundCheck] = dc.field(default_factory=list)
 
     def lines(self) -> list[dict[str, Any]]:
         """Return ratio and RMSE by row, coming motion, kind and horizon, see `pooled`."""
@@ -127,8 +124,8 @@ def run_study(
 class HoldingOut:
     """Work of a case {"manoeuvre", "row"} -> what the row, trained on the other manoeuvres, shows on that one.
 
-    A result holds "swing" of the model, "wall" of its training [s], and of every flight its scores by coming motion,
-    bound and estimate of the payload, where there is any.
+    A result holds "swing" of the model, "wall" of its training [s], and of every flight its scores by coming motion
+    and estimate of the payload, where there is any.
     """
 
     flights: tuple[PayloadFlight, ...]
@@ -161,11 +158,9 @@ class HoldingOut:
         opened, first = (flight.log, flight.vehicle), round(HISTORY / self.step)
         horizons = steps_of(HORIZONS, self.step)
         scores = score(name, model, opened, horizons, first=first)
-        checked = check_bound(model, opened, horizons, first=first)
         return {
             "flight": flight.log.name,
             "scores": {s.motion: packed({part: getattr(s, part) for part in SCORED}) for s in scores},
-            "bound": checked and packed({"bound": checked.bound, "error": checked.error}),
             "estimate": payload_on(model, opened),
         }
 
@@ -180,8 +175,6 @@ def _add(study: Study, case: Case, result: dict[str, Any]) -> None:
     for shown in result["flights"]:
         flight = shown["flight"]
         study.scores += [Score(name, flight, m, **unpacked(arrays)) for m, arrays in shown["scores"].items()]
-        if shown["bound"]:
-            study.bounds.append(BoundCheck(flight, **unpacked(shown["bound"])))
         if shown["estimate"]:
             estimate = PayloadEstimate(*(Estimate(*values) for values in shown["estimate"]))
             study.payloads.append(FlownPayload(name, flight, case["manoeuvre"], estimate))

@@ -97,21 +97,6 @@ def payload_table(
     return title, ["manoeuvre", "tether [m]", "mass over vehicle's [1]", "damping [1/s]"], rows
 
 
-def bound_table(lines: Sequence[Mapping[str, Any]]) -> Table:
-    """Return a table of the bound's check, a row a horizon."""
-    rows: list[tuple] = [
-        (
-            f"{line['horizon']:.3g}",
-            f"{line['held']} of {line['forecasts']}",
-            f"{line['median']:.3g}",
-            f"{line['quantile']:.3g}",
-        )
-        for line in lines
-    ]
-    title = "bound on the wrench of pendulum, every forecast of every flight"
-    return title, ["ahead [s]", "holds", "bound over error, median", "95 %"], rows
-
-
 def _interval(estimates: Sequence[Estimate]) -> str:
     mean, low, high = np.mean(estimates, axis=0)
     return f"{mean:.3f} [{low:.3f}, {high:.3f}]"
