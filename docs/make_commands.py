@@ -17,7 +17,7 @@ PAGE = Path(__file__).parent / "reference" / "commands.md"
 MANY = 8  # verbs from which on a group is one row
 HEAD = f"""# Commands
 
-Which verb does what? `{PROGRAM} VERB --help` prints the arguments, options and defaults of a verb. This page is generated
+Which verb does what? `{PROGRAM} VERB --help` prints arguments, options and defaults. This page is generated
 from the command line by `docs/make_commands.py`.
 
 Every verb ends with exit code 0, with 2 on bad input (one line on stderr, nothing half-written), with 1 when a run
