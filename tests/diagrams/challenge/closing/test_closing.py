@@ -93,7 +93,7 @@ def test_the_table_has_quartiles_and_counts_what_was_lost_and_chosen():
 
 
 def test_the_design_with_the_least_mean_error_in_space_is_chosen(monkeypatch, tmp_path):
-    errors = {"nominal": (0.1, 0.9), "hold": (0.4, 0.4), "observer": (0.6, 0.3), "np: x": (0.5, 0.5)}
+    errors = {"nominal": (0.1, 0.9), "hold": (0.4, 0.4), "observer": (0.6, 0.3), "np": (0.5, 0.5)}
     monkeypatch.setattr(designs, "_training_logs", lambda *_: [])
     monkeypatch.setattr(designs, "learned", lambda *_: [designs.Design("np", "x", "x.safetensors")])
     monkeypatch.setattr(designs, "flown", lambda design, *_, **__: errors[design.name])

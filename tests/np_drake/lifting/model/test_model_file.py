@@ -128,7 +128,7 @@ def test_a_missing_file_and_a_folder_are_named(tmp_path):
 
 
 def test_another_configuration_is_refused(path):
-    with pytest.raises(ValueError, match="configuration must be paper; got default"):
+    with pytest.raises(ValueError, match="configuration must be paper; got delay-modal"):
         load_model(path, PAPER)
 
 

@@ -208,7 +208,7 @@ def test_a_flight_that_shows_nothing_teaches_to_hold(config):
 
 def test_configurations_go_by_name():
     assert make_config("paper", epochs=3).epochs == 3
-    with pytest.raises(ValueError, match=r"default \| paper \| .*; got theirs"):
+    with pytest.raises(ValueError, match=r"delay-modal \| paper \| .*; got theirs"):
         make_config("theirs")
     with pytest.raises(ValueError, match="has no setting epocs"):
         make_config("paper", epocs=3)
