@@ -6,7 +6,6 @@ import pytest
 from np_drake.command_delay import FINE, KEPT, commands_under_way
 from np_drake.mpc.dynamics import DiscreteDynamics
 from np_drake.mpc.look_ahead import LookAhead
-from np_drake.payload_filter.predictor import PayloadFilter
 from np_drake.residual_model import Sample
 from np_drake.residual_models.hold import Hold
 from np_drake.residual_models.no_residual import NoResidual
@@ -41,12 +40,3 @@ def test_without_delay_nothing_moves():
     memory, x = LookAhead(model, VEHICLE)(model.initial_memory(), LEVEL, SENT, 0.0)
     assert memory == {}
     np.testing.assert_array_equal(x, LEVEL)
-
-
-def test_the_models_memory_goes_along(model):
-    model = PayloadFilter(model())
-    memory = model.initial_memory()
-    memory = model.update(memory, Sample(LEVEL, VEHICLE.hover_input, np.full(6, np.nan)))
-    later, x = LookAhead(model, VEHICLE)(memory, LEVEL, SENT, 3 * STEP)
-    np.testing.assert_array_equal(later["x"], x)
-    assert not np.array_equal(later["mean"], memory["mean"])
