@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from np_drake.lifting.model.lifted_model import MODE_DICTIONARY
 from np_drake.lifting.training.train import CONFIGURATIONS, make_config, train
 from np_drake.mpc.horizon import eliminate
 from np_drake.residual_model import Sample
@@ -30,7 +31,8 @@ def model(request) -> NeuralPredictorModel:
     """The configuration of that name, trained once."""
     name = request.param
     if name not in TRAINED:
-        config = make_config(name, **SMALL.get(name, {}))
+        frame = "body" if name == MODE_DICTIONARY else "world"
+        config = make_config(name, frame=frame, **SMALL.get(name, {}))
         TRAINED[name] = NeuralPredictorModel(train([swinging(0)], config).model)
     return TRAINED[name]
 
