@@ -9,7 +9,7 @@ from diagrams.loop.flight_result import LostVehicle, fly, simulate
 from np_drake.references.config import ReferenceConfig
 
 
-def late(delay, *, kind="np", speed=1.5, **controller):
+def late(delay, *, kind="payload_filter", speed=1.5, **controller):
     config = FlightConfig(duration=5.0)
     config.reference = ReferenceConfig(track="circle", radius=1.0, speed=speed, ramp=4.0)
     config.controller = ControllerConfig(kind=kind, solver="sqp", **controller)
@@ -18,7 +18,7 @@ def late(delay, *, kind="np", speed=1.5, **controller):
 
 
 @pytest.mark.parametrize("speed, delay, error", [(1.5, 0.06, 0.012), (1.5, 0.115, 0.02), (2.5, 0.03, 0.012)])
-def test_np_finds_a_delay_in_flight_and_holds_the_circle(speed, delay, error):
+def test_the_payload_filter_finds_a_delay_in_flight_and_holds_the_circle(speed, delay, error):
     errors = fly(late(delay, speed=speed), seed=0).metrics()
     assert (
         errors["E_xy"] < error
@@ -62,10 +62,10 @@ def test_fly_says_with_which_delay_its_controller_reckoned(delay, said, tmp_path
 
 def test_under_a_delay_the_oracle_stays_the_limit():
     config = late(0.06)
-    np_error = fly(config, seed=0).metrics()["E_xy"]
+    error = fly(config, seed=0).metrics()["E_xy"]
     config.controller.kind = "oracle"
     oracle = fly(config, seed=0).metrics()["E_xy"]
-    assert oracle < min(np_error, 0.004)  # [m]
+    assert oracle < min(error, 0.004)  # [m]
 
 
 def test_a_delay_that_no_controller_can_know_is_refused():
