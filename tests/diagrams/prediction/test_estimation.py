@@ -23,8 +23,8 @@ def model(flown, name):
 def test_one_step_ahead_the_default_is_below_the_paper_in_every_cell(flown):
     table = estimation.estimation_table({"mode-dictionary": model(flown, "mode-dictionary")}, flown[1:])
     assert set(table.cells) == set(PUBLISHED)
-    assert table.at_or_below("ours, default") == 60
-    assert table.worst("ours, default") < 0.25
+    assert table.at_or_below("ours, mode-dictionary") == 60
+    assert table.worst("ours, mode-dictionary") < 0.25
     assert table.at_or_below("persistence") == 60  # the floor, not the goal
     for found in table.stability["mode-dictionary"].values():
         assert found.unstable == found.pulled == 0
