@@ -71,7 +71,7 @@ def neurobem_folder(study: str, neurobem: Path | None) -> Path:
 def trained(
     run: Run, training: Flight, epochs: int | None = None
 ) -> tuple[dict[str, LiftedModel], dict[str, dict]]:
-    """Train `paper` and `default` on one segment.
+    """Train `paper` and `mode-dictionary` on one segment.
 
     Args:
         run: seed and progress bar.

@@ -162,7 +162,7 @@ def run(run: Run, options: Options) -> Report:
     }
     title = "One step (2.5 ms) ahead on real flights, RMSE [mN, mN·m]; NeuroBEM, NeuroMHE, NP as published"
     span = f"{SHOWN}, {figures.SPAN[0]:g} to {figures.SPAN[1]:g} s"
-    of_figure = f"{span} · `default`, trained on ten seconds of circling, seed {run.seed}"
+    of_figure = f"{span} · `mode-dictionary`, trained on ten seconds of circling, seed {run.seed}"
     return Report(
         [grouped(title, ["", *COLUMNS], of_flight)],
         config={"training": training.name, **settings},

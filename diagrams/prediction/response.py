@@ -18,7 +18,7 @@ from np_drake.skill.response import aggressive, lag
 from np_drake.skill.skill import mean_interval, naive_predictions
 
 HORIZONS = (20, 40)  # [steps]
-UNSEEN = "ours, default, other flights"  # trained on every flight but the evaluated one
+UNSEEN = "ours, mode-dictionary, other flights"  # trained on every flight but the evaluated one
 FIRST = 87  # first origin: the longest window of a model [1]
 GROUPS = {"force": slice(0, 3), "torque": slice(3, 6)}  # channels of chi
 

@@ -72,7 +72,7 @@ def train_paper(flights: Sequence[Opened], step: float) -> NeuralPredictor:
 
 
 def train_delay_modal(flights: Sequence[Opened], step: float) -> NeuralPredictor:
-    """Return `default` with its usual settings, but for torque, a window of `HISTORY` and a loss over `LONGEST`."""
+    """Return `delay-modal` with its usual settings, but for torque, a window of `HISTORY` and a loss over `LONGEST`."""
     config = make_config(DELAY_MODAL, torque=True, delay=round(HISTORY / step), horizon=round(LONGEST / step))
     model = train(segments_of(flights, step), config).model
     return NeuralPredictor(model, PredictorOptions(torque="predict"))
