@@ -92,8 +92,8 @@ def test_a_predictor_is_scored_beside_the_naive_rows(logs, model, tmp_path, caps
         naive = [r["force_skill"] for r in rows if r["horizon"] == horizon and r["model"] in NAIVE]
         assert min(naive) == pytest.approx(1.0)
     assert "force RMSE [N]" in captured.out
-    assert "default: spectral radius above 1 in 0 of " in captured.out
-    assert "default: 0 of 1 flights diverge up to 0.2 s" in captured.out
+    assert "delay-modal: spectral radius above 1 in 0 of " in captured.out
+    assert "delay-modal: 0 of 1 flights diverge up to 0.2 s" in captured.out
     (line,) = json.loads(out.read_text())["stability"]
     assert line["windows"] > 1000
     assert line["unstable"] == 0
@@ -109,7 +109,7 @@ def pendulum(logs, tmp_path_factory):
     return out
 
 
-def test_a_pendulum_file_is_scored_beside_the_naive_rows(logs, pendulum, tmp_path, capsys):
+def test_a_payload_filter_file_is_scored_beside_the_naive_rows(logs, pendulum, tmp_path, capsys):
     out = tmp_path / "rows.json"
     assert run(command(logs, pendulum, "1,10", out)) == 0, capsys.readouterr().err
     rows = rows_of(out)
@@ -119,9 +119,9 @@ def test_a_pendulum_file_is_scored_beside_the_naive_rows(logs, pendulum, tmp_pat
     }
     assert all(np.isfinite(row["force_rmse"]) for row in rows)
     printed = capsys.readouterr().out
-    assert "pendulum: spectral radius above 1 in 0 of " in printed
-    assert "pendulum: 0 of 1 flights diverge up to 0.2 s" in printed
-    assert "pendulum forecasts without low-pass" in printed
+    assert "payload_filter: spectral radius above 1 in 0 of " in printed
+    assert "payload_filter: 0 of 1 flights diverge up to 0.2 s" in printed
+    assert "payload_filter forecasts without low-pass" in printed
 
 
 def test_a_pendulum_is_trained_where_it_is_named(logs, tmp_path, capsys):
@@ -205,7 +205,7 @@ def test_without_arguments_it_is_race_track_1(neurobem, tmp_path, monkeypatch, c
     assert "0.057 N" in captured.out
     assert {row["model"] for row in rows_of(tmp_path / "rows.json")} >= {
         "paper",
-        "delay-modal",
+        "mode-dictionary",
         "linear",
         "mean",
     }
@@ -217,7 +217,7 @@ BAD = {  # arguments: what the line must say
     "no flight": (["--predictor", "MODEL"], "flights to score"),
     "no model": (["LOG", "--predictor", "LOG"], "not a model file"),
     "no folder": (["--neurobem", "nowhere"], "nowhere"),
-    "configuration": (["LOG", "--train", "LOG", "--only", "best"], "paper | default"),
+    "configuration": (["LOG", "--train", "LOG", "--only", "best"], "delay-modal | paper"),
     "alone": (["LOG", "--leave-one-out"], "two LOG or more"),
     "trained on": (["LOG", "--train", "LOG"], "must be held out of training"),
     "twice": (["LOG", "LOG", "--leave-one-out"], "must be given once"),
@@ -326,7 +326,7 @@ def test_a_log_without_accelerations_is_scored_and_says_how(logs, model, tmp_pat
         lambda lines: without(lines, "ax", "ay", "az", "alx", "aly", "alz"),
     )
     assert run(["evaluate", str(bare), "--predictor", str(model), "--horizons", "1"]) == 0
-    assert "default: spectral radius above 1 in 0 of " in capsys.readouterr().out
+    assert "delay-modal: spectral radius above 1 in 0 of " in capsys.readouterr().out
 
 
 def test_the_first_seconds_of_a_real_flights_csv_are_scored(neurobem, tmp_path, capsys):

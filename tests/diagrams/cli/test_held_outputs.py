@@ -13,8 +13,6 @@ MAKE = ["challenge", "make", "--cases", "0", "--clean", "1", "--seconds", "8", "
     ("arguments", "name", "folder"),
     [
         (PRESET, "mine.yaml", False),
-        (["challenge", "golden", "--only", "none_1", "--out"], "answers.json", False),
-        (["challenge", "golden", "--only", "none_1", "--resume"], "cases", True),
         (MAKE, "truth", True),
         (["fly", "hover", "--duration", "0.2", "--mcap"], "flight.mcap", False),
         (["fly", "hover", "--duration", "0.2", "--out"], "flight", True),

@@ -84,7 +84,7 @@ BAD = {  # extra arguments: what the line must say
     "no file": (["missing.csv"], "missing.csv: No such file"),
     "configuration": (
         ["LOG", "--configuration", "papier"],
-        "delay-dmdc, ridge, pendulum, gp, knode; got papier",
+        "delay-dmdc, ridge, payload_filter, gp, knode; got papier",
     ),
     "checkpoint": (["LOG", "--configuration", "gp", "--checkpoint", "run"], "gp has none"),
     "folder": (["LOG", "--json", "nowhere/x.json"], "nowhere must exist"),
