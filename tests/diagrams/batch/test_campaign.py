@@ -198,6 +198,7 @@ def test_a_campaign_killed_at_random_instants_loses_no_case_and_counts_none_twic
         process.wait()
     assert runs > 3
     cases = [{"k": k} for k in range(30)]
-    assert {path.name for path in folder.glob("*.json")} == {case_file(case) for case in cases}
+    # A kill within a write may leave its hidden temporary file, which no run reads.
+    assert {path.name for path in folder.glob("[!.]*.json")} == {case_file(case) for case in cases}
     campaign_again = run_campaign(dict, cases, config={}, folder=folder)  # from the files: `dict` would say k
     assert [record["result"] for record in campaign_again] == [{"square": k**2} for k in range(30)]
