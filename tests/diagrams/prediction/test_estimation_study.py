@@ -36,7 +36,12 @@ def test_every_cell_of_the_paper_stands_beside_ours(folder, tmp_path, capsys):
             assert line["paper"] == rows["NP"][place]
             assert line["NeuroMHE"] == rows["NeuroMHE"][place]
             assert {"ours", "ours_paper", "NeuroBEM", "persistence", "linear"} <= set(line)
-    assert set(content["at_or_below_the_paper"]) == {"ours, paper", "ours, mode-dictionary", "persistence", "linear"}
+    assert set(content["at_or_below_the_paper"]) == {
+        "ours, paper",
+        "ours, mode-dictionary",
+        "persistence",
+        "linear",
+    }
     assert all(found["unstable"] == 0 for of in content["stability"].values() for found in of.values())
     assert content["seed"] == content["config"]["paper"]["seed"] == 3
     assert "seed 3, trained on the training segment; " in captured
