@@ -53,7 +53,8 @@ def test_the_experiment_of_the_docs_flies_well(tmp_path):
     from diagrams.loop.flight_result import fly
     from np_drake.files.yaml_file import load_checked
 
-    block = re.search(r"^```yaml\n(.*?)^```", (GUIDE / "extend.md").read_text(), re.S | re.M).group(1)
+    page = (ROOT / "docs" / "reference" / "scenario-file.md").read_text()
+    block = re.search(r"^```yaml\n(.*?)^```", page, re.S | re.M).group(1)
     (tmp_path / "mine.yaml").write_text(block)
     config = load_checked(FlightConfig, tmp_path / "mine.yaml", "scenario")
     config.duration = 6.0
