@@ -3,9 +3,7 @@
 The names below are the public interface; each is imported when it is first used. Effects are in `np_drake.effects`.
 """
 
-from typing import Any
-
-from np_drake.lazy_names import lazy_name
+from np_drake.lazy_names import lazy_names
 
 __version__ = "0.1.0"
 
@@ -25,11 +23,4 @@ NAMES = {
     "diagnose": "np_drake.diagnosis.diagnose",
     "tracking_errors": "np_drake.metrics",
 }
-
-
-def __getattr__(name: str) -> Any:
-    return lazy_name(__name__, NAMES, name)
-
-
-def __dir__() -> list[str]:
-    return sorted([*globals(), *NAMES])
+__getattr__, __dir__ = lazy_names(__name__, NAMES)

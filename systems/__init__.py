@@ -3,9 +3,7 @@
 The names below are the public interface; each is imported when it is first used.
 """
 
-from typing import Any
-
-from np_drake.lazy_names import lazy_name
+from np_drake.lazy_names import lazy_names
 
 NAMES = {
     "PayloadConfig": "systems.payload_config",
@@ -19,11 +17,4 @@ NAMES = {
     "WrenchEstimator": "systems.wrench_estimator",
     "WrenchEffects": "systems.wrench_effects",
 }
-
-
-def __getattr__(name: str) -> Any:
-    return lazy_name(__name__, NAMES, name)
-
-
-def __dir__() -> list[str]:
-    return sorted([*globals(), *NAMES])
+__getattr__, __dir__ = lazy_names(__name__, NAMES)

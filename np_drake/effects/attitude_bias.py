@@ -1,14 +1,11 @@
 """Effect `attitude_bias`: a constant error of the attitude estimate."""
 
 import dataclasses as dc
-from collections.abc import Mapping
-from typing import ClassVar
 
 import numpy as np
 
 from np_drake import attitude
 from np_drake.effects.base import Measurement, Parameter, SensorEffect
-from np_drake.effects.random_sizes import direction, log_uniform
 from np_drake.rigid_body import Q
 from np_drake.vehicle import Vehicle
 
@@ -25,25 +22,16 @@ class AttitudeBias(SensorEffect):
     pitch: float = 0.0  # [rad]
     yaw: float = 0.0  # [rad]
 
-    identifier: ClassVar[str] = "attitude_bias"
-    named: ClassVar[str] = "an attitude bias"
-    bench_check: ClassVar[str] = "level the IMU, or the frame of the motion capture"
-    excited_by: ClassVar[str] = "hover with two opposite headings, and sprints"
-    told_from: ClassVar[Mapping[str, str]] = {
-        "accelerometer_bias": "fly at several thrusts: tilt scales with thrust, a bias stays"
-    }
-    tolerance: ClassVar[str] = "attitude"
-    linear: ClassVar[bool] = False
-    corrupts: ClassVar[tuple[str, ...]] = ("qw", "qx", "qy", "qz")
-    parameters: ClassVar[tuple[Parameter, ...]] = tuple(
-        Parameter(name, "rad", 0.0, -0.4, 0.4, 0.03) for name in ("roll", "pitch", "yaw")
-    )
-
-    @classmethod
-    def draw(cls, rng: np.random.Generator, vehicle: Vehicle, seconds: float) -> dict[str, float]:
-        """Return random parameters of a simulated case."""
-        size = log_uniform(rng, 0.003, 0.08)
-        return dict(zip(("roll", "pitch", "yaw"), size * direction(rng), strict=True))
+    identifier = "attitude_bias"
+    named = "an attitude bias"
+    drawn = (0.003, 0.08)
+    bench_check = "level the IMU, or the frame of the motion capture"
+    excited_by = "hover with two opposite headings, and sprints"
+    told_from = {"accelerometer_bias": "fly at several thrusts: tilt scales with thrust, a bias stays"}
+    tolerance = "attitude"
+    linear = False
+    corrupts = ("qw", "qx", "qy", "qz")
+    parameters = tuple(Parameter(name, "rad", 0.0, -0.4, 0.4, 0.03) for name in ("roll", "pitch", "yaw"))
 
     @property
     def dq(self) -> np.ndarray:

@@ -1,7 +1,6 @@
 """Effect `attitude_latency`: an attitude that is older than the velocity beside it."""
 
 import dataclasses as dc
-from typing import ClassVar
 
 import numpy as np
 
@@ -21,13 +20,13 @@ class AttitudeLatency(SensorEffect):
 
     latency: float = 0.01  # [s]
 
-    identifier: ClassVar[str] = "attitude_latency"
-    named: ClassVar[str] = "a latency of the attitude"
-    grows_with: ClassVar[str] = "rate"
-    linear: ClassVar[bool] = False
-    small: ClassVar[bool] = True
-    corrupts: ClassVar[tuple[str, ...]] = ("qw", "qx", "qy", "qz")
-    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("latency", "s", 0.0, -0.1, 0.1, 0.01),)
+    identifier = "attitude_latency"
+    named = "a latency of the attitude"
+    grows_with = "rate"
+    linear = False
+    small = True
+    corrupts = ("qw", "qx", "qy", "qz")
+    parameters = (Parameter("latency", "s", 0.0, -0.1, 0.1, 0.01),)
 
     def measure(self, vehicle: Vehicle, truth: Measurement, white: np.ndarray) -> Measurement:
         """Return the reading with the attitude of `latency` before."""

@@ -14,7 +14,7 @@ import numpy as np
 
 from np_drake import attitude
 from np_drake.effects.parameter import Parameter, usual_size
-from np_drake.effects.random_sizes import log_uniform
+from np_drake.effects.random_sizes import direction, log_uniform
 from np_drake.rigid_body import Q
 from np_drake.vehicle import Vehicle
 
@@ -37,15 +37,18 @@ class Effect:
     linear: ClassVar[bool] = True  # in all parameters
     begins: ClassVar[bool] = True  # may begin in mid-flight
     needs: ClassVar[tuple[str, ...]] = ()  # it acts through one of these (wind through a drag)
-    prior_correlation: ClassVar[
-        tuple[tuple[float, ...], ...]
-    ] = ()  # of its continuous parameters; (): none [1]
+    # Prior correlation of its continuous parameters; (): none [1].
+    prior_correlation: ClassVar[tuple[tuple[float, ...], ...]] = ()
     widens: ClassVar[bool] = False  # its prior widens to the size of its estimate: usual sizes are not known
     has_hidden_state: ClassVar[bool] = False  # a motion of its own, which no log holds (a payload's swing)
     shifts_commands: ClassVar[bool] = False  # in time against the state: a lag, a delay, another clock
     pure_delay: ClassVar[bool] = False  # it does nothing but that
     requires: ClassVar[tuple[str, ...]] = ()  # what a log must tell: keys of `library.REQUIREMENTS`
     tolerance: ClassVar[str] = ""  # field of `Tolerance`: how far vehicle file or sensor may be off
+
+    # Its size in a simulated case, log-uniform, and the slope of its direction if it is about level; see `draw`.
+    drawn: ClassVar[tuple[float, float] | None] = None
+    rise: ClassVar[float | None] = None
 
     # Its words in a report.
     named: ClassVar[str] = ""  # within a sentence, with its article; "": the identifier's words
@@ -87,12 +90,18 @@ class Effect:
     def draw(cls, rng: np.random.Generator, vehicle: Vehicle, seconds: float) -> dict[str, float]:
         """Return random parameters of a simulated case, log-uniform from invisible to strong.
 
+        A `drawn` size is that of the only parameter, or of three along a random direction; without, each has its own.
+
         Args:
             rng: source of the draw.
             vehicle: on which the effect acts.
             seconds: duration of the flights [s].
         Source: own choice: the weak end drowns in sensor noise, the strong end is what a controller still flies.
         """
+        if cls.drawn is not None:
+            size = log_uniform(rng, *cls.drawn)
+            along = direction(rng, cls.rise) if len(cls.parameters) == 3 else np.ones(1)
+            return {p.name: float(size * n) for p, n in zip(cls.parameters, along, strict=True)}
         drawn = {}
         for p in cls.parameters:
             away = usual_size(p, vehicle) * log_uniform(rng, 0.1, 3.0)
@@ -137,14 +146,14 @@ class WrenchEffect(Effect):
 
     pushes, turns: whether it has a force, a torque; the fit sets those to zero for an effect that declares none.
     feels_rotor_rate: whether it depends on the rotors' acceleration; the simulator passes none to one that does not.
-    A class with its own `wrench` declares these itself.
+    They are true of a class with its own `wrench` unless it says otherwise, and false of a wind, which has none.
     """
 
     place = "wrench"
     widens: ClassVar[bool] = True
-    pushes: ClassVar[bool] = True
-    turns: ClassVar[bool] = True
-    feels_rotor_rate: ClassVar[bool] = True
+    pushes: ClassVar[bool] = False
+    turns: ClassVar[bool] = False
+    feels_rotor_rate: ClassVar[bool] = False
 
     def __init_subclass__(cls, **given: Any) -> None:
         super().__init_subclass__(**given)
@@ -153,7 +162,12 @@ class WrenchEffect(Effect):
                 setattr(cls, flag, True)
 
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
-        """Return the effect's part of chi = [f in W, tau in B] (..., 6) [N, N·m]; the force acts at Bo."""
+        """Return the effect's part of chi = [f in W, tau in B] (..., 6) [N, N·m]; the force acts at Bo.
+
+        Args:
+            vehicle: nominal vehicle.
+            motion: on which the wrench depends, over any leading axes.
+        """
         return np.zeros((*motion.x.shape[:-1], 6))
 
     def air_velocity(self, t: np.ndarray | float) -> np.ndarray:
@@ -177,24 +191,53 @@ class ActuatorEffect(Effect):
         return 0.0
 
     def state_at(self, vehicle: Vehicle, thrust: np.ndarray) -> np.ndarray:
-        """Return the state (state_size,) at which a constant command `thrust` (4,) [N] rests."""
+        """Return the state (state_size,) at which a constant command rests.
+
+        Args:
+            vehicle: nominal vehicle.
+            thrust: (4,) commanded [N].
+        """
         return np.zeros(0)
 
     def state_rate(self, vehicle: Vehicle, state: np.ndarray, command: np.ndarray) -> np.ndarray:
-        """Return the time derivative of the state (..., state_size) under the commanded thrusts (..., 4) [N]."""
+        """Return the time derivative of the state, (..., state_size).
+
+        Args:
+            vehicle: nominal vehicle.
+            state: (..., state_size).
+            command: (..., 4) commanded rotor thrusts [N].
+        """
         return np.zeros((*np.shape(command)[:-1], 0))
 
     def thrust(
         self, vehicle: Vehicle, state: np.ndarray, command: np.ndarray, t: np.ndarray | float = 0.0
     ) -> np.ndarray:
-        """Return the actual rotor thrusts (..., 4) [N] at time t (...,) [s]."""
+        """Return the actual rotor thrusts (..., 4) [N].
+
+        Args:
+            vehicle: nominal vehicle.
+            state: (..., state_size).
+            command: (..., 4) commanded rotor thrusts [N].
+            t: (...,) time since the flight began [s].
+        """
+        return self.gain(t) * command
+
+    def gain(self, t: np.ndarray | float) -> np.ndarray | float:
+        """Return actual over commanded thrust at t (...,) [s], (4,), (..., 1) or of all rotors [1].
+
+        Only an effect with its own `thrust` has none.
+        """
         raise NotImplementedError
 
     def respond(self, vehicle: Vehicle, t: np.ndarray, command: np.ndarray) -> np.ndarray:
         """Return the mean thrusts (n, 4) [N] over equal intervals that begin at t (n,) [s].
 
         For a sequence that begins at rest. A memoryless effect needs no own version.
-        Args: command: (n, 4) held over each interval [N].
+
+        Args:
+            vehicle: nominal vehicle.
+            t: (n,) starts of the intervals [s].
+            command: (n, 4) held over each interval [N].
         """
         return self.thrust(vehicle, np.zeros(0), command, t)
 
@@ -255,7 +298,13 @@ class MeasurementEffect(Protocol):
     white_size: ClassVar[int]
 
     def measure(self, vehicle: Vehicle, truth: Measurement, white: np.ndarray) -> Measurement:
-        """Return the reading of `truth`; `white`: (..., white_size) standard normal [1]."""
+        """Return the reading of the sensors.
+
+        Args:
+            vehicle: nominal vehicle.
+            truth: what is to be read.
+            white: (..., white_size) standard normal [1].
+        """
         ...
 
 
@@ -267,9 +316,7 @@ class SensorEffect(Effect):
 
     place = "measurement"
     begins = False
-    small: ClassVar[bool] = (
-        False  # so small that it adds up, and other effects act at the motion as it was read
-    )
+    small: ClassVar[bool] = False  # it adds up, and other effects act at the motion as it was read
     white_size: ClassVar[int] = 0
     corrupts: ClassVar[tuple[str, ...]] = ()
 
@@ -279,5 +326,5 @@ class SensorEffect(Effect):
         return 0.0
 
     def measure(self, vehicle: Vehicle, truth: Measurement, white: np.ndarray) -> Measurement:
-        """Return the reading of `truth`; nothing is drawn."""
+        """Return the reading of `truth`, as a `MeasurementEffect` that draws nothing."""
         return truth

@@ -1,7 +1,6 @@
 """Effect `blade_flapping`: pitch and roll moment of rotors in lateral flow."""
 
 import dataclasses as dc
-from typing import ClassVar
 
 import numpy as np
 
@@ -20,13 +19,13 @@ class BladeFlapping(WrenchEffect):
 
     moment: float = 0.02  # [N·m·s/m]
 
-    identifier: ClassVar[str] = "blade_flapping"
-    named: ClassVar[str] = "blade flapping"
-    excited_by: ClassVar[str] = "level sprints with sudden reversals"
-    grows_with: ClassVar[str] = "speed"
-    feels_rotor_rate: ClassVar[bool] = False
-    pushes: ClassVar[bool] = False
-    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("moment", "N·m·s/m", 0.0, -0.2, 0.2, 0.02),)
+    identifier = "blade_flapping"
+    named = "blade flapping"
+    excited_by = "level sprints with sudden reversals"
+    grows_with = "speed"
+    feels_rotor_rate = False
+    pushes = False
+    parameters = (Parameter("moment", "N·m·s/m", 0.0, -0.2, 0.2, 0.02),)
 
     @classmethod
     def draw(cls, rng: np.random.Generator, vehicle: Vehicle, seconds: float) -> dict[str, float]:

@@ -1,7 +1,6 @@
 """Effect `center_of_mass_offset`: a centre of mass beside the point where the vehicle file has it."""
 
 import dataclasses as dc
-from typing import ClassVar
 
 import numpy as np
 
@@ -23,15 +22,13 @@ class CenterOfMassOffset(MassEffect):
     y: float = 0.0  # [m]
     z: float = 0.0  # [m]
 
-    identifier: ClassVar[str] = "center_of_mass_offset"
-    named: ClassVar[str] = "an offset of the centre of mass"
-    bench_check: ClassVar[str] = "balance the vehicle on an edge along each axis"
-    excited_by: ClassVar[str] = "thrust steps: climb and descend hard with level attitude"
-    requires: ClassVar[tuple[str, ...]] = ("torque",)
-    linear: ClassVar[bool] = False
-    parameters: ClassVar[tuple[Parameter, ...]] = tuple(
-        Parameter(axis, "m", 0.0, -0.15, 0.15, 0.01) for axis in "xyz"
-    )
+    identifier = "center_of_mass_offset"
+    named = "an offset of the centre of mass"
+    bench_check = "balance the vehicle on an edge along each axis"
+    excited_by = "thrust steps: climb and descend hard with level attitude"
+    requires = ("torque",)
+    linear = False
+    parameters = tuple(Parameter(axis, "m", 0.0, -0.15, 0.15, 0.01) for axis in "xyz")
 
     @classmethod
     def draw(cls, rng: np.random.Generator, vehicle: Vehicle, seconds: float) -> dict[str, float]:

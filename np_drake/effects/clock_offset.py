@@ -1,7 +1,6 @@
 """Effect `clock_offset`: different clocks of the state and of the commands."""
 
 import dataclasses as dc
-from typing import ClassVar
 
 import numpy as np
 
@@ -20,20 +19,20 @@ class ClockOffset(SensorEffect):
 
     offset: float = 0.02  # [s]
 
-    identifier: ClassVar[str] = "clock_offset"
-    named: ClassVar[str] = "a clock offset"
-    bench_check: ClassVar[str] = "synchronise the clocks of state and command"
-    excited_by: ClassVar[str] = "sharp doublets"
-    grows_with: ClassVar[str] = "torque"
-    requires: ClassVar[tuple[str, ...]] = ("commands",)
-    shifts_commands: ClassVar[bool] = True
-    pure_delay: ClassVar[bool] = True
-    linear: ClassVar[bool] = False
-    corrupts: ClassVar[tuple[str, ...]] = (
+    identifier = "clock_offset"
+    named = "a clock offset"
+    bench_check = "synchronise the clocks of state and command"
+    excited_by = "sharp doublets"
+    grows_with = "torque"
+    requires = ("commands",)
+    shifts_commands = True
+    pure_delay = True
+    linear = False
+    corrupts = (
         *("px", "py", "pz", "qw", "qx", "qy", "qz", "vx", "vy", "vz", "wx", "wy", "wz"),
         *("ax", "ay", "az", "alx", "aly", "alz"),
     )
-    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("offset", "s", 0.0, 0.0, 0.3, 0.02),)
+    parameters = (Parameter("offset", "s", 0.0, 0.0, 0.3, 0.02),)
 
     @classmethod
     def draw(cls, rng: np.random.Generator, vehicle: Vehicle, seconds: float) -> dict[str, float]:

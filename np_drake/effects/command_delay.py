@@ -1,13 +1,10 @@
 """Effect `command_delay`: commands that arrive late."""
 
 import dataclasses as dc
-from collections.abc import Mapping
-from typing import ClassVar
 
 import numpy as np
 
 from np_drake.effects.base import ActuatorEffect, Parameter
-from np_drake.effects.random_sizes import log_uniform
 from np_drake.vehicle import Vehicle
 
 
@@ -20,25 +17,19 @@ class CommandDelay(ActuatorEffect):
 
     delay: float = 0.02  # [s]
 
-    identifier: ClassVar[str] = "command_delay"
-    named: ClassVar[str] = "a command delay"
-    bench_check: ClassVar[str] = "log rotor speed, and compare it with the command"
-    excited_by: ClassVar[str] = "sharp doublets, and a log of rotor speed"
-    grows_with: ClassVar[str] = "torque"
-    told_from: ClassVar[Mapping[str, str]] = {
-        "clock_offset": "log rotor speed: a delay shows there, a clock offset does not"
-    }
-    requires: ClassVar[tuple[str, ...]] = ("commands",)
-    shifts_commands: ClassVar[bool] = True
-    pure_delay: ClassVar[bool] = True
-    linear: ClassVar[bool] = False
-    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("delay", "s", 0.0, 0.0, 0.3, 0.02),)
-    turns_rotor: ClassVar[bool] = True
-
-    @classmethod
-    def draw(cls, rng: np.random.Generator, vehicle: Vehicle, seconds: float) -> dict[str, float]:
-        """Return random parameters of a simulated case."""
-        return {"delay": float(log_uniform(rng, 0.004, 0.04))}
+    identifier = "command_delay"
+    named = "a command delay"
+    drawn = (0.004, 0.04)
+    bench_check = "log rotor speed, and compare it with the command"
+    excited_by = "sharp doublets, and a log of rotor speed"
+    grows_with = "torque"
+    told_from = {"clock_offset": "log rotor speed: a delay shows there, a clock offset does not"}
+    requires = ("commands",)
+    shifts_commands = True
+    pure_delay = True
+    linear = False
+    parameters = (Parameter("delay", "s", 0.0, 0.0, 0.3, 0.02),)
+    turns_rotor = True
 
     @classmethod
     def grid(cls, vehicle: Vehicle) -> list[dict[str, float]]:

@@ -1,7 +1,6 @@
 """Random wrench with the statistics of what a model leaves unexplained."""
 
 import dataclasses as dc
-from typing import ClassVar
 
 import numpy as np
 
@@ -57,8 +56,8 @@ class Disturbance(WrenchEffect):
     time: tuple[float, ...]
     seed: int = 0
 
-    identifier: ClassVar[str] = "disturbance"
-    feels_rotor_rate: ClassVar[bool] = False
+    identifier = "disturbance"
+    feels_rotor_rate = False
     parameters = ()
 
     @staticmethod

@@ -1,7 +1,6 @@
 """Effect `ground_effect`: more thrust near the ground."""
 
 import dataclasses as dc
-from typing import ClassVar
 
 import numpy as np
 
@@ -24,13 +23,13 @@ class GroundEffect(WrenchEffect):
 
     effective_radius: float = 0.25  # [m]
 
-    identifier: ClassVar[str] = "ground_effect"
-    named: ClassVar[str] = "ground effect"
-    excited_by: ClassVar[str] = "a descent to below two rotor radii"
-    feels_rotor_rate: ClassVar[bool] = False
-    linear: ClassVar[bool] = False
-    widens: ClassVar[bool] = False
-    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("effective_radius", "m", 0.0, 0.0, 2.0, 0.2),)
+    identifier = "ground_effect"
+    named = "ground effect"
+    excited_by = "a descent to below two rotor radii"
+    feels_rotor_rate = False
+    linear = False
+    widens = False
+    parameters = (Parameter("effective_radius", "m", 0.0, 0.0, 2.0, 0.2),)
 
     @classmethod
     def draw(cls, rng: np.random.Generator, vehicle: Vehicle, seconds: float) -> dict[str, float]:

@@ -1,7 +1,6 @@
 """Effect `gusty_wind`: a gusty wind, which acts through a drag."""
 
 import dataclasses as dc
-from typing import ClassVar
 
 import numpy as np
 
@@ -26,18 +25,15 @@ class GustyWind(WrenchEffect):
     correlation_time: float = 1.0  # [s]
     seed: int = 0  # of the phases
 
-    identifier: ClassVar[str] = "gusty_wind"
-    named: ClassVar[str] = "a gusty wind"
-    phrase: ClassVar[str] = "a gusty wind of {deviation} deviation"
-    bench_check: ClassVar[str] = "measure the wind, or fly indoors"
-    excited_by: ClassVar[str] = "hover for a minute, then fly the same place again"
-    grows_with: ClassVar[str] = "speed"
-    feels_rotor_rate: ClassVar[bool] = False
-    pushes: ClassVar[bool] = False
-    turns: ClassVar[bool] = False
-    needs: ClassVar[tuple[str, ...]] = ("linear_drag", "quadratic_drag")
-    linear: ClassVar[bool] = False
-    parameters: ClassVar[tuple[Parameter, ...]] = (
+    identifier = "gusty_wind"
+    named = "a gusty wind"
+    phrase = "a gusty wind of {deviation} deviation"
+    bench_check = "measure the wind, or fly indoors"
+    excited_by = "hover for a minute, then fly the same place again"
+    grows_with = "speed"
+    needs = ("linear_drag", "quadratic_drag")
+    linear = False
+    parameters = (
         *(Parameter(f"mean_{axis}", "m/s", 0.0, -15.0, 15.0, 2.0) for axis in "xyz"),
         Parameter("deviation", "m/s", 0.0, 0.0, 8.0, 1.0),
         Parameter("correlation_time", "s", 1.0, 0.05, 20.0, 1.0, vanishes=False),

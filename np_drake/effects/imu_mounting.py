@@ -1,7 +1,6 @@
 """Effect `imu_mounting`: an autopilot whose axes are not those of the rotors."""
 
 import dataclasses as dc
-from typing import ClassVar
 
 import numpy as np
 
@@ -23,14 +22,12 @@ class ImuMounting(SensorEffect):
     pitch: float = 0.0  # [rad]
     yaw: float = 0.0  # [rad]
 
-    identifier: ClassVar[str] = "imu_mounting"
-    named: ClassVar[str] = "a tilted IMU"
-    linear: ClassVar[bool] = False
-    small: ClassVar[bool] = True
-    corrupts: ClassVar[tuple[str, ...]] = ("qw", "qx", "qy", "qz", "wx", "wy", "wz")
-    parameters: ClassVar[tuple[Parameter, ...]] = tuple(
-        Parameter(name, "rad", 0.0, -0.2, 0.2, 0.02) for name in ("roll", "pitch", "yaw")
-    )
+    identifier = "imu_mounting"
+    named = "a tilted IMU"
+    linear = False
+    small = True
+    corrupts = ("qw", "qx", "qy", "qz", "wx", "wy", "wz")
+    parameters = tuple(Parameter(name, "rad", 0.0, -0.2, 0.2, 0.02) for name in ("roll", "pitch", "yaw"))
 
     def measure(self, vehicle: Vehicle, truth: Measurement, white: np.ndarray) -> Measurement:
         """Return the reading with attitude and rates in the turned axes."""

@@ -1,7 +1,6 @@
 """Effect `inertia_error`: moments of inertia that differ from the vehicle file."""
 
 import dataclasses as dc
-from typing import ClassVar
 
 import numpy as np
 
@@ -21,13 +20,13 @@ class InertiaError(MassEffect):
     scale_yy: float = 1.2  # [1]
     scale_zz: float = 1.2  # [1]
 
-    identifier: ClassVar[str] = "inertia_error"
-    named: ClassVar[str] = "an inertia error"
-    shares: ClassVar[bool] = True
-    excited_by: ClassVar[str] = "fast doublets about all three axes"
-    grows_with: ClassVar[str] = "torque"
-    requires: ClassVar[tuple[str, ...]] = ("torque",)
-    parameters: ClassVar[tuple[Parameter, ...]] = tuple(
+    identifier = "inertia_error"
+    named = "an inertia error"
+    shares = True
+    excited_by = "fast doublets about all three axes"
+    grows_with = "torque"
+    requires = ("torque",)
+    parameters = tuple(
         Parameter(name, "1", 1.0, 0.3, 3.0, 0.15) for name in ("scale_xx", "scale_yy", "scale_zz")
     )
 

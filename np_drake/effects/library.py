@@ -3,61 +3,28 @@
 A new effect is one file, and one registration: `@register` on its class, or its line here.
 """
 
-from np_drake.effects.accelerometer_bias import AccelerometerBias
-from np_drake.effects.attitude_bias import AttitudeBias
-from np_drake.effects.attitude_latency import AttitudeLatency
+from np_drake import effects
 from np_drake.effects.base import Effect, SensorEffect, WrenchEffect
-from np_drake.effects.battery_sag import BatterySag
-from np_drake.effects.blade_flapping import BladeFlapping
-from np_drake.effects.center_of_mass_offset import CenterOfMassOffset
-from np_drake.effects.clock_offset import ClockOffset
-from np_drake.effects.command_delay import CommandDelay
-from np_drake.effects.constant_wind import ConstantWind
-from np_drake.effects.ground_effect import GroundEffect
-from np_drake.effects.gusty_wind import GustyWind
-from np_drake.effects.gyro_bias import GyroBias
-from np_drake.effects.imu_mounting import ImuMounting
-from np_drake.effects.inertia_error import InertiaError
-from np_drake.effects.linear_drag import LinearDrag
-from np_drake.effects.mass_error import MassError
-from np_drake.effects.mixer_gain import MixerGain
-from np_drake.effects.motor_lag import MotorLag
-from np_drake.effects.quadratic_drag import QuadraticDrag
-from np_drake.effects.rotor_gyroscopic import RotorGyroscopic
-from np_drake.effects.rotor_inflow import RotorInflow
-from np_drake.effects.suspended_payload import SuspendedPayload
-from np_drake.effects.throttle_curve import ThrottleCurve
-from np_drake.effects.thrust_ceiling import ThrustCeiling
-from np_drake.effects.thrust_drift import ThrustDrift
-from np_drake.effects.thrust_scale import ThrustScale
-from np_drake.effects.translational_lift import TranslationalLift
-from np_drake.effects.velocity_bias import VelocityBias
-from np_drake.effects.weak_rotor import WeakRotor
 
-_OURS: tuple[type[Effect], ...] = (
-    *(MassError, InertiaError, CenterOfMassOffset, SuspendedPayload),
-    *(ThrustScale, ThrustDrift, WeakRotor, MotorLag, CommandDelay),
-    *(
-        LinearDrag,
-        QuadraticDrag,
-        BladeFlapping,
-        TranslationalLift,
-        RotorInflow,
-        ConstantWind,
-        GustyWind,
-        GroundEffect,
-    ),
-    *(RotorGyroscopic, AccelerometerBias, GyroBias, VelocityBias, AttitudeBias, ClockOffset),
+
+def _by_identifier(*names: str) -> dict[str, type[Effect]]:
+    """Return classes of this package by their identifiers."""
+    return {kind.identifier: kind for kind in (getattr(effects, name) for name in names)}
+
+
+LIBRARY = _by_identifier(
+    *("MassError", "InertiaError", "CenterOfMassOffset", "SuspendedPayload"),
+    *("ThrustScale", "ThrustDrift", "WeakRotor", "MotorLag", "CommandDelay"),
+    *("LinearDrag", "QuadraticDrag", "BladeFlapping", "TranslationalLift", "RotorInflow"),
+    *("ConstantWind", "GustyWind", "GroundEffect", "RotorGyroscopic"),
+    *("AccelerometerBias", "GyroBias", "VelocityBias", "AttitudeBias", "ClockOffset"),
 )
-LIBRARY: dict[str, type[Effect]] = {effect.identifier: effect for effect in _OURS}
 # Besides the library, on logs whose input is measured rotor speed: the mixer of a command is known.
-MEASURED_ROTORS: dict[str, type[Effect]] = {MixerGain.identifier: MixerGain}
+MEASURED_ROTORS = _by_identifier("MixerGain")
 # Besides the library, in scenarios alone: the diagnosis does not look for them.
-SIMULATED: dict[str, type[Effect]] = {ThrustCeiling.identifier: ThrustCeiling}
+SIMULATED = _by_identifier("ThrustCeiling")
 # Errors of the vehicle file or the input that every model holds: never a cause.
-NUISANCES: dict[str, type[Effect]] = {
-    effect.identifier: effect for effect in (BatterySag, ThrottleCurve, ImuMounting, AttitudeLatency)
-}
+NUISANCES = _by_identifier("BatterySag", "ThrottleCurve", "ImuMounting", "AttitudeLatency")
 
 
 def in_scenarios() -> dict[str, type[Effect]]:
@@ -101,11 +68,7 @@ def unobservable(log_input: str, *, accelerations: bool = True, torque: bool = T
         accelerations: whether the log has an accelerometer's reading.
         torque: whether a torque is known, also where the input is `normalised`.
     """
-    absent = [
-        *_MISSING[log_input],
-        *([] if torque else ["torque"]),
-        *([] if accelerations else ["accelerations"]),
-    ]
+    absent = [*_MISSING[log_input], *["torque"] * (not torque), *["accelerations"] * (not accelerations)]
     return {
         identifier: REQUIREMENTS[quantity]
         for quantity in absent

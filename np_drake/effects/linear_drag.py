@@ -2,7 +2,6 @@
 
 import dataclasses as dc
 import math
-from typing import ClassVar
 
 import numpy as np
 
@@ -24,16 +23,14 @@ class LinearDrag(WrenchEffect):
     d_y: float = 0.25  # [N·s/m]
     d_z: float = 0.25  # [N·s/m]
 
-    identifier: ClassVar[str] = "linear_drag"
-    named: ClassVar[str] = "linear drag"
-    excited_by: ClassVar[str] = "sprints at several speeds in both horizontal directions and vertically"
-    grows_with: ClassVar[str] = "speed"
-    feels_rotor_rate: ClassVar[bool] = False
-    turns: ClassVar[bool] = False
-    prior_correlation: ClassVar[tuple[tuple[float, ...], ...]] = ALIKE
-    parameters: ClassVar[tuple[Parameter, ...]] = tuple(
-        Parameter(name, "N·s/m", 0.0, 0.0, 3.0, 0.3) for name in ("d_x", "d_y", "d_z")
-    )
+    identifier = "linear_drag"
+    named = "linear drag"
+    excited_by = "sprints at several speeds in both horizontal directions and vertically"
+    grows_with = "speed"
+    feels_rotor_rate = False
+    turns = False
+    prior_correlation = ALIKE
+    parameters = tuple(Parameter(name, "N·s/m", 0.0, 0.0, 3.0, 0.3) for name in ("d_x", "d_y", "d_z"))
 
     @classmethod
     def draw(cls, rng: np.random.Generator, vehicle: Vehicle, seconds: float) -> dict[str, float]:

@@ -1,8 +1,6 @@
 """Effect `mass_error`: a mass that differs from the vehicle file."""
 
 import dataclasses as dc
-from collections.abc import Mapping
-from typing import ClassVar
 
 import numpy as np
 
@@ -20,18 +18,14 @@ class MassError(MassEffect):
 
     delta_mass: float = 0.1  # [kg]
 
-    identifier: ClassVar[str] = "mass_error"
-    named: ClassVar[str] = "a mass error"
-    bench_check: ClassVar[str] = "weigh the vehicle with its battery"
-    excited_by: ClassVar[str] = (
-        "steep climbs and descents with roll and pitch doublets (torque tells thrust from mass)"
-    )
-    told_from: ClassVar[Mapping[str, str]] = {
-        "thrust_scale": "fast roll and pitch doublets: torque scales with thrust, not with mass"
-    }
-    requires: ClassVar[tuple[str, ...]] = ("thrust",)
-    tolerance: ClassVar[str] = "mass"
-    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("delta_mass", "kg", 0.0, -1.0, 2.0, 0.2),)
+    identifier = "mass_error"
+    named = "a mass error"
+    bench_check = "weigh the vehicle with its battery"
+    excited_by = "steep climbs and descents with roll and pitch doublets (torque tells thrust from mass)"
+    told_from = {"thrust_scale": "fast roll and pitch doublets: torque scales with thrust, not with mass"}
+    requires = ("thrust",)
+    tolerance = "mass"
+    parameters = (Parameter("delta_mass", "kg", 0.0, -1.0, 2.0, 0.2),)
 
     @classmethod
     def draw(cls, rng: np.random.Generator, vehicle: Vehicle, seconds: float) -> dict[str, float]:

@@ -1,7 +1,6 @@
 """Effect `mixer_gain`: the share of the rotors' torque that acts on the vehicle."""
 
 import dataclasses as dc
-from typing import ClassVar
 
 import numpy as np
 
@@ -24,16 +23,14 @@ class MixerGain(WrenchEffect):
     pitch: float = 0.7  # [1]
     yaw: float = 0.7  # [1]
 
-    identifier: ClassVar[str] = "mixer_gain"
-    named: ClassVar[str] = "a gain of the mixer"
-    shares: ClassVar[bool] = True
-    grows_with: ClassVar[str] = "torque"
-    begins: ClassVar[bool] = False
-    feels_rotor_rate: ClassVar[bool] = False
-    pushes: ClassVar[bool] = False
-    parameters: ClassVar[tuple[Parameter, ...]] = tuple(
-        Parameter(name, "1", 1.0, 0.0, 2.0, 0.5) for name in ("roll", "pitch", "yaw")
-    )
+    identifier = "mixer_gain"
+    named = "a gain of the mixer"
+    shares = True
+    grows_with = "torque"
+    begins = False
+    feels_rotor_rate = False
+    pushes = False
+    parameters = tuple(Parameter(name, "1", 1.0, 0.0, 2.0, 0.5) for name in ("roll", "pitch", "yaw"))
 
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
         """Return chi of the torque, (..., 6) [N, N·m]; no force."""

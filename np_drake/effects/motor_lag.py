@@ -1,7 +1,6 @@
 """Effect `motor_lag`: first-order lag of the rotors."""
 
 import dataclasses as dc
-from typing import ClassVar
 
 import numpy as np
 from scipy import signal
@@ -20,17 +19,17 @@ class MotorLag(ActuatorEffect):
 
     time_constant: float = 0.03  # [s]
 
-    identifier: ClassVar[str] = "motor_lag"
-    named: ClassVar[str] = "motor lag"
-    bench_check: ClassVar[str] = "measure the response of a rotor to a step"
-    excited_by: ClassVar[str] = "sharp doublets, and a log of rotor speed"
-    grows_with: ClassVar[str] = "torque"
-    requires: ClassVar[tuple[str, ...]] = ("commands",)
-    shifts_commands: ClassVar[bool] = True
-    linear: ClassVar[bool] = False
-    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("time_constant", "s", 0.0, 0.0, 0.3, 0.03),)
-    state_size: ClassVar[int] = 4
-    turns_rotor: ClassVar[bool] = True
+    identifier = "motor_lag"
+    named = "motor lag"
+    bench_check = "measure the response of a rotor to a step"
+    excited_by = "sharp doublets, and a log of rotor speed"
+    grows_with = "torque"
+    requires = ("commands",)
+    shifts_commands = True
+    linear = False
+    parameters = (Parameter("time_constant", "s", 0.0, 0.0, 0.3, 0.03),)
+    state_size = 4
+    turns_rotor = True
 
     @classmethod
     def draw(cls, rng: np.random.Generator, vehicle: Vehicle, seconds: float) -> dict[str, float]:

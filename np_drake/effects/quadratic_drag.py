@@ -1,8 +1,6 @@
 """Effect `quadratic_drag`: drag of the airframe, quadratic in the body's air speed."""
 
 import dataclasses as dc
-from collections.abc import Mapping
-from typing import ClassVar
 
 import numpy as np
 
@@ -23,19 +21,15 @@ class QuadraticDrag(WrenchEffect):
     c_y: float = 0.05  # [N·s²/m²]
     c_z: float = 0.05  # [N·s²/m²]
 
-    identifier: ClassVar[str] = "quadratic_drag"
-    named: ClassVar[str] = "quadratic drag"
-    excited_by: ClassVar[str] = "sprints at 1, 3 and 6 m/s: the square shows at speed"
-    grows_with: ClassVar[str] = "speed"
-    told_from: ClassVar[Mapping[str, str]] = {
-        "linear_drag": "sprints at 1, 3 and 6 m/s: the square shows at speed"
-    }
-    feels_rotor_rate: ClassVar[bool] = False
-    turns: ClassVar[bool] = False
-    prior_correlation: ClassVar[tuple[tuple[float, ...], ...]] = ALIKE
-    parameters: ClassVar[tuple[Parameter, ...]] = tuple(
-        Parameter(name, "N·s²/m²", 0.0, 0.0, 2.0, 0.08) for name in ("c_x", "c_y", "c_z")
-    )
+    identifier = "quadratic_drag"
+    named = "quadratic drag"
+    excited_by = "sprints at 1, 3 and 6 m/s: the square shows at speed"
+    grows_with = "speed"
+    told_from = {"linear_drag": "sprints at 1, 3 and 6 m/s: the square shows at speed"}
+    feels_rotor_rate = False
+    turns = False
+    prior_correlation = ALIKE
+    parameters = tuple(Parameter(name, "N·s²/m²", 0.0, 0.0, 2.0, 0.08) for name in ("c_x", "c_y", "c_z"))
 
     @classmethod
     def draw(cls, rng: np.random.Generator, vehicle: Vehicle, seconds: float) -> dict[str, float]:

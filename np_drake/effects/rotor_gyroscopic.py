@@ -1,7 +1,6 @@
 """Effect `rotor_gyroscopic`: angular momentum of the turning rotors."""
 
 import dataclasses as dc
-from typing import ClassVar
 
 import numpy as np
 
@@ -21,14 +20,12 @@ class RotorGyroscopic(WrenchEffect):
 
     rotor_inertia: float = 6.0e-5  # of one rotor about its axis [kg·m²]
 
-    identifier: ClassVar[str] = "rotor_gyroscopic"
-    named: ClassVar[str] = "the rotors' gyroscopic moment"
-    excited_by: ClassVar[str] = "roll and pitch doublets while yawing hard"
-    grows_with: ClassVar[str] = "rate"
-    pushes: ClassVar[bool] = False
-    parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("rotor_inertia", "kg·m²", 0.0, -2e-4, 3e-3, 1e-4),
-    )
+    identifier = "rotor_gyroscopic"
+    named = "the rotors' gyroscopic moment"
+    excited_by = "roll and pitch doublets while yawing hard"
+    grows_with = "rate"
+    pushes = False
+    parameters = (Parameter("rotor_inertia", "kg·m²", 0.0, -2e-4, 3e-3, 1e-4),)
 
     @classmethod
     def draw(cls, rng: np.random.Generator, vehicle: Vehicle, seconds: float) -> dict[str, float]:

@@ -1,13 +1,11 @@
 """Effect `rotor_inflow`: thrust of rotors that the flow through their discs changes."""
 
 import dataclasses as dc
-from typing import ClassVar
 
 import numpy as np
 
 from np_drake.effects.air_speed import air_velocity_B, chi_from_body
 from np_drake.effects.base import Motion, Parameter, WrenchEffect
-from np_drake.effects.random_sizes import log_uniform
 from np_drake.vehicle import Vehicle
 
 AIR_DENSITY = 1.2  # at 20 °C near sea level [kg/m³]
@@ -30,21 +28,15 @@ class RotorInflow(WrenchEffect):
 
     slope: float = 0.6  # [1]
 
-    identifier: ClassVar[str] = "rotor_inflow"
-    named: ClassVar[str] = "inflow of the rotors"
-    excited_by: ClassVar[str] = (
-        "fast climbs and descents with level attitude, then sprints at constant height"
-    )
-    grows_with: ClassVar[str] = "speed"
-    begins: ClassVar[bool] = False
-    feels_rotor_rate: ClassVar[bool] = False
-    turns: ClassVar[bool] = False
-    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("slope", "1", 0.0, 0.0, 3.0, 0.6),)
-
-    @classmethod
-    def draw(cls, rng: np.random.Generator, vehicle: Vehicle, seconds: float) -> dict[str, float]:
-        """Return random parameters of a simulated case."""
-        return {"slope": float(log_uniform(rng, 0.05, 1.5))}
+    identifier = "rotor_inflow"
+    named = "inflow of the rotors"
+    drawn = (0.05, 1.5)
+    excited_by = "fast climbs and descents with level attitude, then sprints at constant height"
+    grows_with = "speed"
+    begins = False
+    feels_rotor_rate = False
+    turns = False
+    parameters = (Parameter("slope", "1", 0.0, 0.0, 3.0, 0.6),)
 
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
         """Return chi of the change of thrust, (..., 6) [N, N·m]."""

@@ -2,7 +2,6 @@
 
 import dataclasses as dc
 import math
-from typing import ClassVar
 
 import numpy as np
 
@@ -23,8 +22,8 @@ class SensorNoise:
     noise: MeasurementNoise = dc.field(default_factory=MeasurementNoise)
     rotor: float = 0.0  # [rad/s]
 
-    identifier: ClassVar[str] = "sensor_noise"
-    white_size: ClassVar[int] = 22  # p, attitude, v, w, a, al, rotor
+    identifier = "sensor_noise"
+    white_size = 22  # p, attitude, v, w, a, al, rotor
 
     def measure(self, vehicle: Vehicle, truth: Measurement, white: np.ndarray) -> Measurement:
         """Return the noisy reading; `white`: (..., 22) standard normal [1]."""

@@ -1,7 +1,6 @@
 """Effect `suspended_payload`: a payload on a tether."""
 
 import dataclasses as dc
-from typing import ClassVar
 
 import numpy as np
 
@@ -38,14 +37,14 @@ class SuspendedPayload(WrenchEffect):
     hook_z: float = -0.025  # [m]
     damping: float = 0.0  # drag over mass and velocity [1/s]
 
-    identifier: ClassVar[str] = "suspended_payload"
-    named: ClassVar[str] = "a suspended payload"
-    phrase: ClassVar[str] = "a {mass} payload on {length}"
-    bench_check: ClassVar[str] = "weigh what hangs below, and measure its tether"
-    excited_by: ClassVar[str] = "sudden stops that make the payload swing"
-    has_hidden_state: ClassVar[bool] = True
-    linear: ClassVar[bool] = False
-    parameters: ClassVar[tuple[Parameter, ...]] = (
+    identifier = "suspended_payload"
+    named = "a suspended payload"
+    phrase = "a {mass} payload on {length}"
+    bench_check = "weigh what hangs below, and measure its tether"
+    excited_by = "sudden stops that make the payload swing"
+    has_hidden_state = True
+    linear = False
+    parameters = (
         Parameter("mass", "kg", 0.0, 0.0, 2.0, 0.2),
         Parameter("length", "m", 0.8, 0.1, 4.0, 0.5, vanishes=False),
         *(Parameter(f"hook_{axis}", "m", 0.0, -0.3, 0.3, 0.03) for axis in "xyz"),

@@ -1,7 +1,6 @@
 """Effect `throttle_curve`: an error in the exponent of the map from throttle to thrust."""
 
 import dataclasses as dc
-from typing import ClassVar
 
 import numpy as np
 
@@ -19,10 +18,10 @@ class ThrottleCurve(ActuatorEffect):
 
     curve: float = 0.2  # [1]
 
-    identifier: ClassVar[str] = "throttle_curve"
-    named: ClassVar[str] = "the throttle curve"
-    linear: ClassVar[bool] = False
-    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("curve", "1", 0.0, -0.9, 2.0, 0.1),)
+    identifier = "throttle_curve"
+    named = "the throttle curve"
+    linear = False
+    parameters = (Parameter("curve", "1", 0.0, -0.9, 2.0, 0.1),)
 
     def thrust(
         self, vehicle: Vehicle, state: np.ndarray, command: np.ndarray, t: np.ndarray | float = 0.0

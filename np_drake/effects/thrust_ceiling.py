@@ -1,7 +1,6 @@
 """Effect `thrust_ceiling`: rotors that reach less than their full thrust."""
 
 import dataclasses as dc
-from typing import ClassVar
 
 import numpy as np
 
@@ -18,10 +17,10 @@ class ThrustCeiling(ActuatorEffect):
 
     share: float = 0.7  # of the vehicle's largest rotor thrust [1]
 
-    identifier: ClassVar[str] = "thrust_ceiling"
-    turns_rotor: ClassVar[bool] = True
-    linear: ClassVar[bool] = False
-    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("share", "1", 1.0, 0.0, 1.0, 0.2),)
+    identifier = "thrust_ceiling"
+    turns_rotor = True
+    linear = False
+    parameters = (Parameter("share", "1", 1.0, 0.0, 1.0, 0.2),)
 
     def thrust(
         self, vehicle: Vehicle, state: np.ndarray, command: np.ndarray, t: np.ndarray | float = 0.0

@@ -1,7 +1,6 @@
 """Effect `thrust_drift`: thrust that changes over the flight."""
 
 import dataclasses as dc
-from typing import ClassVar
 
 import numpy as np
 
@@ -20,14 +19,14 @@ class ThrustDrift(ActuatorEffect):
     start: float = 1.0  # [1]
     rate: float = -0.005  # [1/s]
 
-    identifier: ClassVar[str] = "thrust_drift"
-    named: ClassVar[str] = "a drift of thrust"
-    phrase: ClassVar[str] = "a drift of thrust of {rate}"
-    bench_check: ClassVar[str] = "log the battery's voltage, and look whether it sags"
-    excited_by: ClassVar[str] = "the same manoeuvre at the start and at the end of a longer flight"
-    grows_with: ClassVar[str] = "duration"
-    requires: ClassVar[tuple[str, ...]] = ("thrust",)
-    parameters: ClassVar[tuple[Parameter, ...]] = (
+    identifier = "thrust_drift"
+    named = "a drift of thrust"
+    phrase = "a drift of thrust of {rate}"
+    bench_check = "log the battery's voltage, and look whether it sags"
+    excited_by = "the same manoeuvre at the start and at the end of a longer flight"
+    grows_with = "duration"
+    requires = ("thrust",)
+    parameters = (
         Parameter("start", "1", 1.0, 0.4, 1.6, 0.1),
         Parameter("rate", "1/s", 0.0, -0.1, 0.1, 0.005),
     )
@@ -37,8 +36,6 @@ class ThrustDrift(ActuatorEffect):
         """Return random parameters of a simulated case."""
         return {"start": 1 + rng.uniform(-0.03, 0.03), "rate": signed(rng, 0.01, 0.15) / seconds}
 
-    def thrust(
-        self, vehicle: Vehicle, state: np.ndarray, command: np.ndarray, t: np.ndarray | float = 0.0
-    ) -> np.ndarray:
-        """Return the actual thrusts (..., 4) [N]."""
-        return (self.start + self.rate * np.asarray(t, float))[..., None] * command
+    def gain(self, t: np.ndarray | float) -> np.ndarray | float:
+        """Return the actual over the commanded thrust."""
+        return (self.start + self.rate * np.asarray(t, float))[..., None]

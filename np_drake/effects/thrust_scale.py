@@ -1,7 +1,6 @@
 """Effect `thrust_scale`: ratio of real to nominal thrust and rotor torque."""
 
 import dataclasses as dc
-from typing import ClassVar
 
 import numpy as np
 
@@ -19,23 +18,21 @@ class ThrustScale(ActuatorEffect):
 
     scale: float = 0.96  # [1]
 
-    identifier: ClassVar[str] = "thrust_scale"
-    named: ClassVar[str] = "a thrust scale"
-    phrase: ClassVar[str] = "thrust at {scale} of nominal"
-    shares: ClassVar[bool] = True
-    bench_check: ClassVar[str] = "measure thrust on a stand"
-    excited_by: ClassVar[str] = "fast roll and pitch doublets: torque scales with thrust, weight does not"
-    requires: ClassVar[tuple[str, ...]] = ("thrust",)
-    tolerance: ClassVar[str] = "thrust"
-    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("scale", "1", 1.0, 0.4, 1.6, 0.1),)
+    identifier = "thrust_scale"
+    named = "a thrust scale"
+    phrase = "thrust at {scale} of nominal"
+    shares = True
+    bench_check = "measure thrust on a stand"
+    excited_by = "fast roll and pitch doublets: torque scales with thrust, weight does not"
+    requires = ("thrust",)
+    tolerance = "thrust"
+    parameters = (Parameter("scale", "1", 1.0, 0.4, 1.6, 0.1),)
 
     @classmethod
     def draw(cls, rng: np.random.Generator, vehicle: Vehicle, seconds: float) -> dict[str, float]:
         """Return random parameters of a simulated case."""
         return {"scale": float(1 + signed(rng, 0.005, 0.15))}
 
-    def thrust(
-        self, vehicle: Vehicle, state: np.ndarray, command: np.ndarray, t: np.ndarray | float = 0.0
-    ) -> np.ndarray:
-        """Return the actual thrusts (..., 4) [N]."""
-        return self.scale * command
+    def gain(self, t: np.ndarray | float) -> np.ndarray | float:
+        """Return the actual over the commanded thrust."""
+        return self.scale

@@ -1,7 +1,6 @@
 """Effect `translational_lift`: additional thrust of rotors in lateral flow."""
 
 import dataclasses as dc
-from typing import ClassVar
 
 import numpy as np
 
@@ -20,13 +19,13 @@ class TranslationalLift(WrenchEffect):
 
     lift: float = 0.05  # [N·s²/m²]
 
-    identifier: ClassVar[str] = "translational_lift"
-    named: ClassVar[str] = "translational lift"
-    excited_by: ClassVar[str] = "sprints at constant height, then hover"
-    grows_with: ClassVar[str] = "speed"
-    feels_rotor_rate: ClassVar[bool] = False
-    turns: ClassVar[bool] = False
-    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("lift", "N·s²/m²", 0.0, 0.0, 1.0, 0.05),)
+    identifier = "translational_lift"
+    named = "translational lift"
+    excited_by = "sprints at constant height, then hover"
+    grows_with = "speed"
+    feels_rotor_rate = False
+    turns = False
+    parameters = (Parameter("lift", "N·s²/m²", 0.0, 0.0, 1.0, 0.05),)
 
     @classmethod
     def draw(cls, rng: np.random.Generator, vehicle: Vehicle, seconds: float) -> dict[str, float]:

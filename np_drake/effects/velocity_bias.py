@@ -1,13 +1,11 @@
 """Effect `velocity_bias`: a constant error of the velocity estimate."""
 
 import dataclasses as dc
-from typing import ClassVar
 
 import numpy as np
 
 from np_drake import attitude
 from np_drake.effects.base import Measurement, Parameter, SensorEffect
-from np_drake.effects.random_sizes import direction, log_uniform
 from np_drake.rigid_body import Q, V
 from np_drake.vehicle import Vehicle
 
@@ -23,20 +21,13 @@ class VelocityBias(SensorEffect):
     y: float = 0.0  # [m/s]
     z: float = 0.0  # [m/s]
 
-    identifier: ClassVar[str] = "velocity_bias"
-    named: ClassVar[str] = "a velocity bias"
-    excited_by: ClassVar[str] = "hover in place, then long straight legs"
-    tolerance: ClassVar[str] = "velocity"
-    corrupts: ClassVar[tuple[str, ...]] = ("vx", "vy", "vz")
-    parameters: ClassVar[tuple[Parameter, ...]] = tuple(
-        Parameter(axis, "m/s", 0.0, -3.0, 3.0, 0.2) for axis in "xyz"
-    )
-
-    @classmethod
-    def draw(cls, rng: np.random.Generator, vehicle: Vehicle, seconds: float) -> dict[str, float]:
-        """Return random parameters of a simulated case."""
-        size = log_uniform(rng, 0.01, 0.5)
-        return dict(zip("xyz", size * direction(rng), strict=True))
+    identifier = "velocity_bias"
+    named = "a velocity bias"
+    drawn = (0.01, 0.5)
+    excited_by = "hover in place, then long straight legs"
+    tolerance = "velocity"
+    corrupts = ("vx", "vy", "vz")
+    parameters = tuple(Parameter(axis, "m/s", 0.0, -3.0, 3.0, 0.2) for axis in "xyz")
 
     def measure(self, vehicle: Vehicle, truth: Measurement, white: np.ndarray) -> Measurement:
         """Return the reading with the bias on the velocity."""

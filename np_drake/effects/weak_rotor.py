@@ -1,7 +1,6 @@
 """Effect `weak_rotor`: one rotor that gives less than the others."""
 
 import dataclasses as dc
-from typing import ClassVar
 
 import numpy as np
 
@@ -20,14 +19,14 @@ class WeakRotor(ActuatorEffect):
     rotor: float = 1  # 1..4, as in the vehicle file
     efficiency: float = 0.85  # [1]
 
-    identifier: ClassVar[str] = "weak_rotor"
-    named: ClassVar[str] = "a weak rotor"
-    phrase: ClassVar[str] = "rotor {rotor} at {efficiency} of nominal"
-    shares: ClassVar[bool] = True
-    bench_check: ClassVar[str] = "look at this rotor's propeller and motor"
-    excited_by: ClassVar[str] = "thrust steps and yaw doublets"
-    requires: ClassVar[tuple[str, ...]] = ("torque",)
-    parameters: ClassVar[tuple[Parameter, ...]] = (
+    identifier = "weak_rotor"
+    named = "a weak rotor"
+    phrase = "rotor {rotor} at {efficiency} of nominal"
+    shares = True
+    bench_check = "look at this rotor's propeller and motor"
+    excited_by = "thrust steps and yaw doublets"
+    requires = ("torque",)
+    parameters = (
         Parameter("rotor", "", 1.0, 1.0, 4.0, 1.0, choices=(1.0, 2.0, 3.0, 4.0)),
         Parameter("efficiency", "1", 1.0, 0.0, 1.5, 0.1),
     )
@@ -37,10 +36,8 @@ class WeakRotor(ActuatorEffect):
         """Return random parameters of a simulated case."""
         return {"rotor": float(rng.integers(1, 5)), "efficiency": 1 - log_uniform(rng, 0.01, 0.25)}
 
-    def thrust(
-        self, vehicle: Vehicle, state: np.ndarray, command: np.ndarray, t: np.ndarray | float = 0.0
-    ) -> np.ndarray:
-        """Return the actual thrusts (..., 4) [N]."""
+    def gain(self, t: np.ndarray | float) -> np.ndarray | float:
+        """Return the actual over the commanded thrust."""
         gain = np.ones(4)
         gain[round(self.rotor) - 1] = self.efficiency
-        return gain * command
+        return gain
