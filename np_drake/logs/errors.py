@@ -1,8 +1,25 @@
 """Error of a reader whose log is not usable, and the place that it names."""
 
+from typing import Any
+
 
 class LogError(ValueError):
     """One line with file, column, row (1 is the first data row; line counts the header) and the remedy."""
+
+
+def optional_package(module: str, path: object, needs: str) -> Any:
+    """Return the package of a module that an extra of np_drake installs.
+
+    Args:
+        module: dotted name.
+        path: of the file for which it is needed, for the message.
+        needs: what needs it, and the remedy.
+    Raises: LogError: where it is not installed.
+    """
+    try:
+        return __import__(module)
+    except ImportError as error:
+        raise LogError(f"{path}: {needs}") from error
 
 
 def place(path: object, *, column: str | None = None, row: int | None = None, header_lines: int = 1) -> str:

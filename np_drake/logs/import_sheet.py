@@ -1,6 +1,7 @@
 """The sheet beside an imported flight log: what was done, and what a row's command means."""
 
 import dataclasses as dc
+import re
 from pathlib import Path
 from typing import Any
 
@@ -28,10 +29,7 @@ class Sheet:
 def sheet_path(log: str | Path) -> Path:
     """Return the path of the sheet beside a log."""
     path = Path(log)
-    stem = path.name
-    for suffix in (".csv", ".csv.gz", ".parquet"):
-        stem = stem.removesuffix(suffix)
-    return path.with_name(stem + SUFFIX)
+    return path.with_name(re.sub(r"(\.csv(\.gz)?|\.parquet)$", "", path.name) + SUFFIX)
 
 
 def read_sheet(log: str | Path) -> Sheet:

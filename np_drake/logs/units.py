@@ -12,6 +12,7 @@ import numpy as np
 from np_drake import attitude
 from np_drake.flight_log import FlightLog
 from np_drake.logs.errors import LogError, place
+from np_drake.logs.windows import Windows
 from np_drake.rotor_input import rotor_wrench
 from np_drake.vehicle import Vehicle
 
@@ -39,18 +40,17 @@ def check_units(log: FlightLog, path: object, vehicle: Vehicle | None = None) ->
     Args: path: named in the message.   vehicle: for the weight and the strength of the rotors; None skips these.
     Raises: LogError: if a column is off by orders of magnitude.
     """
-    m = max(1, round(WINDOW / log.step))
-    if len(log) > 2 * m:
-        p, v, w = _change(log.p, m), _change(log.v, m), _change(log.w, m)
-        _compare(path, "px", "vx", p, _integral(log.v, log.t, m), "position")
-        turned = _integral(log.w, log.t, m)
-        _compare(path, "qw", "wx", _turn(log.q, m), turned, "attitude")
-        _check_convention(log.q, turned, m, path)
+    over = Windows(log.t, WINDOW)
+    if over.fit:
+        _compare(path, "px", "vx", over.change(log.p), over.integral(log.v), "position")
+        turned = over.integral(log.w)
+        _compare(path, "qw", "wx", over.turn(log.q), turned, "attitude")
+        _check_convention(log.q, turned, over, path)
         if log.a is not None:
-            _compare(path, "vx", "ax", v, _integral(log.a, log.t, m), "velocity")
+            _compare(path, "vx", "ax", over.change(log.v), over.integral(log.a), "velocity")
             _check_gravity(log.a, log, path)
         if log.al is not None:
-            _compare(path, "wx", "alx", w, _integral(log.al, log.t, m), "rates")
+            _compare(path, "wx", "alx", over.change(log.w), over.integral(log.al), "rates")
     if log.rotor is not None and np.abs(log.rotor).max() > FASTEST_ROTOR:
         raise LogError(
             f"{place(path, column='rotor1')}: rotor speed must be below {FASTEST_ROTOR:g} rad/s; "
@@ -60,8 +60,8 @@ def check_units(log: FlightLog, path: object, vehicle: Vehicle | None = None) ->
     if vehicle is not None:
         _check_thrust(log, path, vehicle)
         _check_torque_limit(log, path, vehicle)
-        if len(log) > WINDOWS * m:
-            _check_torque(log, path, vehicle, m)
+        if len(log) > WINDOWS * over.rows:
+            _check_torque(log, path, vehicle, over)
 
 
 def _compare(path: object, left: str, right: str, change: np.ndarray, sum_: np.ndarray, kind: str) -> None:
@@ -80,10 +80,7 @@ def _compare(path: object, left: str, right: str, change: np.ndarray, sum_: np.n
 
 
 def _check_sign(path: object, left: str, right: str, change: np.ndarray, sum_: np.ndarray, kind: str) -> None:
-    """Check axis by axis that a quantity does not go against its rate, where it moves enough.
-
-    Raises: LogError: if it is the opposite of the rate's integral, in size too.
-    """
+    """Check axis by axis that a quantity that moves enough is not the opposite of its rate's integral, in size too."""
     for i in range(change.shape[1]):
         a, b = change[:, i] - change[:, i].mean(), sum_[:, i] - sum_[:, i].mean()
         size = float(np.std(a))
@@ -102,16 +99,16 @@ def _likeness(a: np.ndarray, b: np.ndarray) -> float:
     return float(abs(np.sum(a * b)) / max(np.linalg.norm(a) * np.linalg.norm(b), 1e-300))
 
 
-def _check_convention(q: np.ndarray, turned: np.ndarray, m: int, path: object) -> None:
+def _check_convention(q: np.ndarray, turned: np.ndarray, over: Windows, path: object) -> None:
     """Check that no other convention of the quaternion agrees with body rates where its own does not."""
-    own = _spread(_turn(q, m) - turned)
+    own = _spread(over.turn(q) - turned)
     if own < 0.5 * max(_spread(turned), LEAST["attitude"]):
         return
     for convention, other in (
         ("in the order x, y, z, w", np.roll(q, 1, axis=1)),
         ("from W to body", q * [1.0, -1.0, -1.0, -1.0]),
     ):
-        if RATIO * _spread(_turn(other, m) - turned) < own:
+        if RATIO * _spread(over.turn(other) - turned) < own:
             raise LogError(
                 f"{place(path, column='qw')}: the quaternion must be w, x, y, z from body to W; turned by body rates "
                 f"it fits {convention}. Write it in this convention."
@@ -130,10 +127,7 @@ def _check_gravity(a: np.ndarray, log: FlightLog, path: object) -> None:
 
 
 def _check_lift(log: FlightLog, path: object) -> None:
-    """Check that thrust along body z carries the vehicle: its mean must point upwards in W.
-
-    Raises: LogError: if it points down, by the sign of thrust or by the attitude.
-    """
+    """Check that thrust along body z points upwards in W on the whole, by its sign and by the attitude."""
     known = np.isfinite(log.u[:, 0])
     if not known.any():
         return
@@ -177,15 +171,15 @@ def _check_torque_limit(log: FlightLog, path: object, vehicle: Vehicle) -> None:
         )
 
 
-def _check_torque(log: FlightLog, path: object, vehicle: Vehicle, m: int) -> None:
+def _check_torque(log: FlightLog, path: object, vehicle: Vehicle, over: Windows) -> None:
     """Check torque against the change of angular momentum, J dw/dt + w x J w, in size and, axis by axis, in sign.
 
     A controller's torque against a disturbance correlates with the remaining rotation, as does its torque for a turn;
     where it is too late for a strong disturbance it opposes that rotation, but is a multiple of it.
     """
     momentum = log.w @ vehicle.J.T
-    turn = _change(momentum, m) + _integral(np.cross(log.w, momentum), log.t, m)
-    push = _integral(np.nan_to_num(log.u[:, 1:]), log.t, m)
+    turn = over.change(momentum) + over.integral(np.cross(log.w, momentum))
+    push = over.integral(np.nan_to_num(log.u[:, 1:]))
     turns = np.std(turn, axis=0) > TURNS * np.diag(vehicle.J)
     columns, remedy = TORQUE, "Write it about the body axes of the rates."
     if log.input == "rotor_speed":
@@ -203,24 +197,6 @@ def _check_torque(log: FlightLog, path: object, vehicle: Vehicle, m: int) -> Non
                 f"{place(path, column=columns[i])}: torque must be what turns the vehicle; about body {'xyz'[i]} it "
                 f"goes against J dw/dt + w x J w. {remedy}"
             )
-
-
-def _change(value: np.ndarray, m: int) -> np.ndarray:
-    return value[m:] - value[:-m]
-
-
-def _integral(rate: np.ndarray, t: np.ndarray, m: int) -> np.ndarray:
-    """Return the integral of `rate` over m intervals, (n - m, 3)."""
-    area = 0.5 * (rate[1:] + rate[:-1]) * np.diff(t)[:, None]
-    return _change(np.concatenate([np.zeros((1, 3)), np.cumsum(area, axis=0)]), m)
-
-
-def _turn(q: np.ndarray, m: int) -> np.ndarray:
-    """Return the sum of small rotations in body axes over m intervals, (n - m, 3) [rad]."""
-    back = q[:-1] * [1.0, -1.0, -1.0, -1.0]
-    turn = attitude.multiply(back, q[1:])
-    small = 2 * turn[:, 1:] * np.sign(turn[:, :1])
-    return _change(np.concatenate([np.zeros((1, 3)), np.cumsum(small, axis=0)]), m)
 
 
 def _spread(value: np.ndarray) -> float:

@@ -21,13 +21,12 @@ from typing import BinaryIO
 import numpy as np
 
 from np_drake.logs.errors import LogError
-from np_drake.logs.formats.format import Contents, Format, Progress, Recording, Stream
+from np_drake.logs.formats.format import Contents, Format, Progress, Recording, Stream, first_source
 from np_drake.logs.importing.log_map import LogMap, Source
 
 MAGIC = 0xBC
 TIMES = {1: ("<u4", 1e-3), 2: ("<u8", 1e-6)}  # by version: type and unit [s] of a record's time
-TYPES = {
-    **{letter: f"<{letter}" for letter in "hHiIqQefd"},
+TYPES = {letter: f"<{letter}" for letter in "hHiIqQefd"} | {
     "l": "<i4",
     "L": "<u4",
     "b": "i1",
@@ -131,7 +130,7 @@ def read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Rec
         "clock": "time since the start of the firmware [s], when the row was written",
         "events": ", ".join(event.name for event in header.events.values()),
     }
-    return Recording(str(path), CRAZYFLIE.name, streams, facts, tuple(_notes(tail)))
+    return Recording(str(path), streams, facts, tuple(_notes(tail)))
 
 
 def default_map(contents: Contents) -> LogMap | None:
@@ -141,8 +140,8 @@ def default_map(contents: Contents) -> LogMap | None:
     Source: Bitcraze, logging groups and variables of the firmware; world z up, body x forward, y left.
     """
 
-    def source(*names: str, **how: object) -> Source:
-        return _source(contents, names, **how)
+    def source(*names: str, **how: str) -> Source:
+        return first_source(contents, ([f"{stream}/{name}" for name in names] for stream in contents), **how)
 
     estimate = "stateEstimate."
     found = LogMap(
@@ -180,14 +179,6 @@ def _rotors(pattern: str) -> list[str]:
     return [pattern.format(rotor) for rotor in (1, 2, 3, 4)]
 
 
-def _source(contents: Contents, names: Sequence[str], **how: object) -> Source:
-    """Return the columns of the first stream that has them all; an empty source if none has."""
-    for stream, columns in contents.items():
-        if set(names) <= set(columns):
-            return Source(columns=[f"{stream}/{name}" for name in names], **how)  # type: ignore[arg-type]
-    return Source()
-
-
 def _read_header(path: Path, file: BinaryIO) -> _Header:
     """Read the event types and leave the file at its first record."""
     start = file.read(LARGEST_HEADER)
@@ -200,18 +191,13 @@ def _read_header(path: Path, file: BinaryIO) -> _Header:
         )
     try:
         events, size = _events(start, count, TIMES[version][0])
-    except (IndexError, ValueError, struct.error) as error:
-        raise LogError(f"{path}, header: {_reason(error)}; {REMEDY}.") from error
+    except (IndexError, UnicodeDecodeError, struct.error) as error:
+        cut = "must name all event types and variables; it is cut or damaged"
+        raise LogError(f"{path}, header: {cut}; {REMEDY}.") from error
+    except ValueError as error:
+        raise LogError(f"{path}, header: {error}; {REMEDY}.") from error
     file.seek(size)
     return _Header(version, events, size)
-
-
-def _reason(error: Exception) -> str:
-    return (
-        str(error)
-        if type(error) is ValueError
-        else "must name all event types and variables; it is cut or damaged"
-    )
 
 
 def _events(start: bytes, count: int, time: str) -> tuple[dict[int, _Event], int]:
@@ -354,4 +340,4 @@ def _notes(tail: _Tail) -> Iterator[str]:
         yield f"the log is cut (no checksum); {tail.left} bytes after its last whole record are left out."
 
 
-CRAZYFLIE = Format("crazyflie", "Crazyflie micro-SD log", None, recognises, contents, default_map, read)
+CRAZYFLIE = Format("crazyflie", "Crazyflie micro-SD log", recognises, contents, default_map, read)

@@ -50,15 +50,10 @@ MOST_INSTANCES = 256  # of a message; a byte numbers them
 TEXTS = {"n": 4, "N": 16, "Z": 64, "a": 64}  # bytes of the other characters; `a` is an array of 32 int16
 HEADERS = ("FMT", "FMTU", "UNIT", "MULT", "PARM", "MSG", "VER")  # messages about the log: no streams
 TIMES = {"TimeUS": 1e-6, "TimeMS": 1e-3}  # [s]
-PARAMETERS: tuple[str, ...] = (
-    "FRAME_CLASS",
-    "FRAME_TYPE",
-    "MOT_PWM_MIN",
-    "MOT_PWM_MAX",
-    "MOT_SPIN_MIN",
-    "MOT_SPIN_MAX",
+PARAMETERS = (
+    *("FRAME_CLASS", "FRAME_TYPE", "MOT_PWM_MIN", "MOT_PWM_MAX", "MOT_SPIN_MIN", "MOT_SPIN_MAX"),
+    *("MOT_THST_EXPO", "MOT_THST_HOVER", "SCHED_LOOP_RATE"),
 )
-PARAMETERS += ("MOT_THST_EXPO", "MOT_THST_HOVER", "SCHED_LOOP_RATE")
 BLOCK = 1 << 22  # bytes between two calls of progress
 
 
@@ -301,7 +296,7 @@ def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Re
         streams[name] = _stream(log, name, columns)
         progress(0.7 + 0.3 * i / len(wanted))
     notes = (f"{path}: times are those since boot", *(f"{path}: {note}" for note in dict.fromkeys(log.notes)))
-    return Recording(str(path), "dataflash", streams, _facts(log), notes)
+    return Recording(str(path), streams, _facts(log), notes)
 
 
 def _require_cells(log: Log, wanted: Mapping[str, list[str]]) -> None:
@@ -375,7 +370,6 @@ def _forget(_: int) -> None:
 DATAFLASH = Format(
     name="dataflash",
     title="ArduPilot DataFlash .bin and .log",
-    extra=None,
     recognises=_recognises,
     contents=_contents,
     default_map=default_map,

@@ -1,6 +1,6 @@
 """Map of the messages that ArduPilot writes, in NED and FRD.   Source: ArduPilot's log message reference."""
 
-from np_drake.logs.formats.format import Contents
+from np_drake.logs.formats.format import Contents, first_source
 from np_drake.logs.importing.log_map import LogMap, Source
 
 
@@ -60,8 +60,7 @@ def _escs(contents: Contents) -> list[str]:
 
 def _first(contents: Contents, names: tuple[str, ...], columns: tuple[str, ...]) -> list[str]:
     """Return `stream/column` of the first message that has all columns; its first instance where it is numbered."""
-    for name in names:
-        for stream in (f"{name}.0", name):
-            if set(columns) <= set(contents.get(stream, ())):
-                return [f"{stream}/{column}" for column in columns]
-    return []
+    streams = (stream for name in names for stream in (f"{name}.0", name))
+    return first_source(
+        contents, ([f"{stream}/{column}" for column in columns] for stream in streams)
+    ).columns

@@ -2,14 +2,15 @@
 
 import dataclasses as dc
 import difflib
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from np_drake.flight_log import FlightLog
 from np_drake.logs.errors import LogError
-from np_drake.logs.importing.log_map import LogMap
+from np_drake.logs.importing.log_map import LogMap, Source
 
 Progress = Callable[[float], None]  # called with the share of a file that is read [1]
 Contents = Mapping[str, tuple[str, ...]]  # names of the columns of every stream
@@ -33,12 +34,11 @@ class Stream:
 class Recording:
     """Streams of one file by name.
 
-    path: of the file, for messages.   format: name of its format.   facts: what its header says (vehicle, firmware,
-    parameters), for the sheet.   notes: what the decoder left out or mended, one line each.
+    path: of the file, for messages.   facts: what its header says (vehicle, firmware, parameters), for the sheet.
+    notes: what the decoder left out or mended, one line each.
     """
 
     path: str
-    format: str
     streams: Mapping[str, Stream]
     facts: Mapping[str, str] = dc.field(default_factory=dict)
     notes: tuple[str, ...] = ()
@@ -84,6 +84,21 @@ def full_names(contents: Contents) -> Iterator[str]:
             yield column
 
 
+def first_source(contents: Contents, choices: Iterable[Sequence[str]], **how: Any) -> Source:
+    """Return the source of the first choice whose columns are all there; an empty one where none is.
+
+    Args:
+        contents: of the log.
+        choices: lists of `stream/column`.
+        how: unit and conventions of the source.
+    """
+    for names in choices:
+        places = (name.rpartition("/") for name in names)
+        if names and all(column in contents.get(stream, ()) for stream, _, column in places):
+            return Source(list(names), **how)
+    return Source()
+
+
 def by_stream(contents: Contents, names: Collection[str], path: str = "log") -> dict[str, list[str]]:
     """Return the named columns by stream, each once.
 
@@ -101,7 +116,7 @@ def by_stream(contents: Contents, names: Collection[str], path: str = "log") -> 
 class Format:
     """One format of flight logs, each in a file of this folder.
 
-    name: as in a map's `format`.   title: for people.   extra: of np_drake that installs its library; None: none.
+    name: as in a map's `format`.   title: for people.
     recognises: whether a file is of this format, from its path and its first 4096 bytes.
     contents: names of streams and columns, and facts of the header, read without the rows where the format allows.
     default_map: the map where the log's own names say what they hold; None where only its user knows.
@@ -112,7 +127,6 @@ class Format:
 
     name: str
     title: str
-    extra: str | None
     recognises: Callable[[Path, bytes], bool]
     contents: Callable[[Path], Contents]
     default_map: Callable[[Contents], LogMap | None]

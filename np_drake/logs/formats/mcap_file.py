@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from np_drake.files.atomic_file import atomic_path, plain
-from np_drake.logs.errors import LogError
+from np_drake.logs.errors import optional_package
 
 Json = dict[str, Any]
 
@@ -196,10 +196,7 @@ def require_mcap(path: str | Path) -> None:
 
     Raises: LogError: if their package is not installed.
     """
-    try:
-        import mcap.writer  # noqa: F401
-    except ImportError as error:
-        raise LogError(f"{path}: MCAP needs mcap; pip install 'np_drake[mcap]'.") from error
+    optional_package("mcap.writer", path, "MCAP needs mcap; pip install 'np_drake[mcap]'.")
 
 
 def write_mcap(path: str | Path, channels: Iterable[Channel]) -> None:

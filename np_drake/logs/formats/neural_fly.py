@@ -50,7 +50,7 @@ def read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Rec
     Raises: LogError: one line with file, row and column, on a damaged file.
     """
     recording = table.read(path, wanted, progress)
-    return dc.replace(recording, format="neural_fly", facts={"clock": "column t [s], one for all columns"})
+    return dc.replace(recording, facts={"clock": "column t [s], one for all columns"})
 
 
 def _items(name: str, count: int) -> list[str]:
@@ -60,7 +60,6 @@ def _items(name: str, count: int) -> list[str]:
 NEURAL_FLY = Format(
     name="neural_fly",
     title="Neural-Fly data set, CSV",
-    extra=None,
     recognises=recognises,
     contents=table.contents,
     default_map=default_map,

@@ -10,7 +10,7 @@ import numpy as np
 from np_drake.files.atomic_file import atomic_path
 from np_drake.files.input_file import cell_budget, note_input, text_budget
 from np_drake.logs.columns import Table
-from np_drake.logs.errors import LogError, place
+from np_drake.logs.errors import LogError, optional_package, place
 from np_drake.logs.formats.format import Progress
 from np_drake.logs.formats.table_cells import Cell, require_names
 from np_drake.logs.text_lines import (
@@ -107,14 +107,8 @@ def _reason(error: Exception) -> str:
 
 
 def _pyarrow(path: str | Path) -> Any:
-    try:
-        import pyarrow
-        import pyarrow.parquet
-    except ImportError as error:
-        raise LogError(
-            f"{path}: Parquet needs pyarrow; pip install 'np_drake[parquet]', or use CSV."
-        ) from error
-    return pyarrow
+    needs = "Parquet needs pyarrow; pip install 'np_drake[parquet]', or use CSV."
+    return optional_package("pyarrow.parquet", path, needs)
 
 
 def column_names(path: Path) -> list[str]:

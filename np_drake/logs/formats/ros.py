@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from np_drake.files.input_file import cell_budget, note_input
-from np_drake.logs.errors import LogError
+from np_drake.logs.errors import LogError, optional_package
 from np_drake.logs.formats.bags.budget import Budget, Channel, unpacked
 from np_drake.logs.formats.bags.mcap import MAGIC as MCAP
 from np_drake.logs.formats.bags.mcap import Mcap
@@ -29,7 +29,7 @@ from np_drake.logs.formats.bags.ros1 import MAGIC as ROS1
 from np_drake.logs.formats.bags.ros1 import Ros1
 from np_drake.logs.formats.bags.sqlite import MAGIC as SQLITE
 from np_drake.logs.formats.bags.sqlite import Sqlite, described, unpack
-from np_drake.logs.formats.format import Contents, Format, Progress, Recording, Stream
+from np_drake.logs.formats.format import Contents, Format, Progress, Recording, Stream, first_source
 from np_drake.logs.formats.ros_message import Decoder, Types, find_fields, missing_types
 from np_drake.logs.importing.log_map import LogMap, Source
 from np_drake.logs.text_lines import too_many_cells
@@ -97,10 +97,7 @@ class Bag:
 
 @contextlib.contextmanager
 def _open(path: Path) -> Iterator[Bag]:
-    try:
-        import rosbags  # noqa: F401
-    except ImportError as error:
-        raise LogError(f"{path}: ROS bags need rosbags: pip install 'np_drake[ros]'.") from error
+    optional_package("rosbags", path, "ROS bags need rosbags: pip install 'np_drake[ros]'.")
     with contextlib.ExitStack() as stack:
         bag = Bag(path, Budget(path))
         try:
@@ -295,7 +292,7 @@ def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Re
         times, clocks = _times(rows)
         streams = {name: _stream(r, times[name]) for name, r in rows.items()}
     lines = tuple(f"{path}: {note}" for note in [*dict.fromkeys(notes), *clocks])
-    return Recording(str(path), "ros", streams, facts, lines)
+    return Recording(str(path), streams, facts, lines)
 
 
 def _times(rows: Mapping[str, _Rows]) -> tuple[dict[str, np.ndarray], list[str]]:
@@ -331,14 +328,15 @@ def _default_map(contents: Contents) -> LogMap | None:
     if not odometry and not (pose and imu):
         return None
     wrench = _topic(contents, WRENCH)
-    thrust = [] if wrench else _named(contents, "/mavros/setpoint_raw/target_attitude", "thrust")
+    commanded = [] if wrench else [["/mavros/setpoint_raw/target_attitude/thrust"]]
+    throttle = first_source(contents, commanded)
     prefix = f"{odometry}/pose.pose" if odometry else f"{pose}/pose"
     rates = f"{odometry}/twist.twist.angular" if odometry else f"{imu}/angular_velocity"
     return LogMap(
         format="ros",
         world="enu",
         body="flu",
-        command="held_after" if wrench or thrust else "unknown",
+        command="held_after" if wrench or throttle else "unknown",
         position=Source(_of(f"{prefix}.position")),
         velocity=Source(_of(f"{odometry}/twist.twist.linear"), axes="body") if odometry else Source(),
         attitude=Source(_of(f"{prefix}.orientation", (*XYZ, "w")), order="xyzw", direction="body_to_world"),
@@ -348,8 +346,8 @@ def _default_map(contents: Contents) -> LogMap | None:
         else Source(),
         thrust=Source([f"{wrench}/wrench.force.z"] if wrench else []),
         torque=Source(_of(f"{wrench}/wrench.torque") if wrench else []),
-        throttle=Source(thrust),
-        voltage=Source(_named(contents, "/mavros/battery", "voltage")),
+        throttle=throttle,
+        voltage=first_source(contents, [["/mavros/battery/voltage"]]),
     )
 
 
@@ -363,10 +361,6 @@ def _topic(contents: Contents, columns: tuple[str, ...], preferred: str = "") ->
     if preferred in found:
         return preferred
     return found[0] if len(found) == 1 else ""
-
-
-def _named(contents: Contents, topic: str, column: str) -> list[str]:
-    return [f"{topic}/{column}"] if column in contents.get(topic, ()) else []
 
 
 def _recognises(path: Path, start: bytes) -> bool:
@@ -387,7 +381,6 @@ def _one_line(error: BaseException) -> str:
 ROS = Format(
     name="ros",
     title="ROS 2 bag (folder, .mcap, .db3) and ROS 1 .bag",
-    extra="ros",
     recognises=_recognises,
     contents=_contents,
     default_map=_default_map,

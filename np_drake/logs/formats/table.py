@@ -108,7 +108,7 @@ def read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Rec
     unit = {1.0: "s", 1e-3: "ms", 1e-6: "us", 1e-9: "ns"}
     clock = f"column {time} [{unit[TIMES[time]]}]" if time else "none of the known names"
     stream = Stream(t, {name: columns[name] for name in names})
-    return Recording(str(path), STREAM, {STREAM: stream}, {"clock": clock}, tuple(notes))
+    return Recording(str(path), {STREAM: stream}, {"clock": clock}, tuple(notes))
 
 
 def is_parquet(path: Path) -> bool:
@@ -119,7 +119,6 @@ def is_parquet(path: Path) -> bool:
 TABLE = Format(
     name=STREAM,
     title="CSV or Parquet table with a map",
-    extra=None,
     recognises=recognises,
     contents=contents,
     default_map=default_map,

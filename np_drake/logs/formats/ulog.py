@@ -19,13 +19,10 @@ from np_drake.logs.formats.ulog_map import ROTOR_COLUMN, default_map
 from np_drake.logs.formats.ulog_parser import Guarded, parse, silent, stream_name
 
 MAGIC = b"\x55\x4c\x6f\x67\x01\x12\x35"
-LONGEST_DELAY = (
-    1_000_000  # between a quantity and its message; beyond, timestamp_sample means something else [us]
-)
+LONGEST_DELAY = 1_000_000  # of a message; beyond, timestamp_sample means something else [us]
 PROBED = ("esc_status", "actuator_motors", "actuator_outputs")  # their unused columns are left out
-COMMANDS = re.compile(
-    r"actuator_.*|.*_setpoint"
-)  # act when they are published, whatever they were computed from
+# They act when they are published, whatever they were computed from.
+COMMANDS = re.compile(r"actuator_.*|.*_setpoint")
 PARAMETERS = re.compile(
     r"MAV_TYPE|SYS_AUTOSTART|MPC_THR_(HOVER|MIN|MAX|CURVE)|THR_MDL_FAC|CA_(AIRFRAME|ROTOR_COUNT)"
     r"|CA_ROTOR\d+_(PX|PY|PZ|KM|CT)|PWM_(MIN|MAX)|PWM_(MAIN|AUX)_(MIN|MAX)\d*|BAT\d*_N_CELLS|IMU_(GYRO|DGYRO)_CUTOFF"
@@ -109,7 +106,7 @@ def read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Rec
         *_timing(said),
         *(note for s in said for note in s.notes),
     ]
-    return Recording(str(path), ULOG.name, streams, _facts(log), tuple(notes))
+    return Recording(str(path), streams, _facts(log), tuple(notes))
 
 
 def _stream(
@@ -219,4 +216,4 @@ def _changes(values: np.ndarray) -> bool:
     return bool(len(finite)) and bool(finite.min() != finite.max())
 
 
-ULOG = Format("ulog", "PX4 ULog", "ulog", recognises, contents, default_map, read)
+ULOG = Format("ulog", "PX4 ULog", recognises, contents, default_map, read)

@@ -1,16 +1,28 @@
 """Map of PX4's own messages, in NED and FRD.   Source: PX4's message reference (uORB)."""
 
 import re
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Mapping
 
 import numpy as np
 
-from np_drake.logs.formats.format import Contents
+from np_drake.logs.formats.format import Contents, first_source
 from np_drake.logs.importing.log_map import LogMap, Source
 
 SLOWEST_ROTORS = 20.0  # of a stream of four rotors that is preferred to collective thrust [Hz], own choice
 ROTOR_COLUMN = re.compile(r"(esc\[\d+\]\.esc_rpm|control\[\d+\]|output\[\d+\])")
+
+
+def _indexed(name: str, count: int) -> list[str]:
+    return [f"{name}[{i}]" for i in range(count)]
+
+
+_RATES = (
+    _indexed("vehicle_angular_velocity/xyz", 3),
+    _indexed("sensor_combined/gyro_rad", 3),
+    [f"vehicle_attitude/{axis}speed" for axis in ("roll", "pitch", "yaw")],
+    _indexed("vehicle_odometry/angular_velocity", 3),
+)
+_FORCES = (_indexed("sensor_combined/accelerometer_m_s2", 3), _indexed("vehicle_acceleration/xyz", 3))
 
 
 def default_map(contents: Contents) -> LogMap | None:
@@ -20,10 +32,6 @@ def default_map(contents: Contents) -> LogMap | None:
     collective. Torque setpoints are normalised and have no unit: they are left out. The velocity of an external
     vision is taken to be in body axes, as MAVLink's ODOMETRY has it.
     """
-
-    def first(*choices: tuple[Sequence[str], Mapping[str, Any]]) -> Source:
-        return _first(contents, choices)
-
     rates = getattr(contents, "rates", {})
     position, velocity, odometry = _position(contents)
     found = LogMap(
@@ -33,42 +41,20 @@ def default_map(contents: Contents) -> LogMap | None:
         command="unknown",  # setpoints are logged at less than their own rate
         position=position,
         velocity=velocity,
-        attitude=first(
-            *((_indexed(f"{s}/q", 4), _QUATERNION) for s in ("vehicle_attitude", odometry) if s),
+        attitude=first_source(
+            contents,
+            (_indexed(f"{stream}/q", 4) for stream in ("vehicle_attitude", odometry)),
+            order="wxyz",
+            direction="body_to_world",
         ),
-        rates=first(
-            (_indexed("vehicle_angular_velocity/xyz", 3), _RATES),
-            (_indexed("sensor_combined/gyro_rad", 3), _RATES),
-            ([f"vehicle_attitude/{axis}speed" for axis in ("roll", "pitch", "yaw")], _RATES),
-            (_indexed("vehicle_odometry/angular_velocity", 3), _RATES),
-        ),
-        acceleration=first(
-            (_indexed("sensor_combined/accelerometer_m_s2", 3), _SPECIFIC_FORCE),
-            (_indexed("vehicle_acceleration/xyz", 3), _SPECIFIC_FORCE),
-        ),
+        rates=first_source(contents, _RATES, unit="rad/s", axes="body"),
+        acceleration=first_source(contents, _FORCES, unit="m/s2", axes="body", kind="specific_force"),
         rotor_speed=_rotors(contents, rates, "esc_status", "rpm", SLOWEST_ROTORS),
         throttle=_throttle(contents, rates),
-        hover_throttle=first((["hover_thrust_estimate/hover_thrust"], {"unit": "1"})),
-        voltage=first((["battery_status/voltage_v"], {"unit": "V"})),
+        hover_throttle=first_source(contents, [["hover_thrust_estimate/hover_thrust"]], unit="1"),
+        voltage=first_source(contents, [["battery_status/voltage_v"]], unit="V"),
     )
     return found if found.position and found.attitude else None
-
-
-_QUATERNION: dict[str, Any] = {"order": "wxyz", "direction": "body_to_world"}
-_RATES: dict[str, Any] = {"unit": "rad/s", "axes": "body"}
-_SPECIFIC_FORCE: dict[str, Any] = {"unit": "m/s2", "axes": "body", "kind": "specific_force"}
-
-
-def _indexed(name: str, count: int) -> list[str]:
-    return [f"{name}[{i}]" for i in range(count)]
-
-
-def _first(contents: Contents, choices: Sequence[tuple[Sequence[str], Mapping[str, Any]]]) -> Source:
-    """Return the first choice whose columns are all there; an empty source if there is none."""
-    for names, how in choices:
-        if all(name.partition("/")[2] in contents.get(name.partition("/")[0], ()) for name in names):
-            return Source(columns=list(names), **how)
-    return Source()
 
 
 def _position(contents: Contents) -> tuple[Source, Source, str]:
@@ -78,10 +64,9 @@ def _position(contents: Contents) -> tuple[Source, Source, str]:
         axes = "body" if stream == "vehicle_visual_odometry" else "world"
         places = [[f"{stream}/{axis}" for axis in "xyz"], _indexed(f"{stream}/position", 3)]
         speeds = [[f"{stream}/v{axis}" for axis in "xyz"], _indexed(f"{stream}/velocity", 3)]
-        position = _first(contents, [(names, {"unit": "m"}) for names in places])
+        position = first_source(contents, places, unit="m")
         if position:
-            velocity = _first(contents, [(names, {"unit": "m/s", "axes": axes}) for names in speeds])
-            return position, velocity, odometry
+            return position, first_source(contents, speeds, unit="m/s", axes=axes), odometry
     return Source(), Source(), odometry
 
 
@@ -101,9 +86,9 @@ def _throttle(contents: Contents, rates: Mapping[str, float]) -> Source:
             contents, rates, "actuator_outputs", "us", slowest
         )
 
-    collective: list[tuple[list[str], dict[str, Any]]] = [
-        (["vehicle_thrust_setpoint/xyz[2]"], {"unit": "1", "scale": -1.0}),
-        (["actuator_controls_0/control[3]"], {"unit": "1"}),
-        (["vehicle_attitude_setpoint/thrust_body[2]"], {"unit": "1", "scale": -1.0}),
-    ]
-    return motors(SLOWEST_ROTORS) or _first(contents, collective) or motors(0.0)
+    collective = (
+        first_source(contents, [["vehicle_thrust_setpoint/xyz[2]"]], unit="1", scale=-1.0)
+        or first_source(contents, [["actuator_controls_0/control[3]"]], unit="1")
+        or first_source(contents, [["vehicle_attitude_setpoint/thrust_body[2]"]], unit="1", scale=-1.0)
+    )
+    return motors(SLOWEST_ROTORS) or collective or motors(0.0)

@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from np_drake.logs.errors import LogError
+from np_drake.logs.errors import LogError, optional_package
 from np_drake.logs.formats.format import Progress
 
 LARGEST_MESSAGE = 65_535  # [bytes], its size is a uint16
@@ -85,7 +85,9 @@ class Guarded:
 
 def parse(path: Path, names: Sequence[str], progress: Progress) -> tuple[Any, list[Subscription], Guarded]:
     """Return pyulog's log with the rows of the named messages alone, and all streams of the file."""
-    pyulog = _pyulog(path)
+    pyulog = optional_package(
+        "pyulog", path, "ULog needs pyulog; pip install 'np_drake[ulog]', or convert to CSV."
+    )
     subscriptions: list[Subscription] = []
     with path.open("rb") as file:
         size = file.seek(0, 2)
@@ -191,13 +193,3 @@ def stream_name(message: str, instance: int) -> str:
 
 def silent(share: float) -> None:
     """Say nothing of the progress."""
-
-
-def _pyulog(path: Path) -> Any:
-    try:
-        import pyulog
-    except ImportError as error:
-        raise LogError(
-            f"{path}: ULog needs pyulog; pip install 'np_drake[ulog]', or convert to CSV."
-        ) from error
-    return pyulog

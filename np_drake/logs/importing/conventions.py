@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from np_drake.logs.errors import LogError
-from np_drake.logs.importing.consistency import LAWS, Misfits, misfits, window_rows
+from np_drake.logs.importing.consistency import LAWS, WINDOW, Misfits, misfits
 from np_drake.logs.importing.convert import (
     Values,
     axes_of,
@@ -18,10 +18,9 @@ from np_drake.logs.importing.convert import (
     is_turned,
 )
 from np_drake.logs.importing.log_map import BODIES, UNITS, WORLDS, LogMap
+from np_drake.logs.windows import Windows
 
-AGREES = (
-    0.5  # largest misfit of a law that holds [1]; own choice: wind, drag, noise and late sensors stay below
-)
+AGREES = 0.5  # largest misfit of a law that holds [1]; own choice: wind, drag, noise, late sensors stay below
 FAILS = 0.75  # misfit above which a law does not hold [1]; own choice
 DOUBTED = 0.15  # misfit above which conventions that agree better are looked for [1]; own choice
 BETTER = 3.0  # factor by which these must agree better [1]; own choice
@@ -105,7 +104,7 @@ class Trial:
     """Misfits of one log under many maps: what two of them share is computed once."""
 
     def __init__(self, t: np.ndarray, raw: Values):
-        self._t, self._raw, self._rows = t, raw, window_rows(t)
+        self._over, self._raw = Windows(t, WINDOW), raw
         self._converted: dict[Any, np.ndarray] = {}
         self._misfits: dict[Any, Misfits] = {}
 
@@ -113,12 +112,12 @@ class Trial:
         """Return what `consistency.misfits` does of everything in the log, converted by this map."""
         out: Misfits = {}
         for needed, law in LAWS:
-            if not self._rows or not all(name in self._raw for name in needed):
+            if not self._over.fit or not all(name in self._raw for name in needed):
                 continue
             keys = tuple(self._key(name, log_map) for name in needed)
             if keys not in self._misfits:
                 x = (self._quantity(name, log_map) for name in needed)
-                self._misfits[keys] = law(self._t, self._rows, True, *x)
+                self._misfits[keys] = law(self._over, True, *x)
             out |= self._misfits[keys]
         return out
 

@@ -1,6 +1,7 @@
 """Import of a flight log of another format: format, map, conventions, alignment, and the sheet beside it."""
 
 import dataclasses as dc
+import re
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -38,11 +39,9 @@ from np_drake.logs.importing.signals import Signal, gather, with_map_time
 CHECK_RATE = 50.0  # of the rows on which conventions are checked [Hz]
 LEAST_ROWS = 20  # of a part that is kept
 SHORTEST = 1.0  # log whose unit of time is found by its rate alone [s]; own choice
-IDLE = {
-    "rotor_speed": 10.0,
-    "thrust": 0.0,
-    "throttle": 0.05,
-}  # below which rotors stand [rad/s, N, 1]; own choice
+# Below which rotors stand [rad/s, N, 1]; own choice.
+IDLE = {"rotor_speed": 10.0, "thrust": 0.0, "throttle": 0.05}
+ENDINGS = re.compile(r"(\.(csv|tsv|txt|parquet|ulg|bin|log|mcap|db3|bag))?(\.gz)?$", re.IGNORECASE)
 UNCERTAIN = {  # deviation of the time at which a row's command acts, over the interval of the command [1]
     "held_after": 0.0,
     "held_before": 0.0,
@@ -98,7 +97,7 @@ def import_log(
         require_ranges(aligned.values, log_map, str(path))
         where = aligned.t, aligned.values["position"], _lift(aligned.values)
         rows, ground = airborne(*where), standing(*where)
-    flights = _flights(aligned, rows, ground, log_map, _stem(path))
+    flights = _flights(aligned, rows, ground, log_map, ENDINGS.sub("", Path(path).name))
     if not flights:
         raise LogError(f"{path}: must hold a flight; no part between gaps has {LEAST_ROWS} rows.")
     timing = _timing(signals, log_map)
@@ -304,22 +303,3 @@ def _timing(signals: Mapping[str, Signal], log_map: LogMap) -> float:
     if log_map.command == "averaged" and (a is None or FASTER * a.step <= step):
         return 0.0
     return UNCERTAIN[log_map.command] * step
-
-
-def _stem(path: str | Path) -> str:
-    name = Path(path).name
-    for suffix in (
-        ".gz",
-        ".csv",
-        ".tsv",
-        ".parquet",
-        ".ulg",
-        ".bin",
-        ".log",
-        ".mcap",
-        ".db3",
-        ".bag",
-        ".txt",
-    ):
-        name = name.removesuffix(suffix).removesuffix(suffix.upper())
-    return name

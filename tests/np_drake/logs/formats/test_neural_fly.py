@@ -47,7 +47,6 @@ def test_what_was_written_is_read_bit_for_bit(tmp_path, write_neural_fly):
         write_neural_fly(path, {"table": made})
         assert format_of(path) is format_named("neural_fly")
         dut = NEURAL_FLY.read(path, {"table": list(names)}, lambda _: None)
-        assert dut.format == "neural_fly"
         np.testing.assert_array_equal(dut.streams["table"].t, made.t)
         for name in names:
             np.testing.assert_array_equal(dut.streams["table"].columns[name], made.columns[name])

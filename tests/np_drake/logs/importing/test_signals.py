@@ -13,7 +13,7 @@ MAP = LogMap(position=Source(["x", "y", "z"]))
 
 
 def recording(t, **columns):
-    return Recording("made", "table", {"table": Stream(t, columns)})
+    return Recording("made", {"table": Stream(t, columns)})
 
 
 def moving(t):
@@ -94,7 +94,7 @@ def test_a_late_sensor_is_moved_to_when_it_saw():
 def test_columns_of_another_stream_are_read_at_the_times_of_the_first():
     t, other = 0.01 * np.arange(100), 0.004 * np.arange(250)
     streams = {"a": Stream(t, {"x": t}), "b": Stream(other, {"y": 2 * other, "z": 3 * other})}
-    signals, _ = gather(Recording("made", "ros", streams), MAP)
+    signals, _ = gather(Recording("made", streams), MAP)
     assert np.allclose(signals["position"].values, t[:, None] * [1, 2, 3])
 
 
@@ -151,7 +151,6 @@ def test_a_clock_that_is_set_in_flight_is_refused():
 
 RECORDING = Recording(
     "made.log",
-    "made",
     {"a": Stream(np.arange(3.0), {"clock": np.array([0.0, 2.0, 4.0])}), "b": Stream(np.arange(2.0), {})},
 )
 
