@@ -7,6 +7,7 @@ continues from it.
 """
 
 import dataclasses as dc
+from collections.abc import Callable
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -90,19 +91,18 @@ class LabelFilter:
     """Streaming form of the labels: one sample at a time, all memory in the caller's dictionary.
 
     Args:
+        vehicle: nominal vehicle, whose rotor lag the command passes.
+        config: low-pass; default: that of the vehicle.
         step: time between samples [s].
-        through_lag: pass the command through the vehicle file's rotor lag (False: `u` is what acts already).
     """
 
-    def __init__(
-        self, vehicle: Vehicle, config: LabelConfig | None = None, *, step: float, through_lag: bool = True
-    ):
+    def __init__(self, vehicle: Vehicle, config: LabelConfig | None = None, *, step: float) -> None:
         if not 0 < step < np.inf:
             raise ValueError(f"LabelFilter: step must be positive [s]; got {step}.")
         self._vehicle = vehicle
         self._filters = (config or default_labels(vehicle)).check().filters(step)
         self._sections = len(self._filters[0][1])
-        self._decay = rotor_decay(vehicle, step) if through_lag else 0.0
+        self._decay = rotor_decay(vehicle, step)
 
     def initial_memory(self) -> Memory:
         """Return the memory before any sample.
@@ -168,6 +168,9 @@ def _filter_once(sos, value, state, out):
 def raw_labels(log: FlightLog, vehicle: Vehicle) -> np.ndarray:
     """Return unfiltered labels (n, 6), row k's command (through the lag) with row k's acceleration [N, N·m].
 
+    Args:
+        log: with accelerations.
+        vehicle: nominal vehicle.
     Raises: ValueError: where the log has no acceleration (see `logs.accelerations.with_accelerations`).
     """
     if log.a is None or log.al is None:
@@ -180,32 +183,42 @@ def labels(log: FlightLog, vehicle: Vehicle, config: LabelConfig | None = None) 
     """Return causal low-passed labels chi (n, 6) [N, N·m].
 
     A row with NaN gets NaN, and the filter continues after it.
+
+    Args:
+        log: with accelerations.
+        vehicle: nominal vehicle.
+        config: low-pass; default: that of the vehicle.
     """
-    raw = raw_labels(log, vehicle)
-    good = np.all(np.isfinite(raw), axis=1)
-    chi = np.full_like(raw, np.nan)
-    if not good.any():
-        return chi
-    for channels, sos in (config or default_labels(vehicle)).check().filters(log.step):
-        value = raw[good, channels]
-        start = signal.sosfilt_zi(sos)[:, :, None] * value[0]
-        chi[good, channels], _ = signal.sosfilt(sos, value, axis=0, zi=start)
-    return chi
+
+    def forward(sos: np.ndarray, raw: np.ndarray, good: np.ndarray) -> np.ndarray:
+        start = signal.sosfilt_zi(sos)[:, :, None] * raw[good][0]  # at rest at the first row
+        return signal.sosfilt(sos, raw[good], axis=0, zi=start)[0]
+
+    return _filtered(log, vehicle, config, forward)
 
 
 def smooth_labels(log: FlightLog, vehicle: Vehicle, config: LabelConfig | None = None) -> np.ndarray:
     """Return zero-phase labels (n, 6), as targets for training and truth for plots, never for a controller [N, N·m].
 
     The low-pass runs forward and backward (-6 dB at the bandwidth). NaN rows are bridged by a line, and stay NaN.
+
+    Args: as `labels`.
     """
+
+    def both_ways(sos: np.ndarray, raw: np.ndarray, good: np.ndarray) -> np.ndarray:
+        bridged = np.stack([np.interp(log.t, log.t[good], column[good]) for column in raw.T], axis=1)
+        padding = min(len(bridged) - 1, 3 * (2 * len(sos) + 1))
+        return signal.sosfiltfilt(sos, bridged, axis=0, padlen=padding)[good]
+
+    return _filtered(log, vehicle, config, both_ways)
+
+
+def _filtered(log: FlightLog, vehicle: Vehicle, config: LabelConfig | None, run: Callable) -> np.ndarray:
+    """Return labels (n, 6) that `run` takes from sections, raw labels of a group of channels and their good rows."""
     raw = raw_labels(log, vehicle)
     good = np.all(np.isfinite(raw), axis=1)
     chi = np.full_like(raw, np.nan)
-    if not good.any():
-        return chi
-    bridged = np.stack([np.interp(log.t, log.t[good], column[good]) for column in raw.T], axis=1)
-    for channels, sos in (config or default_labels(vehicle)).check().filters(log.step):
-        padding = min(len(bridged) - 1, 3 * (2 * len(sos) + 1))
-        smooth = signal.sosfiltfilt(sos, bridged[:, channels], axis=0, padlen=padding)
-        chi[good, channels] = smooth[good]
+    filters = (config or default_labels(vehicle)).check().filters(log.step) if good.any() else ()
+    for channels, sos in filters:
+        chi[good, channels] = run(sos, raw[:, channels], good)
     return chi

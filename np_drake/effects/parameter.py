@@ -2,8 +2,7 @@
 
 import dataclasses as dc
 
-import numpy as np
-
+from np_drake.effects.random_sizes import arm
 from np_drake.vehicle import Vehicle
 
 PAPER = Vehicle()  # of whose size the library's typical values are
@@ -29,20 +28,21 @@ class Parameter:
 
 
 def usual_size(parameter: Parameter, vehicle: Vehicle) -> float:
-    """Return the usual size of a parameter for a vehicle of this mass and arm; the library's is for the paper's."""
+    """Return the usual size of a parameter; the library's is for the paper's vehicle.
+
+    Args:
+        parameter: of an effect.
+        vehicle: whose mass and arm scale it.
+    """
     mass = vehicle.mass / PAPER.mass
-    arm = _arm(vehicle) / _arm(PAPER)
+    span = arm(vehicle) / arm(PAPER)
     scale = {
         "kg": mass,
         "N": mass,
         "N·s/m": mass,
         "N·s²/m²": mass,
-        "N·m·s/m": mass * arm,
-        "kg·m²": mass * arm**2,
+        "N·m·s/m": mass * span,
+        "kg·m²": mass * span**2,
     }
-    longer = {"m": arm} if parameter.name != "length" else {}
+    longer = {"m": span} if parameter.name != "length" else {}
     return parameter.typical * (scale | longer).get(parameter.unit, 1.0)
-
-
-def _arm(vehicle: Vehicle) -> float:
-    return float(np.linalg.norm(np.array(vehicle.rotor_positions)[:, :2], axis=1).mean())

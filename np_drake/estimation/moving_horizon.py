@@ -11,7 +11,6 @@ F = m d and tau = J d, and exact integration of the chain is their Runge-Kutta s
 
 import dataclasses as dc
 import time
-from enum import IntEnum
 from typing import Protocol
 
 import numpy as np
@@ -23,23 +22,16 @@ from np_drake.estimation.motion import Motion
 Memory = dict[str, np.ndarray]
 
 
-class MheStatus(IntEnum):
-    """Origin of an estimate; larger is worse."""
-
-    OPTIMAL = 0
-    HELD = 1  # the solver failed: the last estimate, one step on, without noise
-
-
 @dc.dataclass(frozen=True)
 class MheEstimate:
     """Estimate of one window.
 
     x: (n + 1, 2, 6) trajectory of [y, d] over the window; its last row is the estimate of now.
+    held: whether the solver failed, and this is the last estimate, one step on, without noise.
     """
 
     x: np.ndarray
-    status: MheStatus  # origin of the estimate
-    solve_time: float  # [s]
+    held: bool
 
     @property
     def acceleration(self) -> np.ndarray:
@@ -53,13 +45,21 @@ class WindowSolver(Protocol):
     def solve(self, arrival: np.ndarray, y: np.ndarray, u: np.ndarray) -> np.ndarray | None:
         """Return the trajectory (n + 1, 2, 6), or None where the solver failed.
 
-        Args:   arrival: (2, 6) x_bar.   y: (n + 1, 6) samples, NaN where missing.   u: (n, 6) known inputs.
+        Args:
+            arrival: (2, 6) x_bar.
+            y: (n + 1, 6) samples, NaN where missing.
+            u: (n, 6) known inputs.
         """
         ...
 
 
 class LeastSquaresWindow:
-    """Exact solver of a window by gains that depend only on which samples are missing."""
+    """Exact solver of a window by gains that depend only on which samples are missing.
+
+    Args:
+        config: horizon and weights.
+        step: between samples [s].
+    """
 
     def __init__(self, config: MheConfig, step: float):
         self._weights, self._step = MheWeights.of(config.check()), step
@@ -90,6 +90,11 @@ class MovingHorizonEstimator:
     """Moving-horizon estimator that takes one sample at a time and keeps all memory in the caller's dictionary.
 
     A NaN in y takes that channel's sample out of the cost; a NaN in u stands for the input of the step before.
+
+    Args:
+        config: horizon and weights.
+        step: between samples [s].
+        solver: of a window; default: exact.
     """
 
     def __init__(self, config: MheConfig, step: float, solver: WindowSolver | None = None):
@@ -101,7 +106,9 @@ class MovingHorizonEstimator:
     def initial_memory(self, y: np.ndarray, d: np.ndarray) -> Memory:
         """Return the memory before any sample, from first guesses of y and d.
 
-        Args: y: (6,) [m/s, rad/s].   d: (6,) [m/s², rad/s²].
+        Args:
+            y: (6,) [m/s, rad/s].
+            d: (6,) [m/s², rad/s²].
         Returns: x: (N + 1, 2, 6) last trajectory, the newest last.   arrival: (2, 6) x_bar.   y, u: (N + 1, 6) samples
         and inputs.   count: (1,) samples in the window.
         Raises: ValueError: if a guess is not finite.
@@ -122,19 +129,20 @@ class MovingHorizonEstimator:
     def update(self, memory: Memory, y: np.ndarray, u: np.ndarray) -> tuple[Memory, MheEstimate]:
         """Return (memory, estimate) after the sample y (6,) of now.
 
-        Args: u: (6,) known input that acts from now on [m/s², rad/s²].
+        Args:
+            memory: of the samples before.
+            y: (6,) sample [m/s, rad/s].
+            u: (6,) known input that acts from now on [m/s², rad/s²].
         """
         full = memory["count"][0] == self._samples
         count = self._samples if full else int(memory["count"][0]) + 1
         arrival = memory["x"][1] if full else memory["arrival"]
         samples = np.concatenate([memory["y"][1:], [y]])
         inputs = np.concatenate([memory["u"][1:], [np.where(np.isfinite(u), u, memory["u"][-1])]])
-        start = time.perf_counter()
         x = self._solver.solve(arrival, samples[-count:], inputs[-count:-1])
-        status = MheStatus.OPTIMAL
-        if x is None or not np.isfinite(x).all():
-            x, status = self._held(memory["x"], inputs, first=count == 1)[-count:], MheStatus.HELD
-        seconds = time.perf_counter() - start
+        held = x is None or not np.isfinite(x).all()
+        if x is None or held:
+            x = self._held(memory["x"], inputs, first=count == 1)[-count:]
         memory = {
             "x": np.concatenate([memory["x"][count:], x]),
             "arrival": arrival,
@@ -142,7 +150,7 @@ class MovingHorizonEstimator:
             "u": inputs,
             "count": np.array([float(count)]),
         }
-        return memory, MheEstimate(x, status, seconds)
+        return memory, MheEstimate(x, held)
 
     def _held(self, x: np.ndarray, u: np.ndarray, *, first: bool) -> np.ndarray:
         """Return the last trajectory one step on, by the model without noise; at first, the guess."""
@@ -169,6 +177,11 @@ def run_mhe(motion: Motion, config: MheConfig, solver: WindowSolver | None = Non
     """Run the estimator over a flight, from the first sample of each channel in a hover.
 
     Source of the start: the published evaluation of Wang et al. 2024.
+
+    Args:
+        motion: of the flight.
+        config: horizon and weights.
+        solver: of a window; default: exact.
     Raises: ValueError: if a channel has no sample at all.
     """
     dut = MovingHorizonEstimator(config, motion.step, solver)
@@ -180,5 +193,5 @@ def run_mhe(motion: Motion, config: MheConfig, solver: WindowSolver | None = Non
         memory, estimate = dut.update(memory, y, u)
         seconds[k] = time.perf_counter() - start
         d[k] = estimate.acceleration
-        held += estimate.status is MheStatus.HELD
+        held += estimate.held
     return MheRun(motion.wrench(d), held, float(np.median(seconds)))

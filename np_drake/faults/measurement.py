@@ -49,7 +49,12 @@ class MeasurementFault:
         return int(np.ceil(self.onset / period - 1e-6))
 
     def delivered(self, k: int, period: float) -> int:
-        """Return the sample that is delivered in place of sample k."""
+        """Return the sample that is delivered in place of another.
+
+        Args:
+            k: sample that is asked for.
+            period: between samples [s].
+        """
         return k
 
     def reads(self, reading: np.ndarray) -> np.ndarray:
@@ -57,7 +62,9 @@ class MeasurementFault:
         return reading
 
     def oldest(self, period: float) -> int:
-        """Return how many samples back it reaches at most."""
+        """Return how many samples back it reaches at most; 0 where it delivers no other sample."""
+        if type(self).delivered is MeasurementFault.delivered:
+            return 0
         return int(np.ceil(self.duration / period)) + 1
 
 
@@ -70,10 +77,6 @@ class NanBurst(MeasurementFault):
         spoilt = reading.copy()
         spoilt[list(self.columns)] = np.nan
         return spoilt
-
-    def oldest(self, period: float) -> int:
-        """Return 0: it delivers no other sample."""
-        return 0
 
 
 @dc.dataclass(frozen=True)
@@ -146,10 +149,6 @@ class BiasJump(MeasurementFault):
         biased[ACCELERATION] += attitude.rotate(reading[Q], np.array(self.acceleration))
         return biased
 
-    def oldest(self, period: float) -> int:
-        """Return 0: it delivers no other sample."""
-        return 0
-
 
 @dc.dataclass(frozen=True)
 class PoseJump(MeasurementFault):
@@ -167,7 +166,3 @@ class PoseJump(MeasurementFault):
         off[P] += self.position
         off[Q] = attitude.multiply(reading[Q], attitude.from_rotation_vector(np.array(self.turn)))
         return off
-
-    def oldest(self, period: float) -> int:
-        """Return 0: it delivers no other sample."""
-        return 0

@@ -121,8 +121,7 @@ class Information:
     def outlook(self) -> Outlook:
         """What is expected of the flight, over draws of explanation, parameters and noise."""
         rng = np.random.default_rng(SEED)
-        value, vector = np.linalg.eigh(self.gram)
-        root = vector * np.sqrt(np.maximum(value, 0.0))
+        root = square_root(self.gram)
         entropy = named = 0.0
         for i, p in enumerate(self.prior):
             columns = np.concatenate([self.spread(i), self.drift])
@@ -133,6 +132,12 @@ class Information:
             others = np.delete(log_p, i, axis=1).max(axis=1, initial=-np.inf)
             named += p * float(np.mean(log_p[:, i] - others > np.log(STANDS)))
         return Outlook(entropy, named)
+
+
+def square_root(C: np.ndarray) -> np.ndarray:
+    """Return R with R R^T = C (k, k), by eigenvalues, so that C may be singular."""
+    value, vector = np.linalg.eigh(C) if len(C) else (np.zeros(0), C)
+    return vector * np.sqrt(np.maximum(value, 0.0))
 
 
 def _logdet(M: np.ndarray) -> float:

@@ -13,7 +13,7 @@ from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors import sensor_drift
 from np_drake.diagnosis.residuals import FlightResiduals, make_flight_residuals
 from np_drake.effects.explanation import CALIBRATION, Explanation
-from np_drake.flight_design.information import Information
+from np_drake.flight_design.information import Information, square_root
 from np_drake.flight_log import FlightLog
 from np_drake.references.flatness import targets
 from np_drake.rigid_body import P, Q, V, W
@@ -127,7 +127,7 @@ def expected_residual(flight: FlightResiduals, explanation: Explanation, options
     listed = tuple(name for name in names if name in known)
     order = [known[name] for name in listed]
     # Correlated parameters as a linear map of independent ones, correlation = root root^T.
-    root = _root((explanation.covariance / np.outer(deviation, deviation))[np.ix_(order, order)])
+    root = square_root((explanation.covariance / np.outer(deviation, deviation))[np.ix_(order, order)])
     spread = np.concatenate([J[..., : len(own)] @ root, J[..., len(own) :]], axis=-1)
     return Expected(predicted_residual(flight, terms), spread, listed, deviation[order][:, None] * root)
 
@@ -137,11 +137,3 @@ def _name(f: Free, terms: Sequence[Term], effects: int) -> str:
     if f.flight:
         return ""
     return f"{CALIBRATION if f.term >= effects else ''}{terms[f.term].effect.identifier}.{f.name}"
-
-
-def _root(correlation: np.ndarray) -> np.ndarray:
-    """Return R with R R^T = correlation, also where it is singular."""
-    if not len(correlation):
-        return correlation
-    value, vector = np.linalg.eigh(correlation)
-    return vector * np.sqrt(np.maximum(value, 0.0))

@@ -30,13 +30,16 @@ class Table:
         """Return the named columns, (n, len(names))."""
         return np.stack([self.columns[name] for name in names], axis=1)
 
-    def place(self, column: str | None = None, row: int | None = None) -> str:
-        """Return the place of a cell as text for an error message."""
-        return place(self.path, column=column, row=row, header_lines=self.header_lines)
-
     def error(self, what: str, *, column: str | None = None, row: int | None = None) -> LogError:
-        """Return a LogError about one place of this file."""
-        return LogError(f"{self.place(column, row)}: {what}")
+        """Return a LogError about one place of this file.
+
+        Args:
+            what: is wrong, and the remedy.
+            column: name.
+            row: counts from 0.
+        """
+        where = place(self.path, column=column, row=row, header_lines=self.header_lines)
+        return LogError(f"{where}: {what}")
 
     def require_cells(self) -> None:
         """Check that every cell is a number and every row is complete.

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from np_drake.flight_log import FlightLog
-from np_drake.logs.formats.format import FlightFormat, Progress, first_bytes
+from np_drake.logs.formats.format import FlightFormat, Progress, first_bytes, no_progress
 from np_drake.logs.formats.log_file import LOG_FILE
 from np_drake.logs.formats.neurobem import NEUROBEM, NEUROBEM_ARRAY
 from np_drake.logs.import_sheet import Sheet
@@ -22,7 +22,7 @@ def open_flights(
     map: LogMap | MapFile | None = None,
     *,
     repair: bool = False,
-    on_progress: Progress = lambda share: None,
+    on_progress: Progress = no_progress,
 ) -> tuple[list[FlightLog], Sheet | None]:
     """Return the flights of a log, and the record of its import; None where it is of our columns or of NeuroBEM.
 

@@ -6,60 +6,50 @@ import zlib
 from array import array
 from collections.abc import Callable, Generator, Iterable, Sequence
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 import numpy as np
 
 from np_drake.files.input_file import cell_budget, note_input, text_budget
 from np_drake.logs.errors import LogError
-from np_drake.logs.formats.format import Progress
+from np_drake.logs.formats.format import Progress, no_progress
 
 # Limits, own choice: beyond them a file is damaged, or made to fill the memory of its reader.
 MAX_LINE = 10**6  # characters of a line; 10,000 columns of 17 digits have a fifth
 MAX_ROWS = 5 * 10**7  # 27 hours at 500 Hz
 MAX_COLUMNS = 10_000
 LINES_A_REPORT = 4096  # lines between two calls of progress
+BLOCK_ROWS, BLOCK_CELLS = 4096, 1 << 18  # that are held as Python numbers at once, at most
 BAD_GZIP = (gzip.BadGzipFile, EOFError, zlib.error)  # what a damaged file raises
 
 Lines = Generator[str, None, None]
 
 
-def no_progress(share: float) -> None:
-    """Ignore the share of the file that is read."""
-
-
 def read_lines(path: str | Path, progress: Progress = no_progress, errors: str = "strict") -> Lines:
     """Yield the lines of a UTF-8 file with their ends, gzip-compressed where the name ends in .gz.
 
-    Args:   errors: what to do with bytes that are no UTF-8, as in `open`.
+    Args:
+        path: of the file.
+        progress: called with the share that is read [1].
+        errors: what to do with bytes that are no UTF-8, as in `open`.
     Raises: LogError: if the file is no such text or beyond the limits; OSError: if it cannot be opened.
     """
     size, most = max(Path(path).stat().st_size, 1), text_budget(path)
     note_input(path)
     with Path(path).open("rb") as raw:
         try:
-            with open_text(path, raw, errors) as text:
+            binary: Any = gzip.GzipFile(fileobj=raw) if is_gzip(path) else raw
+            with io.TextIOWrapper(binary, encoding="utf-8-sig", errors=errors) as text:
                 yield from _lines(path, text, most, lambda: progress(min(raw.tell() / size, 1.0)))
         except BAD_GZIP as error:
-            raise bad_gzip(path, error) from error
+            raise LogError(f"{path}: must be a whole gzip file; {error}. Copy it again.") from error
         except UnicodeDecodeError as error:
             raise LogError(f"{path}: must be a UTF-8 text file with comma-separated columns.") from error
-
-
-def open_text(path: str | Path, raw: IO[bytes], errors: str = "strict") -> io.TextIOWrapper:
-    """Return the text of an open file, decompressed where the name ends in .gz."""
-    binary: Any = gzip.GzipFile(fileobj=raw) if is_gzip(path) else raw
-    return io.TextIOWrapper(binary, encoding="utf-8-sig", errors=errors)
 
 
 def is_gzip(path: str | Path) -> bool:
     """Return whether a file is read as gzip, by its name."""
     return str(path).lower().endswith(".gz")
-
-
-def bad_gzip(path: str | Path, error: Exception) -> LogError:
-    """Return the error of a gzip file that is damaged or cut off."""
-    return LogError(f"{path}: must be a whole gzip file; {error}. Copy it again.")
 
 
 def too_large(path: str | Path) -> LogError:
@@ -103,23 +93,47 @@ class GrowingColumns:
     """
 
     def __init__(self, path: str | Path, names: Sequence[str]) -> None:
-        """Begin without rows."""
+        """Begin without rows.
+
+        Args:
+            path: of the file, whose size is the budget.
+            names: of the columns.
+        """
         self._path, self._most = path, cell_budget(path) // max(len(names), 1)
         self._columns = {name: array("d") for name in names}
+        self._rows: list[list[float]] = []  # the last that were appended
+        self._block = max(1, min(BLOCK_ROWS, BLOCK_CELLS // max(len(names), 1)))
 
     def __len__(self) -> int:
-        return len(next(iter(self._columns.values()), ()))
+        return len(next(iter(self._columns.values()), ())) + len(self._rows)
+
+    def append(self, row: list[float]) -> None:
+        """Append one row, in the order of the names.
+
+        Raises: LogError: as `add`.
+        """
+        self._rows.append(row)
+        if len(self._rows) >= self._block:
+            self._flush()
 
     def add(self, block: Iterable[np.ndarray]) -> None:
         """Append a block of rows, one array (k,) a column, in the order of the names.
 
-        Raises: LogError: beyond the budget of the file.
+        Raises: LogError: beyond the budget of the file or `MAX_ROWS`.
         """
         for column, values in zip(self._columns.values(), block, strict=True):
             if len(column) + len(values) > self._most:
                 raise too_many_cells(self._path)
             column.frombytes(np.ascontiguousarray(values, dtype=float).tobytes())
+        if len(self) > MAX_ROWS:
+            raise too_long(self._path)
+
+    def _flush(self) -> None:
+        rows, self._rows = self._rows, []
+        if rows:
+            self.add(np.array(rows).T)
 
     def arrays(self) -> dict[str, np.ndarray]:
         """Return the columns (n,) by name, without copying them; nothing can be added after."""
+        self._flush()
         return {name: np.frombuffer(column, dtype=float) for name, column in self._columns.items()}

@@ -21,15 +21,20 @@ FORMATS: tuple[Format, ...] = (  # the first that recognises a file reads it
     TABLE,  # any CSV: last
 )
 
-__all__ = ["FORMATS", "Format", "format_named", "format_of"]
 
-
-def format_of(path: str | Path) -> Format:
+def format_of(path: str | Path, name: str = "") -> Format:
     """Return the format of a file, by its first bytes and its name.
 
-    Raises: LogError: if it is of none; OSError: if it cannot be opened.
+    Args:
+        path: of the file.
+        name: of the format, where a map tells it.
+    Raises: LogError: if it is of none, or there is none of the name; OSError: if it cannot be opened.
     """
     path = Path(path)
+    if name:
+        if name not in (names := {known.name: known for known in FORMATS}):
+            raise LogError(f"{path}: the map's format must be one of {', '.join(names)}; got {name!r}.")
+        return names[name]
     start = first_bytes(path)
     if not start and not path.is_dir():
         raise LogError(f"{path}: must hold a flight log; it is empty. Copy it again from the vehicle.")
@@ -53,14 +58,3 @@ def _remedy(path: Path, start: bytes) -> str:
     if b"\x00" in start:
         return ""
     return " A table must be named .csv, .tsv or .txt, its columns apart by comma, semicolon or tab."
-
-
-def format_named(name: str) -> Format:
-    """Return the format of a name.
-
-    Raises: ValueError: if there is none.
-    """
-    for known in FORMATS:
-        if known.name == name:
-            return known
-    raise ValueError(f"format must be one of {', '.join(f.name for f in FORMATS)}; got {name!r}.")

@@ -293,7 +293,10 @@ def _decode(file: BinaryIO, header: _Header, columns: Mapping[int, _Columns], pr
         crc = zlib.crc32(data[:used], crc)
         rest = data[used:]
         progress(done / total)
-    return _ended(tail, rest, crc)
+    if tail.bad is None and len(rest) == 4:
+        tail.checked = struct.unpack("<I", rest)[0] == crc
+    tail.left = len(rest)
+    return tail
 
 
 def _runs(data: bytes, sizes: Mapping[int, int]) -> Iterator[tuple[int, int, int]]:
@@ -321,14 +324,6 @@ def _end_of_run(data: bytes, offset: int, size: int, most: int) -> int:
     count = min((len(data) - offset) // size, most)
     ids = np.ndarray((count,), "<u2", data, offset, (size,))
     return offset + size * (int((ids != ids[0]).argmax()) or count)
-
-
-def _ended(tail: _Tail, rest: bytes, crc: int) -> _Tail:
-    """Return what the bytes after the last whole record say: four are the checksum."""
-    if tail.bad is None and len(rest) == 4:
-        tail.checked = struct.unpack("<I", rest)[0] == crc
-    tail.left = len(rest)
-    return tail
 
 
 def _notes(tail: _Tail) -> Iterator[str]:

@@ -11,14 +11,10 @@ import numpy as np
 from np_drake.files.atomic_file import atomic_path
 from np_drake.logs.columns import Table
 from np_drake.logs.errors import LogError
-from np_drake.logs.text_lines import MAX_COLUMNS, MAX_ROWS, GrowingColumns, read_lines, too_long
+from np_drake.logs.text_lines import MAX_COLUMNS, GrowingColumns, read_lines
 
-BLOCK_CELLS = 1 << 18  # that are held as Python numbers at once
-MAX_UNREADABLE = (
-    10**5
-)  # cells that are kept with their text; the first is named in a message, the others are NaN
+MAX_UNREADABLE = 10**5  # cells that are kept with their text; the first is named in a message
 SHOWN = 80  # characters that are kept of such a text
-
 BLOCK = 10_000  # rows that are written at a time
 
 
@@ -41,7 +37,12 @@ def read_csv(path: str | Path) -> Table:
 
 
 def write_csv(path: str | Path, columns: dict[str, np.ndarray]) -> None:
-    """Write columns (n,) atomically; numbers are read back bit for bit, NaN is an empty cell."""
+    """Write a table atomically; numbers are read back bit for bit, NaN is an empty cell.
+
+    Args:
+        path: of the file, gzip-compressed where the name ends in .gz.
+        columns: (n,) by name.
+    """
     with atomic_path(path) as temporary, temporary.open("wb") as raw:
         # No name and no time in a gzip header, so that equal logs are equal files.
         packed = gzip.GzipFile("", "wb", fileobj=raw, mtime=0) if str(path).endswith(".gz") else raw
@@ -56,6 +57,9 @@ def write_csv(path: str | Path, columns: dict[str, np.ndarray]) -> None:
 def check_header(path: str | Path, names: Sequence[str]) -> None:
     """Check the names of a header line.
 
+    Args:
+        path: of the file.
+        names: of the columns.
     Raises: LogError: if there is one name only, too many, none that is a word, or one twice.
     """
     if len(names) == 1:
@@ -81,15 +85,12 @@ def is_number(text: str) -> bool:
 
 
 class _Rows:
-    """Rows of the table that is being read, the last of them as lists (float() is as fast as a C parser here)."""
+    """Rows of the table that is being read; float() is as fast as a C parser here."""
 
     def __init__(self, path: str | Path, names: list[str]) -> None:
         self._path = path
         self._names = names
         self._columns = GrowingColumns(path, names)
-        self._block: list[list[float]] = []
-        self._block_rows = max(1, BLOCK_CELLS // len(names))
-        self._count = 0  # of rows
         self._blank = 0  # lines since the last that holds something; at the end of the file they are no rows
         self._unreadable: list[tuple[int, str, str]] = []
         self._ragged: list[int] = []
@@ -100,39 +101,25 @@ class _Rows:
             self._blank += 1
             return
         for _ in range(self._blank):
-            self._append([])
+            self._columns.append(self._numbers([]))
         self._blank = 0
-        self._append(line.split(","))
+        self._columns.append(self._numbers(line.split(",")))
 
     def table(self) -> Table:
         """Return the table of all rows."""
-        self._flush()
         return Table(str(self._path), self._columns.arrays(), self._unreadable, self._ragged)
-
-    def _append(self, cells: list[str]) -> None:
-        self._block.append(self._numbers(cells))
-        self._count += 1
-        if len(self._block) == self._block_rows:
-            self._flush()
-        if self._count > MAX_ROWS:
-            raise too_long(self._path)
 
     def _numbers(self, cells: list[str]) -> list[float]:
         if len(cells) != len(self._names):
-            self._ragged.append(self._count)
+            self._ragged.append(len(self._columns))
             return [float("nan")] * len(self._names)
         try:
             return [float(cell) for cell in cells]
         except ValueError:
             row, texts = _parse_slowly(cells)
         if len(self._unreadable) < MAX_UNREADABLE:
-            self._unreadable += [(self._count, self._names[column], text) for column, text in texts]
+            self._unreadable += [(len(self._columns), self._names[column], text) for column, text in texts]
         return row
-
-    def _flush(self) -> None:
-        if self._block:
-            self._columns.add(np.array(self._block).T)
-            self._block = []
 
 
 def _parse_slowly(cells: list[str]) -> tuple[list[float], list[tuple[int, str]]]:

@@ -22,29 +22,16 @@ import numpy as np
 from np_drake.files.input_file import cell_budget
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.dataflash_map import default_map
-from np_drake.logs.formats.format import Contents, Format, Progress, Recording, Stream
+from np_drake.logs.formats.format import Contents, Format, Progress, Recording, Stream, no_progress
 from np_drake.logs.text_lines import too_many_cells
 
 HEADER = b"\xa3\x95"  # begins every record; the type follows
 FMT = b"\xa3\x95\x80"
 NUMBERS = {  # numpy type of a format character and the divisor of its values
-    "b": ("<i1", 1.0),
-    "B": ("<u1", 1.0),
-    "M": ("<u1", 1.0),
-    "g": ("<f2", 1.0),
-    "h": ("<i2", 1.0),
-    "H": ("<u2", 1.0),
-    "i": ("<i4", 1.0),
-    "I": ("<u4", 1.0),
-    "f": ("<f4", 1.0),
-    "d": ("<f8", 1.0),
-    "q": ("<i8", 1.0),
-    "Q": ("<u8", 1.0),
-    "c": ("<i2", 100.0),
-    "C": ("<u2", 100.0),
-    "e": ("<i4", 100.0),
-    "E": ("<u4", 100.0),
-    "L": ("<i4", 1e7),
+    **{"b": ("<i1", 1.0), "B": ("<u1", 1.0), "M": ("<u1", 1.0), "g": ("<f2", 1.0), "h": ("<i2", 1.0)},
+    **{"H": ("<u2", 1.0), "i": ("<i4", 1.0), "I": ("<u4", 1.0), "f": ("<f4", 1.0), "d": ("<f8", 1.0)},
+    **{"q": ("<i8", 1.0), "Q": ("<u8", 1.0), "c": ("<i2", 100.0), "C": ("<u2", 100.0)},
+    **{"e": ("<i4", 100.0), "E": ("<u4", 100.0), "L": ("<i4", 1e7)},
 }
 MOST_INSTANCES = 256  # of a message; a byte numbers them
 TEXTS = {"n": 4, "N": 16, "Z": 64, "a": 64}  # bytes of the other characters; `a` is an array of 32 int16
@@ -272,7 +259,7 @@ class TextLog(Log):
             yield dict(zip(self.messages[name].columns, cells, strict=False))
 
 
-def _open(path: Path, progress: Progress = lambda _: None) -> Log:
+def _open(path: Path, progress: Progress = no_progress) -> Log:
     with path.open("rb") as file:
         binary = file.read(2) == HEADER
     return BinaryLog(path, progress) if binary else TextLog(path, progress)

@@ -16,6 +16,10 @@ Progress = Callable[[float], None]  # called with the share of a file that is re
 Contents = Mapping[str, tuple[str, ...]]  # names of the columns of every stream
 
 
+def no_progress(share: float) -> None:
+    """Ignore the share of a file that is read."""
+
+
 @dc.dataclass(frozen=True)
 class Stream:
     """Columns (n,) of one source, sampled together at t (n,) [s], in the units of the file.

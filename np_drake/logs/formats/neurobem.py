@@ -150,19 +150,14 @@ def read_wrenches(path: str | Path) -> WrenchSequence:
 
 
 def _renamed(table: Table) -> Table:
-    """Return the table under our column names, still in the data set's frames.
-
-    Raises: LogError: if a column is missing.
-    """
-    columns = {}
-    for field, sources in SOURCE_COLUMNS.items():
-        for source, name in zip(sources, COLUMNS[field], strict=True):
-            if source not in table.columns:
-                raise table.error("is missing; a NeuroBEM file has 29 columns.", column=source)
-            columns[name] = table.columns[source]
+    """Return the table under our column names, still in the data set's frames; LogError if a column is missing."""
     names = {
         s: n for field in SOURCE_COLUMNS for s, n in zip(SOURCE_COLUMNS[field], COLUMNS[field], strict=True)
     }
+    for source in names:
+        if source not in table.columns:
+            raise table.error("is missing; a NeuroBEM file has 29 columns.", column=source)
+    columns = {name: table.columns[source] for source, name in names.items()}
     unreadable = [(row, names.get(column, column), text) for row, column, text in table.unreadable]
     return Table(table.path, columns, unreadable, table.ragged)
 

@@ -13,6 +13,7 @@ from np_drake.logs.columns import Table
 from np_drake.logs.errors import LogError, optional_package, place
 from np_drake.logs.formats.format import Progress
 from np_drake.logs.formats.table_cells import Cell, require_names
+from np_drake.logs.importing.log_map import UNITS
 from np_drake.logs.text_lines import (
     MAX_COLUMNS,
     MAX_ROWS,
@@ -204,7 +205,7 @@ def _floats(pyarrow: Any, column: Any) -> np.ndarray:
     kind = column.type
     factor = 1.0
     if pyarrow.types.is_timestamp(kind) or pyarrow.types.is_duration(kind):
-        factor = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}[kind.unit]
+        factor = UNITS["time"][kind.unit]
         column = column.cast(pyarrow.int64())
     numbers = column.cast(pyarrow.float64(), safe=False).to_numpy(zero_copy_only=False)
     return np.asarray(numbers, float) * factor

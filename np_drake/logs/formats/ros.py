@@ -109,12 +109,9 @@ def _open(path: Path) -> Iterator[Bag]:
         except LogError:
             raise
         except Exception as error:  # whatever may be met in damaged bytes
-            raise LogError(f"{path}: must be a whole ROS bag; {_remedy(error)}") from error
+            remedy = "Copy it again, or mend it with `ros2 bag reindex` or `mcap recover`."
+            raise LogError(f"{path}: must be a whole ROS bag; {_one_line(error)}. {remedy}") from error
         yield bag
-
-
-def _remedy(error: Exception) -> str:
-    return f"{_one_line(error)}. Copy it again, or mend it with `ros2 bag reindex` or `mcap recover`."
 
 
 def _open_folder(bag: Bag, stack: contextlib.ExitStack) -> None:
@@ -123,7 +120,7 @@ def _open_folder(bag: Bag, stack: contextlib.ExitStack) -> None:
         files, mode = described(bag.path)
     except (ValueError, OSError) as error:
         files, mode = [f for f in bag.path.iterdir() if f.suffix in (".mcap", ".db3")], ""
-        files.sort(key=_by_number)
+        files.sort(key=lambda file: (len(file.name), file.name))  # bag_2 before bag_10
         if not files:
             raise
         bag.notes.append(f"metadata.yaml does not serve ({_one_line(error)}); its files are read one by one")
@@ -367,11 +364,6 @@ def _recognises(path: Path, start: bytes) -> bool:
     if path.is_dir():
         return (path / "metadata.yaml").exists() or any(f.suffix in (".mcap", ".db3") for f in path.iterdir())
     return start.startswith((MCAP, ROS1)) or (path.suffix == ".db3" and start.startswith(SQLITE))
-
-
-def _by_number(path: Path) -> tuple[int, str]:
-    """Order `bag_2` before `bag_10`."""
-    return len(path.name), path.name
 
 
 def _one_line(error: BaseException) -> str:

@@ -15,24 +15,12 @@ import struct
 from collections.abc import Callable, Mapping
 from typing import Any
 
-Types = Mapping[
-    str, tuple[Any, list[tuple[str, Any]]]
-]  # `fielddefs` of rosbags: constants and fields by type
+# `fielddefs` of rosbags: constants and fields by type.
+Types = Mapping[str, tuple[Any, list[tuple[str, Any]]]]
 BASE, NAME, ARRAY, SEQUENCE = 1, 2, 3, 4  # kinds of fields in them
-CODES = {
-    "bool": "?",
-    "byte": "B",
-    "char": "B",
-    "int8": "b",
-    "uint8": "B",
-    "int16": "h",
-    "uint16": "H",
-    "int32": "i",
-    "uint32": "I",
-    "int64": "q",
-    "uint64": "Q",
-    "float32": "f",
-    "float64": "d",
+CODES = {  # of `struct`
+    **{"bool": "?", "byte": "B", "char": "B", "int8": "b", "uint8": "B", "int16": "h", "uint16": "H"},
+    **{"int32": "i", "uint32": "I", "int64": "q", "uint64": "Q", "float32": "f", "float64": "d"},
 }
 LONGEST = 32  # elements of an array that become columns
 MOST_PARTS = 100_000  # messages, texts and sequences within a message; more are damage

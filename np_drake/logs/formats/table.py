@@ -13,20 +13,20 @@ from np_drake.logs.columns import COLUMNS
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats import parquet_file, table_text
 from np_drake.logs.formats.format import Contents, Format, Progress, Recording, Stream
-from np_drake.logs.importing.log_map import LogMap, Source
+from np_drake.logs.importing.log_map import UNITS, LogMap, Source
 from np_drake.logs.text_lines import BAD_GZIP
 
 STREAM = "table"
 TEXTS = (".csv", ".csv.gz", ".txt", ".txt.gz", ".tsv", ".tsv.gz")
 PARQUET = ".parquet"
-# Names of a time column, the first that is found, and what one of its units is worth [s].
-TIMES: dict[str, float] = {
+# Names of a time column, the first that is found, and its unit.
+TIMES = {
     **dict.fromkeys(
-        ("t", "time", "timestamp", "Time", "Timestamp", "T", "t_s", "time_s", "timestamp_s"), 1.0
+        ("t", "time", "timestamp", "Time", "Timestamp", "T", "t_s", "time_s", "timestamp_s"), "s"
     ),
-    **dict.fromkeys(("t_ms", "time_ms", "timestamp_ms", "TimeMS"), 1e-3),
-    **dict.fromkeys(("t_us", "time_us", "timestamp_us", "TimeUS"), 1e-6),
-    **dict.fromkeys(("t_ns", "time_ns", "timestamp_ns", "TimeNS"), 1e-9),
+    **dict.fromkeys(("t_ms", "time_ms", "timestamp_ms", "TimeMS"), "ms"),
+    **dict.fromkeys(("t_us", "time_us", "timestamp_us", "TimeUS"), "us"),
+    **dict.fromkeys(("t_ns", "time_ns", "timestamp_ns", "TimeNS"), "ns"),
 }
 
 
@@ -104,9 +104,8 @@ def read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Rec
     reader = parquet_file.read_columns if is_parquet(path) else table_text.read_columns
     columns, notes = reader(path, needed, progress)
     length = len(next(iter(columns.values()), ()))
-    t = columns[time] * TIMES[time] if time else np.full(length, np.nan)
-    unit = {1.0: "s", 1e-3: "ms", 1e-6: "us", 1e-9: "ns"}
-    clock = f"column {time} [{unit[TIMES[time]]}]" if time else "none of the known names"
+    t = columns[time] * UNITS["time"][TIMES[time]] if time else np.full(length, np.nan)
+    clock = f"column {time} [{TIMES[time]}]" if time else "none of the known names"
     stream = Stream(t, {name: columns[name] for name in names})
     return Recording(str(path), {STREAM: stream}, {"clock": clock}, tuple(notes))
 

@@ -10,10 +10,11 @@ import numpy as np
 
 from np_drake.files.input_file import text_budget
 from np_drake.logs.formats.format import Progress
-from np_drake.logs.text_lines import BAD_GZIP, MAX_ROWS, GrowingColumns, is_gzip, too_large, too_long
+from np_drake.logs.formats.table_cells import NAN
+from np_drake.logs.text_lines import BAD_GZIP, GrowingColumns, is_gzip, too_large
 
 BLOCK_BYTES = 1 << 20
-NULLS = ["", "nan", "NaN", "NAN", "null", "NULL", "Null", "none", "None", "NA", "N/A", "n/a"]
+NULLS = ["NaN", *sorted({form for word in NAN for form in (word, word.upper(), word.capitalize())})]
 
 
 def read_numbers(
@@ -22,7 +23,13 @@ def read_numbers(
     """Return columns (n,) by name, or None where this way cannot read them: without pyarrow, or with other cells.
 
     The caller then reads row by row, and finds the place of an error.
-    Args:   width: columns of the file.   positions: of the columns in a row.
+
+    Args:
+        path: of the file.
+        delimiter: of its cells.
+        width: number of its columns.
+        positions: of the wanted columns in a row, by name.
+        progress: called with the share that is read [1].
     Raises: LogError: beyond the limits of size.
     """
     try:
@@ -38,8 +45,6 @@ def read_numbers(
             for batch in _batches(pyarrow, source, delimiter, width, asked):
                 columns.add([batch.column(name).to_numpy(zero_copy_only=False) for name in asked])
                 progress(source.share)
-                if len(columns) > MAX_ROWS:
-                    raise too_long(path)
         except (pyarrow.ArrowException, OSError, *BAD_GZIP):
             return None
     progress(1.0)

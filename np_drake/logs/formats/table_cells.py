@@ -33,11 +33,6 @@ class Cell:
         return [f"{self.name}[{i}]" for i in range(self.size)]
 
 
-def make_cell(name: str, position: int, text: str) -> Cell:
-    """Return the shape of a column from the text of its first cell."""
-    return Cell(name, position, len(_split(text)) if is_list(text) else None)
-
-
 def is_list(text: str) -> bool:
     """Return whether a cell holds a list."""
     return text.lstrip().startswith(_OPENING)
@@ -68,7 +63,7 @@ def parse_list(text: str, size: int) -> list[float]:
         return [float("nan")] * size
     if not is_list(text):
         raise ValueError(text)
-    parts = _split(text)
+    parts = split_list(text)
     if len(parts) != size:
         raise ValueError(text)
     return [parse_number(part) for part in parts]
@@ -96,5 +91,6 @@ def require_names(path: object, names: Sequence[str]) -> None:
         raise LogError(f"{path}, column {twice[0]}: must stand once in the header.")
 
 
-def _split(text: str) -> list[str]:
+def split_list(text: str) -> list[str]:
+    """Return the items of a list, row by row where it holds lists."""
     return text.translate(_BRACKETS).split()

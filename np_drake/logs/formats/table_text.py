@@ -15,31 +15,25 @@ from np_drake.logs.formats.table_arrow import read_numbers
 from np_drake.logs.formats.table_cells import (
     Cell,
     complaint,
-    make_cell,
+    is_list,
     parse_list,
     parse_number,
     require_names,
+    split_list,
 )
-from np_drake.logs.text_lines import MAX_ROWS, GrowingColumns, read_lines, too_long
+from np_drake.logs.text_lines import GrowingColumns, read_lines
 
 DELIMITERS = (",", ";", "\t")
-BLOCK_ROWS = 4096  # that are held as Python numbers at once
-BLOCK_NUMBERS = 1 << 18  # as many numbers at most
 
 Row = tuple[int, list[str]]  # number of its last line, counted from 1, and its cells
 
 
 @dc.dataclass(frozen=True)
 class Layout:
-    """Layout of a text table.
-
-    header: all names, in the file's order; an empty one is of a column that is not read.   lines: those before the
-    first row.   cells: columns with a name.
-    """
+    """Layout of a text table. width: number of columns.   cells: those with a name; others are not read."""
 
     delimiter: str
-    header: tuple[str, ...]
-    lines: int
+    width: int
     cells: tuple[Cell, ...]
 
     @property
@@ -60,10 +54,11 @@ def read_layout(path: Path) -> Layout:
         delimiter = find_delimiter(header)
         names = split_header(header)
         check_header(path, [name or f"column {i + 1}" for i, name in enumerate(names)])
-        _, first = next(_rows(path, lines, delimiter, 1), (0, []))
+        _, first = next(_rows(path, lines, delimiter), (0, []))
     first += [""] * (len(names) - len(first))
-    cells = [make_cell(name, i, first[i]) for i, name in enumerate(names) if name]
-    layout = Layout(delimiter, tuple(names), 1, tuple(cells))
+    sizes = [len(split_list(text)) if is_list(text) else None for text in first]
+    cells = [Cell(name, i, sizes[i]) for i, name in enumerate(names) if name]
+    layout = Layout(delimiter, len(names), tuple(cells))
     require_names(path, layout.names)
     return layout
 
@@ -90,87 +85,67 @@ def read_columns(
     """Return columns (n,) by name, and notes; memory is that of the numbers that are asked for.
 
     Tables of plain numbers are read with pyarrow where it is installed: much faster, and equal bit for bit.
+
+    Args:
+        path: of the file.
+        names: of the columns of numbers that are wanted.
+        progress: called with the share that is read [1].
     Raises: LogError: one line with file, row and column, at a cell that is no number or a row of a wrong length.
     """
     layout = read_layout(path)
     wanted = [cell for cell in layout.cells if not set(cell.names).isdisjoint(names)]
     if all(cell.size is None for cell in wanted):
         positions = {cell.name: cell.position for cell in wanted}
-        columns = read_numbers(path, layout.delimiter, len(layout.header), positions, progress)
+        columns = read_numbers(path, layout.delimiter, layout.width, positions, progress)
         if columns is not None:
             return {name: columns[name] for name in names}, []
-    return _read_rows(path, layout, wanted, names, progress)
-
-
-def _read_rows(
-    path: Path, layout: Layout, wanted: list[Cell], names: Sequence[str], progress: Progress
-) -> tuple[dict[str, np.ndarray], list[str]]:
-    table = _Numbers(path, wanted, len(layout.header), names)
+    table = _Numbers(path, wanted, layout.width, names)
     with closing(read_lines(path, progress, errors="replace")) as lines:
         next(lines)
-        for line, cells in _rows(path, lines, layout.delimiter, layout.lines):
+        for line, cells in _rows(path, lines, layout.delimiter):
             table.add(line, cells)
     progress(1.0)
     return table.finish()
 
 
-def _rows(path: Path, lines: Iterable[str], delimiter: str, before: int) -> Iterator[Row]:
-    """Yield the rows that are not blank.
-
-    Raises: LogError: at a quote that is not closed within a cell's longest text.
-    """
+def _rows(path: Path, lines: Iterable[str], delimiter: str) -> Iterator[Row]:
+    """Yield the rows after the header that are not blank; LogError at a quote that is not closed."""
     reader = csv.reader(lines, delimiter=delimiter)
     try:
         for cells in reader:
             if cells and (len(cells) > 1 or cells[0].strip()):
-                yield reader.line_num + before, cells
+                yield reader.line_num + 1, cells
     except csv.Error as error:
-        raise LogError(
-            f"{path}, line {reader.line_num + before}: must be a row of cells; {error}."
-        ) from error
+        raise LogError(f"{path}, line {reader.line_num + 1}: must be a row of cells; {error}.") from error
 
 
 class _Numbers:
-    """Numbers of the wanted columns, the last rows as lists."""
+    """Numbers of the wanted columns."""
 
     def __init__(self, path: Path, wanted: list[Cell], width: int, names: Sequence[str]) -> None:
         held = [name for cell in wanted for name in cell.names]
         self._path, self._wanted, self._width = path, wanted, width
         self._picks = [held.index(name) for name in names]
-        self._scalars = [c.position for c in wanted] if all(c.size is None for c in wanted) else None
+        plain = all(cell.size is None for cell in wanted)
+        self._scalars = [wanted[i].position for i in self._picks] if plain else None
         self._columns = GrowingColumns(path, names)
-        self._block: list[list[float]] = []
-        self._block_rows = max(1, min(BLOCK_ROWS, BLOCK_NUMBERS // max(len(held), 1)))
-        self._count = 0
         self._short: tuple[int, int] | None = None  # line and cells of a row of a wrong length, if the last
 
     def add(self, line: int, cells: list[str]) -> None:
-        """Append a row; one of a wrong length is an error if another follows it.
-
-        Raises: LogError: as above, at a cell that is no number, or beyond `MAX_ROWS`.
-        """
+        """Append a row; LogError at a cell that is no number, and at a row of a wrong length that another follows."""
         if self._short is not None:
             raise self._ragged(*self._short)
         if len(cells) != self._width and not self._mended(cells):
             self._short = line, len(cells)
             return
-        self._block.append(self._parse(line, cells))
-        self._count += 1
-        if len(self._block) >= self._block_rows:
-            self._flush()
-        if self._count > MAX_ROWS:
-            raise too_long(self._path)
+        self._columns.append(self._parse(line, cells))
 
     def finish(self) -> tuple[dict[str, np.ndarray], list[str]]:
-        """Return the columns, and a note where the last row was cut off.
-
-        Raises: LogError: if the last row has too many cells.
-        """
-        self._flush()
+        """Return the columns, and a note where the last row was cut off; LogError if it has too many cells."""
         notes = []
         if self._short is not None:
             line, count = self._short
-            if count > self._width or not self._count:
+            if count > self._width or not len(self._columns):
                 raise self._ragged(line, count)
             notes = [f"line {line}, the last, is cut off: it has {count} of {self._width} cells; left out"]
         return self._columns.arrays(), notes
@@ -194,20 +169,15 @@ class _Numbers:
             try:
                 numbers += [parse_number(text)] if cell.size is None else parse_list(text, cell.size)
             except ValueError:
-                where = place(
-                    self._path, column=cell.name, row=self._count, header_lines=line - self._count - 1
-                )
-                raise LogError(f"{where}: {complaint(text, cell.size)}") from None
-        return numbers
+                raise LogError(f"{self._where(line, cell.name)}: {complaint(text, cell.size)}") from None
+        return [numbers[i] for i in self._picks]
 
-    def _flush(self) -> None:
-        if self._block:
-            block = np.array(self._block).T
-            self._columns.add(block[self._picks])
-            self._block = []
+    def _where(self, line: int, column: str | None = None) -> str:
+        """Return the place of the next row, which ends at a line, for a message."""
+        row = len(self._columns)
+        return place(self._path, column=column, row=row, header_lines=line - row - 1)
 
     def _ragged(self, line: int, count: int) -> LogError:
-        where = place(self._path, row=self._count, header_lines=line - self._count - 1)
         return LogError(
-            f"{where}: must have {self._width} cells as the header does; got {count}. Export it again."
+            f"{self._where(line)}: must have {self._width} cells as the header does; got {count}. Export it again."
         )

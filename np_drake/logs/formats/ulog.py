@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 
 from np_drake.logs.errors import LogError
-from np_drake.logs.formats.format import Contents, Format, Progress, Recording, Stream
+from np_drake.logs.formats.format import Contents, Format, Progress, Recording, Stream, no_progress
 from np_drake.logs.formats.ulog_map import ROTOR_COLUMN, default_map
-from np_drake.logs.formats.ulog_parser import Guarded, parse, silent, stream_name
+from np_drake.logs.formats.ulog_parser import Guarded, parse, stream_name
 
 MAGIC = b"\x55\x4c\x6f\x67\x01\x12\x35"
 LONGEST_DELAY = 1_000_000  # of a message; beyond, timestamp_sample means something else [us]
@@ -70,7 +70,7 @@ def contents(path: Path) -> Contents:
     Raises: LogError: if it is no ULog file, or pyulog is not installed.
     """
     path = Path(path)
-    log, subscriptions, _ = parse(path, PROBED, silent)
+    log, subscriptions, _ = parse(path, PROBED, no_progress)
     unused: dict[str, set[str]] = {}
     rates: dict[str, float] = {}
     for data in log.data_list:

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from np_drake.logs.errors import LogError, optional_package
-from np_drake.logs.formats.format import Progress
+from np_drake.logs.formats.format import Progress, no_progress
 
 LARGEST_MESSAGE = 65_535  # [bytes], its size is a uint16
 DEEPEST = 16  # messages in messages
@@ -94,7 +94,7 @@ def parse(path: Path, names: Sequence[str], progress: Progress) -> tuple[Any, li
         try:
             with contextlib.redirect_stdout(io.StringIO()):  # pyulog prints its warnings
                 file.seek(0)
-                head = pyulog.ULog(Guarded(file, size, silent), parse_header_only=True)
+                head = pyulog.ULog(Guarded(file, size, no_progress), parse_header_only=True)
                 _require_onward(head)
                 fields = _field_counts(head.message_formats)
                 file.seek(0)
@@ -189,7 +189,3 @@ def _field_counts(formats: Mapping[str, Any]) -> dict[str, int]:
 def stream_name(message: str, instance: int) -> str:
     """Return the name of a stream: that of its message, and from the second instance on its number."""
     return f"{message}.{instance}" if instance else message
-
-
-def silent(share: float) -> None:
-    """Say nothing of the progress."""

@@ -32,12 +32,11 @@ def airborne(t: np.ndarray, p: np.ndarray, lift: np.ndarray | None) -> slice:
     if start >= stop:
         return slice(0, len(t))  # it drifts about one place
     usual = None if lift is None else float(np.median(lift[start:stop]))
-    begins_still = (
-        usual is None or lift is None or float(np.median(lift[: max(start // 2, 1)])) < RUNNING * usual
-    )
-    ends_still = (
-        usual is None or lift is None or float(np.median(lift[(stop + len(t)) // 2 :])) < RUNNING * usual
-    )
+
+    def rests(end: slice) -> bool:
+        return usual is None or lift is None or float(np.median(lift[end])) < RUNNING * usual
+
+    begins_still, ends_still = rests(slice(max(start // 2, 1))), rests(slice((stop + len(t)) // 2, None))
     return slice(start if begins_still else 0, stop if ends_still else len(t))
 
 

@@ -9,8 +9,8 @@ import numpy as np
 
 from np_drake.flight_log import FlightLog
 from np_drake.logs.errors import LogError
-from np_drake.logs.formats import Format, format_named, format_of
-from np_drake.logs.formats.format import Progress, by_stream
+from np_drake.logs.formats import format_of
+from np_drake.logs.formats.format import Format, Progress, by_stream, no_progress
 from np_drake.logs.gaps import LONGEST as LONGEST_GAP
 from np_drake.logs.import_sheet import Sheet
 from np_drake.logs.importing.airborne import (
@@ -65,7 +65,7 @@ def import_log(
     *,
     rate: float = 0.0,
     adopt: bool = False,
-    on_progress: Progress = lambda share: None,
+    on_progress: Progress = no_progress,
 ) -> Imported:
     """Read a flight log of another format.
 
@@ -113,7 +113,8 @@ def import_log(
 def _map_for(
     path: Path, log_map: LogMap | MapFile | None
 ) -> tuple[Format, Mapping[str, tuple[str, ...]], LogMap]:
-    known = _format(path, log_map.values if isinstance(log_map, MapFile) else log_map)
+    given = log_map.values if isinstance(log_map, MapFile) else log_map
+    known = format_of(path, given.format if given else "")
     contents = known.contents(path)
     if isinstance(log_map, MapFile):
         found: LogMap | None = log_map.over(known.default_map(contents))
@@ -126,15 +127,6 @@ def _map_for(
             f"docs/reference/log-map.md). It has {names[:200]} …"
         )
     return known, contents, found.check()
-
-
-def _format(path: Path, log_map: LogMap | None) -> Format:
-    if log_map is None or not log_map.format:
-        return format_of(path)
-    try:
-        return format_named(log_map.format)
-    except ValueError as error:
-        raise LogError(f"{path}: the map's {error}") from None
 
 
 def _with_rate(log_map: LogMap, rate: float, path: str) -> LogMap:

@@ -8,7 +8,7 @@ from scipy.signal import butter, filtfilt
 from scipy.spatial.transform import Rotation
 
 from np_drake.logs.errors import LogError
-from np_drake.logs.formats import format_named, format_of
+from np_drake.logs.formats import format_of
 from np_drake.logs.formats.format import Stream, by_stream
 from np_drake.logs.formats.neural_fly import NEURAL_FLY
 
@@ -45,7 +45,7 @@ def test_what_was_written_is_read_bit_for_bit(tmp_path, write_neural_fly):
     made = Stream(0.02 * np.arange(30), {name: draw.normal(size=30) for name in names})
     for path in (tmp_path / "made.csv", tmp_path / "made.csv.gz"):
         write_neural_fly(path, {"table": made})
-        assert format_of(path) is format_named("neural_fly")
+        assert format_of(path) is NEURAL_FLY
         dut = NEURAL_FLY.read(path, {"table": list(names)}, lambda _: None)
         np.testing.assert_array_equal(dut.streams["table"].t, made.t)
         for name in names:

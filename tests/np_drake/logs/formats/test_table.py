@@ -224,8 +224,7 @@ def test_what_fills_the_memory_is_refused(tmp_path, monkeypatch, way):
         read(tmp_path / "long.csv", "x") if way == "plain" else list(
             text_lines.read_lines(tmp_path / "long.csv")
         )
-    for module in ("table_text", "table_arrow"):
-        monkeypatch.setattr(f"np_drake.logs.formats.{module}.MAX_ROWS", 10)
+    monkeypatch.setattr(text_lines, "MAX_ROWS", 10)
     (tmp_path / "rows.csv").write_text("t,x\n" + "1,2\n" * 11)
     with pytest.raises(LogError, match=r"at most .* rows"):
         read(tmp_path / "rows.csv", "x")
