@@ -47,7 +47,11 @@ def body_z(q: np.ndarray) -> np.ndarray:
 
 
 def multiply(p: np.ndarray, q: np.ndarray) -> np.ndarray:
-    """Return the Hamilton product p q, (..., 4)."""
+    """Return the Hamilton product p q, (..., 4).
+
+    Args:
+        p, q: (..., 4) quaternions; q turns first.
+    """
     pw, px, py, pz = _components(p)
     qw, qx, qy, qz = _components(q)
     return _vector(
@@ -59,7 +63,12 @@ def multiply(p: np.ndarray, q: np.ndarray) -> np.ndarray:
 
 
 def quaternion_rate(q: np.ndarray, w_WB_B: np.ndarray) -> np.ndarray:
-    """Return dq/dt = q * [0, w] / 2, (..., 4) [1/s], for body rates w_WB_B (..., 3) [rad/s]."""
+    """Return dq/dt = q * [0, w] / 2, (..., 4) [1/s].
+
+    Args:
+        q: (..., 4) attitude.
+        w_WB_B: (..., 3) body rates [rad/s].
+    """
     w, x, y, z = _components(q)
     a, b, c = _components(w_WB_B)
     return 0.5 * _vector(
@@ -76,12 +85,22 @@ def skew(r: np.ndarray) -> np.ndarray:
 
 
 def rotate(q: np.ndarray, r_B: np.ndarray) -> np.ndarray:
-    """Return a body vector r_B (..., 3) in W, for quaternions q (..., 4)."""
+    """Return a body vector in W, (..., 3).
+
+    Args:
+        q: (..., 4) attitude.
+        r_B: (..., 3) vector in B.
+    """
     return (rotation_matrix(q) @ r_B[..., None])[..., 0]
 
 
 def rotate_back(q: np.ndarray, r_W: np.ndarray) -> np.ndarray:
-    """Return a world vector r_W (..., 3) in B, for quaternions q (..., 4)."""
+    """Return a world vector in B, (..., 3).
+
+    Args:
+        q: (..., 4) attitude.
+        r_W: (..., 3) vector in W.
+    """
     if r_W.ndim == 1 and np.ndim(q) == 1:
         return _transposed_times(*_entries(*np.asarray(q, float).tolist()), *r_W.tolist())
     return (r_W[..., None, :] @ rotation_matrix(q))[..., 0, :]
@@ -92,16 +111,25 @@ def _transposed_times(a, b, c, d, e, f, g, h, i, x, y, z) -> np.ndarray:
 
 
 def one_hemisphere(q: np.ndarray, q_near: np.ndarray) -> np.ndarray:
-    """Flip signs so that each quaternion (n, 4) lies near its predecessor, the first near `q_near` (4,)."""
+    """Flip signs so that each quaternion lies near its predecessor; q and -q are one attitude.
+
+    Args:
+        q: (n, 4) sequence.
+        q_near: (4,) before the first.
+    """
     chain = np.vstack([q_near, q])
     flips = np.where(np.sum(chain[1:] * chain[:-1], axis=1) < 0, -1.0, 1.0)
     return q * np.cumprod(flips)[:, None]
 
 
 def quaternion_from_axes(z_B_W: np.ndarray, yaw: np.ndarray | float) -> np.ndarray:
-    """Return the attitude (..., 4) with body z along the unit vector `z_B_W` (..., 3) and heading `yaw` [rad].
+    """Return the attitude (..., 4) of a thrust direction and a heading.
 
     The shortest tilt from world z to `z_B_W` after a turn by `yaw`; singular only upside down.
+
+    Args:
+        z_B_W: (..., 3) unit vector of body z in W.
+        yaw: (...) heading [rad].
     """
     zx, zy, zz = _components(z_B_W)
     w = np.sqrt(np.maximum(0.5 * (1 + zz), 1e-12))

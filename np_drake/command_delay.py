@@ -104,7 +104,7 @@ class DelayFilter:
     @staticmethod
     def _likeliest(squares: np.ndarray, samples: float, believed: int) -> np.ndarray:
         """Return the delay of the highest posterior probability (1,) [periods / FINE]."""
-        logarithm = log_likelihood(squares, samples / SHARED).max(axis=0)
+        logarithm = _log_likelihood(squares, samples / SHARED).max(axis=0)
         logarithm[believed] += believed_before(len(logarithm))
         return np.array([float(np.argmax(logarithm))])
 
@@ -113,7 +113,7 @@ class DelayFilter:
         return float(memory["delay"][0]) * self.step / FINE
 
 
-def log_likelihood(squares: np.ndarray, samples: float) -> np.ndarray:
+def _log_likelihood(squares: np.ndarray, samples: float) -> np.ndarray:
     """Return that of normal steps with the mean squares (…, 3), each channel's variance unknown, (…,) [1]."""
     return -0.5 * samples * np.log(squares + 1e-300).sum(axis=-1)
 
@@ -124,7 +124,12 @@ def believed_before(count: int) -> float:
 
 
 def newest_first(sent: np.ndarray, u: np.ndarray) -> np.ndarray:
-    """Return the commands sent (KEPT, 4) with one more, the newest first; one with NaN is taken as the last again."""
+    """Return the commands sent with one more, the newest first, (KEPT, 4).
+
+    Args:
+        sent: (KEPT, 4) commands, the newest first [N, N·m].
+        u: (4,) new command; one with NaN is taken as the last again.
+    """
     new = np.empty_like(sent)
     new[0], new[1:] = u if finite(u) else sent[0], sent[:-1]
     return new

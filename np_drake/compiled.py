@@ -53,7 +53,12 @@ def finite(values):
 
 @compiled
 def turned(w, x, y, z, a, b, c):
-    """Return the vector (a, b, c) in B turned to W by the unit quaternion (w, x, y, z); its conjugate turns back."""
+    """Return a vector in B turned to W; the conjugate quaternion turns back.
+
+    Args:
+        w, x, y, z: unit quaternion.
+        a, b, c: vector.
+    """
     i, j, k = y * c - z * b, z * a - x * c, x * b - y * a
     return (
         a + 2 * (w * i + y * k - z * j),

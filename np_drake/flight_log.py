@@ -51,7 +51,11 @@ class FlightLog:
         return float(np.median(np.diff(self.t)))
 
     def rows(self, start: int, stop: int) -> "FlightLog":
-        """Return the rows start … stop-1 as a separate log."""
+        """Return a part of the flight as a separate log.
+
+        Args:
+            start, stop: its first row, and the one after its last.
+        """
         cut = {f.name: getattr(self, f.name) for f in dc.fields(self)}
         for name, value in cut.items():
             if isinstance(value, np.ndarray):

@@ -82,6 +82,10 @@ def labelled(vehicle: Vehicle, model: object) -> Vehicle:
     """Return the vehicle that the labels for `model` assume, with the rotor lag that the model has learned.
 
     A lag named in the vehicle's file takes precedence.
+
+    Args:
+        vehicle: nominal vehicle.
+        model: residual model that reads labels.
     """
     lag = model.rotor_lag if isinstance(model, KnowsRotorLag) else 0.0
     return dc.replace(vehicle, rotor_time_constant=vehicle.rotor_time_constant or lag)

@@ -5,9 +5,12 @@ from scipy.stats import t as student
 
 
 def tracking_errors(p: np.ndarray, p_ref: np.ndarray) -> dict[str, float]:
-    """Return E_xy, E_z and position_rmse of positions p against p_ref, (n, 3) each [m].
+    """Return E_xy, E_z and position_rmse [m].
 
     E_xy = sqrt(mean(ex² + ey²)), E_z = sqrt(mean(ez²)).
+
+    Args:
+        p, p_ref: (n, 3) positions flown and wanted [m].
     """
     square = np.mean((p - p_ref) ** 2, axis=0)
     return {
@@ -18,9 +21,10 @@ def tracking_errors(p: np.ndarray, p_ref: np.ndarray) -> dict[str, float]:
 
 
 def error_growth(p: np.ndarray, p_ref: np.ndarray) -> float:
-    """Return E_xy of the last third of a flight over that of its first third [1].
+    """Return E_xy of the last third of a flight over that of its first third [1]; above 1 where a swing grows.
 
-    It is well above 1 where a swing grows.   Args: p, p_ref: (n, 3) [m].
+    Args:
+        p, p_ref: (n, 3) positions flown and wanted [m].
     """
     third = max(len(p) // 3, 1)
     first = tracking_errors(p[:third], p_ref[:third])["E_xy"]
@@ -28,7 +32,11 @@ def error_growth(p: np.ndarray, p_ref: np.ndarray) -> float:
 
 
 def wrench_rmse(chi_hat: np.ndarray, chi: np.ndarray) -> dict[str, float]:
-    """Return the RMS of the norm of chi_hat - chi, (n, 6) each, for force [N] and torque [N·m]."""
+    """Return the RMS of the norm of the error, for force [N] and torque [N·m].
+
+    Args:
+        chi_hat, chi: (n, 6) predicted and true wrench [N, N·m].
+    """
     error = chi_hat - chi
     return {
         "force": float(np.sqrt(np.mean(np.sum(error[:, :3] ** 2, axis=1)))),
@@ -52,7 +60,12 @@ _APART = 0.3  # between peaks at least: a third of the half period of a 0.8 m te
 
 
 def peaks(t: np.ndarray, distance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return times [s] and heights [m] of the turning points above `FLOOR`; t, distance: (n,) at even steps."""
+    """Return times [s] and heights [m] of the turning points above `FLOOR`.
+
+    Args:
+        t: (n,) at even steps [s].
+        distance: (n,) horizontal distance [m].
+    """
     reach = max(1, round(_APART / (t[1] - t[0])))
     inner = np.arange(reach, len(t) - reach)
     windows = np.lib.stride_tricks.sliding_window_view(distance, 2 * reach + 1)
@@ -62,16 +75,23 @@ def peaks(t: np.ndarray, distance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def decay_rate(t: np.ndarray, distance: np.ndarray) -> float:
-    """Return the slope of the logarithm of the peaks, negative for a decaying swing [1/s].
+    """Return the slope of the logarithm of the peaks, negative for a decaying swing [1/s]; NaN with fewer than three.
 
-    NaN with fewer than three peaks.   Args: t: (n,) [s].   distance: (n,) horizontal distance [m].
+    Args:
+        t: (n,) at even steps [s].
+        distance: (n,) horizontal distance [m].
     """
     when, height = peaks(t, distance)
     return float(np.polyfit(when, np.log(height), 1)[0]) if len(when) > 2 else float("nan")
 
 
 def settling_time(t: np.ndarray, distance: np.ndarray) -> float:
-    """Return the time from t[0] until the distance stays below `SETTLED` [s]; inf if above it in the last second."""
+    """Return the time from t[0] until the distance stays below `SETTLED` [s]; inf if above it in the last second.
+
+    Args:
+        t: (n,) at even steps [s].
+        distance: (n,) horizontal distance [m].
+    """
     above = np.flatnonzero(distance >= SETTLED)
     if len(above) == 0:
         return 0.0

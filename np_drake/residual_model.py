@@ -153,7 +153,10 @@ class FlightCourse(Protocol):
     def at(
         self, horizons: list[int], origins: np.ndarray, zeta: np.ndarray, *, zeta_known: bool
     ) -> np.ndarray:
-        """Return chi_hat (o, len(horizons), 6), see `FlightForecasts`."""
+        """Return chi_hat (o, len(horizons), 6).
+
+        Args: as `FlightForecasts.at`.
+        """
         ...
 
 
@@ -162,7 +165,12 @@ class ForecastsWholeFlights(Protocol):
     """A residual model that can forecast all samples of a flight at once, with the results of one by one."""
 
     def along(self, chi: np.ndarray, zeta: np.ndarray) -> FlightCourse | None:
-        """Return the forecasts for chi, zeta (n, 6) without gaps; None where this model cannot."""
+        """Return the forecasts of a flight; None where this model cannot.
+
+        Args:
+            chi: (n, 6) labels without gaps [N, N·m].
+            zeta: (n, 6) motion without gaps [m/s, rad/s].
+        """
         ...
 
 
@@ -185,7 +193,14 @@ class ReadsPlan(Protocol):
     """A residual model that forecasts the wrench along an intended motion."""
 
     def forecast_along(self, memory: Memory, plan: Plan, *, horizon: int, stride: int) -> WrenchForecast:
-        """Return the forecast over `horizon` steps of `stride * self.step` seconds, at best where `plan` is flown."""
+        """Return the forecast, at best where the plan is flown.
+
+        Args:
+            memory: of the samples until now.
+            plan: intended motion.
+            horizon: number of steps.
+            stride: samples of `self.step` seconds in a step.
+        """
         ...
 
 
@@ -210,16 +225,31 @@ class ResidualModel(Protocol):
         """Return the memory after one more sample.
 
         A sample with NaN must leave a usable memory.
+
+        Args:
+            memory: of the samples before.
+            sample: of now.
         """
         ...
 
     def forecast(self, memory: Memory, *, horizon: int, stride: int) -> WrenchForecast:
-        """Return the forecast over `horizon` steps of `stride * self.step` seconds each."""
+        """Return the forecast from the memory.
+
+        Args:
+            memory: of the samples until now.
+            horizon: number of steps.
+            stride: samples of `self.step` seconds in a step.
+        """
         ...
 
 
 def constant_forecast(chi: np.ndarray, horizon: int) -> WrenchForecast:
-    """Return a forecast that holds `chi` (6,) over the horizon, or follows a given trajectory (horizon, 6)."""
+    """Return a forecast that holds a wrench, or follows a given trajectory.
+
+    Args:
+        chi: (6,), or (horizon, 6) [N, N·m].
+        horizon: number of steps.
+    """
     offset = np.broadcast_to(np.asarray(chi, float), (horizon, 6))
     return WrenchForecast(np.zeros((0, 0)), np.zeros((0, 6)), np.zeros((6, 0)), np.zeros(0), offset)
 

@@ -80,5 +80,10 @@ def _residual_wrench(q, w, a, al, u, mass, gravity, J, out):
 
 
 def to_spatial_force(chi: np.ndarray, q: np.ndarray) -> np.ndarray:
-    """Convert chi (6,) at attitude q (4,) to Drake's order F_Bo_W = [tau in W; f in W] (6,) [N·m, N]."""
+    """Return a wrench in Drake's order, F_Bo_W = [tau in W; f in W] (6,) [N·m, N].
+
+    Args:
+        chi: (6,) [f in W, tau in B] [N, N·m].
+        q: (4,) attitude.
+    """
     return np.concatenate([attitude.rotate(q, chi[..., 3:6]), chi[..., :3]], axis=-1)

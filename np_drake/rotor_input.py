@@ -12,6 +12,9 @@ from np_drake.vehicle import Vehicle
 def with_rotor_input(log: FlightLog, vehicle: Vehicle) -> FlightLog:
     """Return the log with u from measured rotor speed and the vehicle file (`input: rotor_speed`).
 
+    Args:
+        log: with measured rotor speed.
+        vehicle: that turns it into thrust and torque.
     Raises: ValueError: where the log has no rotor columns.
     """
     if log.rotor is None:
@@ -26,6 +29,10 @@ def acting_command(log: FlightLog, vehicle: Vehicle) -> np.ndarray:
 
     Without lag: row k's command. With lag: rotor speed is continuous, so row k shows commands
     0 … k-1. Measured rotor speed (`log.input`) needs no lag.
+
+    Args:
+        log: of one flight.
+        vehicle: with the rotors' lag.
     """
     decay = rotor_decay(vehicle, log.step)
     if decay == 0.0 or log.input == "rotor_speed":
@@ -44,16 +51,31 @@ def acting_command(log: FlightLog, vehicle: Vehicle) -> np.ndarray:
 
 
 def rotor_decay(vehicle: Vehicle, step: float) -> float:
-    """Return exp(-step / rotor_time_constant), 0 without lag [1]; `step` in [s]."""
+    """Return exp(-step / rotor_time_constant), 0 without lag [1].
+
+    Args:
+        vehicle: with the rotors' lag.
+        step: between samples [s].
+    """
     lag = vehicle.rotor_time_constant
     return float(np.exp(-step / lag)) if lag > 0 else 0.0
 
 
 def rotor_speed(vehicle: Vehicle, u: np.ndarray) -> np.ndarray:
-    """Return the rotor speed (..., 4) [rad/s] that gives u (..., 4) [N, N·m]; no rotor pulls downwards."""
+    """Return the rotor speed (..., 4) that gives an input; no rotor pulls downwards [rad/s].
+
+    Args:
+        vehicle: nominal vehicle.
+        u: (..., 4) [f_u, tau_m] [N, N·m].
+    """
     return np.sqrt(np.maximum(u @ vehicle.unmixer.T, 0.0) / vehicle.thrust_coefficient)
 
 
 def rotor_wrench(vehicle: Vehicle, speed: np.ndarray) -> np.ndarray:
-    """Return u = [f_u, tau_m] (..., 4) [N, N·m] of rotor speeds (..., 4) [rad/s]."""
+    """Return u = [f_u, tau_m] (..., 4) of rotor speeds [N, N·m].
+
+    Args:
+        vehicle: nominal vehicle.
+        speed: (..., 4) [rad/s].
+    """
     return (vehicle.thrust_coefficient * np.square(speed)) @ vehicle.mixer.T

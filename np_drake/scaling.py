@@ -112,9 +112,13 @@ def numbers(vehicle: Vehicle) -> Numbers:
 
 
 def similar(vehicle: Vehicle, length: float) -> Vehicle:
-    """Return the vehicle `length` times as long that flies alike: mass by its cube, time by its root, gravity kept.
+    """Return a larger or smaller vehicle that flies alike: mass by the cube, time by the root, gravity kept.
 
     Thrust then scales as mass. Rotor speed scales as the inverse of time, and tip speed as its root.
+
+    Args:
+        vehicle: to be scaled.
+        length: ratio of lengths [1].
     """
     mass, time = length**3, math.sqrt(length)
     return dc.replace(
@@ -132,7 +136,12 @@ def similar(vehicle: Vehicle, length: float) -> Vehicle:
 
 
 def times(value, ratio: float):
-    """Return a number, or every number of a list, multiplied by `ratio`."""
+    """Return a number, or every number of a list, multiplied by `ratio`.
+
+    Args:
+        value: number, or list of numbers.
+        ratio: [1].
+    """
     return [v * ratio for v in value] if isinstance(value, list | tuple) else value * ratio
 
 

@@ -68,6 +68,10 @@ def estimate(measured: Measured, name: str = "mine") -> Vehicle:
     Thrust coefficient: C_T rho D⁴ / (2 pi)². Torque over thrust, from momentum theory: the power Omega Q of a propeller
     of disc area A that hovers at thrust T is T sqrt(T / (2 rho A)) over its figure of merit, hence
     Q / T = D sqrt(2 C_T / pi) / (2 pi FM). Largest thrust: a quarter of the weight over throttle to the curve's power.
+
+    Args:
+        measured: what the owner knows.
+        name: of the vehicle.
     """
     m = measured.check()
     L, D = 0.5 * m.wheelbase, m.propeller
@@ -95,7 +99,10 @@ CORNERS = ((1, 1), (1, -1), (-1, -1), (-1, 1))  # front left, front right, rear 
 
 
 def commented_file(measured: Measured, name: str = "mine") -> str:
-    """Return the vehicle file (YAML) of `estimate`, with unit and origin of every value in comments."""
+    """Return the vehicle file (YAML) of `estimate`, with unit and origin of every value in comments.
+
+    Args: as `estimate`.
+    """
     v, m = estimate(measured, name), measured
     power, lever = {1: "", 2: "²"}[CURVES[m.curve]], v.torque_coefficient / v.thrust_coefficient
     known = uncertainty_lines(m)

@@ -19,7 +19,13 @@ def air_velocity_B(motion: Motion) -> np.ndarray:
 
 
 def chi_from_body(motion: Motion, f_B: np.ndarray, tau_B: np.ndarray | None = None) -> np.ndarray:
-    """Return chi = [f in W, tau in B] (..., 6) of f_B (..., 3) at Bo and tau_B (..., 3), both in B [N, N·m]."""
+    """Return chi = [f in W, tau in B] (..., 6) of a wrench in body axes [N, N·m].
+
+    Args:
+        motion: whose attitude turns the force.
+        f_B: (..., 3) force at Bo in B [N].
+        tau_B: (..., 3) torque in B [N·m]; None: none.
+    """
     chi = np.zeros((*f_B.shape[:-1], 6))
     if f_B.ndim == 1:
         chi[:3] = np.dot(motion.R_WB, f_B)

@@ -24,7 +24,13 @@ Acting = TypeVar("Acting", bound=Effect)
 
 
 def acting(effects: Sequence[Acting], onsets: Onsets, t: float) -> Sequence[Acting]:
-    """Return the effects that have begun by time t [s]."""
+    """Return the effects that have begun.
+
+    Args:
+        effects: in any order.
+        onsets: when they begin [s].
+        t: time [s].
+    """
     return [e for e in effects if onsets.get(e, -np.inf) <= t] if onsets else effects
 
 
@@ -67,7 +73,13 @@ def split_effects(effects: Iterable[Any]) -> EffectsByPlace:
 
 
 def total_wrench(vehicle: Vehicle, effects: Sequence[WrenchEffect], motion: Motion) -> np.ndarray:
-    """Return chi of all effects, (..., 6) [N, N·m], each in the air moved by all."""
+    """Return chi of all effects, (..., 6) [N, N·m], each in the air moved by all.
+
+    Args:
+        vehicle: nominal vehicle.
+        effects: that act.
+        motion: over any leading axes.
+    """
     for effect in effects:
         if type(effect).air_velocity is not WrenchEffect.air_velocity:
             motion = dc.replace(motion, wind=motion.wind + effect.air_velocity(motion.t))
@@ -78,7 +90,12 @@ def total_wrench(vehicle: Vehicle, effects: Sequence[WrenchEffect], motion: Moti
 
 
 def mass_properties(vehicle: Vehicle, effects: Iterable[MassEffect]) -> MassProperties:
-    """Return the vehicle's mass properties with all effects applied, first to last."""
+    """Return the vehicle's mass properties with all effects applied, first to last.
+
+    Args:
+        vehicle: nominal vehicle.
+        effects: in the order in which they are applied.
+    """
     properties = MassProperties.of(vehicle)
     for effect in effects:
         properties = effect.properties(properties)

@@ -23,7 +23,13 @@ class EffectEntry:
 
     @staticmethod
     def of(effect: Effect, *, onset: float | None = None, probability: float = 1.0) -> "EffectEntry":
-        """Return the entry of an effect."""
+        """Return the entry of an effect.
+
+        Args:
+            effect: of the library.
+            onset: time at which it begins [s]; None: from the start.
+            probability: that it acts at all [1].
+        """
         return EffectEntry(effect.identifier, effect.values, onset, probability)
 
     def check(self) -> "EffectEntry":

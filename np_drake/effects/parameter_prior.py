@@ -8,7 +8,12 @@ from np_drake.vehicle import Vehicle
 
 
 def prior_root(effect: type[Effect], vehicle: Vehicle) -> np.ndarray:
-    """Return the lower root (k, k) of the prior covariance of an effect's k continuous parameters, in their units."""
+    """Return the lower root (k, k) of the prior covariance of an effect's k continuous parameters, in their units.
+
+    Args:
+        effect: class of the library.
+        vehicle: whose size scales the prior.
+    """
     free = [p for p in effect.parameters if not p.choices]
     sizes = np.array([usual_size(p, vehicle) for p in free])
     return sizes[:, None] * correlation_root(effect)

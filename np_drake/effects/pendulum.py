@@ -105,9 +105,11 @@ def path_many(
     damping: float | np.ndarray = 0.0,
     v_hook: np.ndarray | None = None,
 ) -> Path:
-    """Return positions and pulls of m pendulums; arguments and integration are those of `swing_many`.
+    """Return positions and pulls of m pendulums, integrated as by `swing_many`.
 
     The position at the end of a step is the mean of those in the middle of the steps around it: second order too.
+
+    Args: as `swing_many`.
     """
     now, move = _start(lengths, np.transpose(r), np.transpose(r_rate), step)
     swings = _Swings(lengths, a_hook, step, gravity, damping, v_hook)
@@ -173,11 +175,19 @@ def _jump(now, move, jump, step) -> None:
 
 @compiled
 def leapfrog(limit, half, now, move, kicks, drift, pulls, at):
-    """Write pull = (1 + d) mu now (n, 3, m) [m], the least mu >= 0 with |b - mu now|² <= limit = L².
+    """Write pull = (1 + d) mu now, the least mu >= 0 with |b - mu now|² <= limit = L², step by step.
 
     With d = half = c step / 2 and b = now + ((1 - d) move + kick - 2 d drift) / (1 + d):
-    mu = (b² - L²) / (now·b + sqrt((now·b)² - now² (b² - L²))).  Changes now and move; writes now into `at`, if any.
+    mu = (b² - L²) / (now·b + sqrt((now·b)² - now² (b² - L²))).
     Compiled: a payload takes a thousand short steps, each of which needs the one before it.
+
+    Args:
+        limit: (m,) squares of the lengths [m²].
+        half: (m,) half the damping of a step [1].
+        now, move: (3, m) position and displacement per step, which are moved on [m].
+        kicks, drift: (n, 3, m or 1) by acceleration and velocity of the hook [m].
+        pulls: (n, 3, m) to be written [m].
+        at: (n, 3, m) for the positions, or (0, 3, 0) [m].
     """
     for i in range(now.shape[1]):
         x, y, z = now[0, i], now[1, i], now[2, i]
@@ -209,7 +219,12 @@ def leapfrog(limit, half, now, move, kicks, drift, pulls, at):
 def hanging(
     offset: np.ndarray, rate: np.ndarray, length: float | np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return p_ToPo_W and its rate (m, 3) of taut tethers, from offset and rate to the side (m, 2) [m, m/s]."""
+    """Return p_ToPo_W and its rate (m, 3) of taut tethers [m, m/s].
+
+    Args:
+        offset, rate: (m, 2) to the side, and its rate [m, m/s].
+        length: (m,) or of all [m].
+    """
     length = np.broadcast_to(length, offset.shape[:1])[:, None]
     far = np.linalg.norm(offset, axis=-1, keepdims=True)
     offset = offset * np.minimum(1.0, 0.99 * length / np.maximum(far, 1e-12))
@@ -240,20 +255,35 @@ def swing(
 
 
 def hook_velocity(hook, x: np.ndarray) -> np.ndarray:
-    """Return the velocity of the hook p_BoTo_B (3,) in W, (..., 3) [m/s].   x: (..., 13)."""
+    """Return the velocity of the hook in W, (..., 3) [m/s].
+
+    Args:
+        hook: (3,) p_BoTo_B [m].
+        x: (..., 13) state.
+    """
     return x[..., V] + attitude.rotate(x[..., Q], np.cross(x[..., W], np.asarray(hook, float)))
 
 
 def hook_acceleration(hook, x: np.ndarray, a: np.ndarray, al: np.ndarray) -> np.ndarray:
-    """Return the acceleration of the hook p_BoTo_B (3,) in W, (..., 3) [m/s²].
+    """Return the acceleration of the hook in W, (..., 3) [m/s²].
 
-    Args: x (..., 13); a (..., 3) of Bo in W [m/s²]; al (..., 3) in B [rad/s²].
+    Args:
+        hook: (3,) p_BoTo_B [m].
+        x: (..., 13) state.
+        a: (..., 3) of Bo in W [m/s²].
+        al: (..., 3) in B [rad/s²].
     """
     p_BoTo_B, w = np.asarray(hook, float), x[..., W]
     return a + attitude.rotate(x[..., Q], np.cross(al, p_BoTo_B) + np.cross(w, np.cross(w, p_BoTo_B)))
 
 
 def hook_wrench(payload: Payload, q: np.ndarray, force_W: np.ndarray) -> np.ndarray:
-    """Return chi (..., 6) [N, N·m] of force_W (..., 3) in W at the hook, for attitudes q (..., 4)."""
+    """Return chi (..., 6) of a force at the hook [N, N·m].
+
+    Args:
+        payload: whose hook it is.
+        q: (..., 4) attitudes.
+        force_W: (..., 3) in W [N].
+    """
     tau = np.cross(np.array(payload.hook), attitude.rotate_back(q, force_W))
     return np.concatenate([force_W, tau], axis=-1)

@@ -6,12 +6,20 @@ from np_drake.vehicle import Vehicle
 
 
 def log_uniform(rng: np.random.Generator, low: float, high: float) -> float:
-    """Draw a number between two positive bounds, every decade as likely."""
+    """Draw a number, every decade as likely.
+
+    Args:
+        rng: source of the draw.
+        low, high: positive bounds.
+    """
     return float(np.exp(rng.uniform(np.log(low), np.log(high))))
 
 
 def signed(rng: np.random.Generator, low: float, high: float) -> float:
-    """Draw a log-uniform number of either sign."""
+    """Draw a log-uniform number of either sign.
+
+    Args: as `log_uniform`.
+    """
     return float(rng.choice([-1.0, 1.0])) * log_uniform(rng, low, high)
 
 
@@ -21,7 +29,12 @@ def arm(vehicle: Vehicle) -> float:
 
 
 def direction(rng: np.random.Generator, rise: float | None = None) -> np.ndarray:
-    """Draw a unit vector (3,): in all directions, or about level with a deviation of `rise` in slope."""
+    """Draw a unit vector (3,).
+
+    Args:
+        rng: source of the draw.
+        rise: deviation of its slope, where it is about level [1]; None: in all directions.
+    """
     n = rng.normal(size=3)
     if rise is not None:
         n[2] = rise * n[2] * np.hypot(n[0], n[1])

@@ -43,7 +43,7 @@ class RotorInflow(WrenchEffect):
         area = np.pi * vehicle.rotor_radius**2
         f = np.maximum(motion.rotor_thrust, 0.0)
         speed = np.sqrt(f / vehicle.thrust_coefficient)
-        at_rest = velocity_at_rest(vehicle, f)
+        at_rest = _velocity_at_rest(vehicle, f)
         v_B = air_velocity_B(motion)
         axial, lateral = v_B[..., 2:], np.linalg.norm(v_B[..., :2], axis=-1, keepdims=True)
         k = self.slope * AIR_DENSITY * area * vehicle.rotor_radius / 4
@@ -53,7 +53,7 @@ class RotorInflow(WrenchEffect):
         return chi_from_body(motion, f_B)
 
 
-def velocity_at_rest(vehicle: Vehicle, thrust: np.ndarray | float) -> np.ndarray:
+def _velocity_at_rest(vehicle: Vehicle, thrust: np.ndarray | float) -> np.ndarray:
     """Return the induced velocity (...) of rotors at rest with this thrust (...) each [m/s, N].
 
     Source: momentum theory, f = 2 rho A v².
@@ -63,7 +63,7 @@ def velocity_at_rest(vehicle: Vehicle, thrust: np.ndarray | float) -> np.ndarray
 
 def hover_induced_velocity(vehicle: Vehicle) -> float:
     """Return the induced velocity of the rotors of a vehicle in hover [m/s]."""
-    return float(velocity_at_rest(vehicle, vehicle.mass * vehicle.gravity / 4))
+    return float(_velocity_at_rest(vehicle, vehicle.mass * vehicle.gravity / 4))
 
 
 def induced_velocity(at_rest: np.ndarray, lateral: np.ndarray, axial: np.ndarray) -> np.ndarray:

@@ -17,6 +17,8 @@ class ProgramWindow:
 
     Clarabel works on the sparse rows: 0.2 ms for 192 variables, OSQP twice as much and far less exact, Drake's
     dense equality-constrained solver 7 ms.
+
+    Args: as `LeastSquaresWindow`.
     """
 
     def __init__(self, config: MheConfig, step: float):

@@ -45,7 +45,12 @@ class LateSolves(SolverFault):
 
 
 class FaultySolver:
-    """Solver that answers as `solver` does, except while one of its faults acts."""
+    """Solver that answers as another does, except while one of its faults acts.
+
+    Args:
+        solver: that answers.
+        faults: that act on it.
+    """
 
     def __init__(self, solver: MpcSolver, faults: Sequence[SolverFault]):
         self.name = solver.name

@@ -84,6 +84,9 @@ def atomic_path(path: str | Path) -> Iterator[Path]:
 def write_bytes(path: str | Path, content: bytes) -> None:
     """Write a binary file, whole or not at all.
 
+    Args:
+        path: of the file.
+        content: of it.
     Raises: OSError: as `atomic_path`; DiskFull: before anything is written where it does not fit.
     """
     with atomic_path(path) as temporary:
@@ -93,12 +96,22 @@ def write_bytes(path: str | Path, content: bytes) -> None:
 
 
 def write_text(path: str | Path, text: str) -> None:
-    """Write a UTF-8 text file, whole or not at all."""
+    """Write a UTF-8 text file, whole or not at all.
+
+    Args:
+        path: of the file.
+        text: of it.
+    """
     write_bytes(path, text.encode("utf-8"))
 
 
 def write_json(path: str | Path, content: Any) -> None:
-    """Write indented JSON; NumPy numbers and arrays become lists, NaN and infinity become null."""
+    """Write indented JSON; NumPy numbers and arrays become lists, NaN and infinity become null.
+
+    Args:
+        path: of the file.
+        content: of any types that `plain` takes.
+    """
     write_text(path, json.dumps(plain(content), indent=2, allow_nan=False) + "\n")
 
 

@@ -32,5 +32,10 @@ def png(figure: Figure) -> bytes:
 
 
 def save(figure: Figure, path: str | Path) -> None:
-    """Write a PNG, whole or not at all."""
+    """Write a PNG, whole or not at all.
+
+    Args:
+        path: of the picture.
+        figure: to be drawn.
+    """
     write_bytes(path, png(figure))

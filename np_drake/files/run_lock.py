@@ -22,6 +22,10 @@ def lock_outputs(folders: Iterable[Path], files: Iterable[Path] = ()) -> Iterato
 
     A folder is made where it is missing, and removed where it is still empty at the end. The system drops the lock of a
     process that dies, however it dies: the lock file that it leaves behind holds nobody up.
+
+    Args:
+        folders: of results.
+        files: of results, each beside its lock file.
     Raises: Occupied: if another run holds one of them; OSError: if there is no place for the lock file.
     """
     with ExitStack() as held:

@@ -36,7 +36,7 @@ def read_yaml_text(path: str | Path, *, longest: int = MAX_SCALAR) -> str:
 def read_yaml(path: str | Path, *, longest: int = MAX_SCALAR) -> Any:
     """Return the plain content of a YAML file.
 
-    Args and Raises: as `read_yaml_text`.
+    Args: as `read_yaml_text`, whose errors it raises.
     """
     return yaml.safe_load(read_yaml_text(path, longest=longest))
 

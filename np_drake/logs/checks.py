@@ -14,6 +14,9 @@ LARGEST = 1e12  # largest cell, but for time, that is plausible in any unit; own
 def check_table(table: Table, fields: list[str]) -> None:
     """Check the columns of the fields.
 
+    Args:
+        table: of a file.
+        fields: of a FlightLog that it holds.
     Raises: LogError: at the first fault.
     """
     table.require_cells()
@@ -75,6 +78,10 @@ def is_figure(table: Table, name: str) -> np.ndarray:
 
     It must be finite and, but for time, small enough to be squared; time may count nanoseconds, which the check of time
     reports.
+
+    Args:
+        table: of a file.
+        name: of the column.
     """
     column = table.columns[name]
     return np.isfinite(column) if name == "t" else np.abs(column) <= LARGEST

@@ -26,6 +26,10 @@ class Table:
     def __len__(self) -> int:
         return len(next(iter(self.columns.values()), ()))
 
+    def with_columns(self, columns: dict[str, np.ndarray]) -> "Table":
+        """Return a table of the same file with other columns."""
+        return Table(self.path, columns, header_lines=self.header_lines)
+
     def array(self, names: tuple[str, ...]) -> np.ndarray:
         """Return the named columns, (n, len(names))."""
         return np.stack([self.columns[name] for name in names], axis=1)
@@ -107,7 +111,13 @@ def present_fields(table: Table) -> list[str]:
 
 
 def assemble(table: Table, fields: list[str], name: str) -> FlightLog:
-    """Return the log in memory; fields that the file lacks are None, what is missing of u is NaN."""
+    """Return the log in memory; fields that the file lacks are None, what is missing of u is NaN.
+
+    Args:
+        table: of a file.
+        fields: that it holds.
+        name: of the log.
+    """
     arrays: dict[str, np.ndarray | None] = dict.fromkeys(OPTIONAL)
     arrays |= {f: table.array(COLUMNS[f]) for f in fields if f not in ("throttles", "thrust")}
     t = table.columns["t"]

@@ -29,7 +29,7 @@ def split_at_gaps(table: Table) -> tuple[list[Table], list[str]]:
     note = f"{len(edges) - 2} gaps longer than {LONGEST:g} s (the longest {longest:.3g} s): {len(kept)} parts"
     if len(kept) < len(parts):
         note += f", {len(parts) - len(kept)} with fewer than {LEAST_ROWS} rows left out"
-    return [replaced(table, {n: c[rows] for n, c in table.columns.items()}) for rows in kept], [note]
+    return [table.with_columns({n: c[rows] for n, c in table.columns.items()}) for rows in kept], [note]
 
 
 def without_long_gaps(table: Table) -> Table:
@@ -53,6 +53,10 @@ def bridge_gaps(table: Table, fields: list[str]) -> tuple[Table, np.ndarray]:
     """Return the table with rows at the median interval inside every gap, and which rows (n,) these are.
 
     Every column is interpolated linearly, but a command is held.
+
+    Args:
+        table: in time.
+        fields: that it holds.
     """
     t = table.columns["t"]
     interval, step = np.diff(t), _usual(t)
@@ -64,12 +68,12 @@ def bridge_gaps(table: Table, fields: list[str]) -> tuple[Table, np.ndarray]:
     new = {name: np.insert(column, where, np.nan) for name, column in table.columns.items()}
     new["t"] = np.insert(t, where, np.concatenate(fills))
     bridged = np.insert(np.zeros(len(t), bool), where, True)
-    out = replaced(table, new)
-    fill_cells(out, fields)
+    out = table.with_columns(new)
+    _fill_cells(out, fields)
     return out, bridged
 
 
-def fill_cells(table: Table, fields: list[str]) -> np.ndarray:
+def _fill_cells(table: Table, fields: list[str]) -> np.ndarray:
     """Interpolate what is not finite, in place, and return in which rows (n,)."""
     t = table.columns["t"]
     touched = np.zeros(len(t), bool)
@@ -88,11 +92,6 @@ def fill_cells(table: Table, fields: list[str]) -> np.ndarray:
             table.columns[name] = np.interp(t, t[good], column[good])
     _unit_quaternions(table, touched)
     return touched
-
-
-def replaced(table: Table, columns: dict[str, np.ndarray]) -> Table:
-    """Return a table of the same file with other columns."""
-    return Table(table.path, columns, header_lines=table.header_lines)
 
 
 def _usual(t: np.ndarray) -> float:
@@ -124,6 +123,10 @@ def repair(table: Table, fields: list[str]) -> tuple[Table, list[str]]:
     """Drop rows out of time, interpolate bad cells and normalise quaternions.
 
     Every column is interpolated linearly, but a command is held.  Source: own choice.
+
+    Args:
+        table: of a file.
+        fields: that it holds.
     Returns: the repaired table (its rows are renumbered) and what was done, one line each.
     Raises:  LogError: if more than `LARGEST_SHARE` of the rows, or a run longer than `LONGEST`, is bad.
     """
@@ -137,7 +140,7 @@ def repair(table: Table, fields: list[str]) -> tuple[Table, list[str]]:
     counts = {
         "left out (time missing or not increasing)": dropped,
         "given a unit quaternion": normalised,
-        "interpolated (no number in a cell)": int(fill_cells(kept, fields).sum()),
+        "interpolated (no number in a cell)": int(_fill_cells(kept, fields).sum()),
     }
     bad = sum(counts.values())
     if bad > LARGEST_SHARE * len(table):
@@ -152,8 +155,8 @@ def repair(table: Table, fields: list[str]) -> tuple[Table, list[str]]:
 def _figures(table: Table) -> Table:
     """Return the table with NaN in every cell that holds no usable number."""
     columns = table.columns.items()
-    return replaced(
-        table, {name: np.where(is_figure(table, name), column, np.nan) for name, column in columns}
+    return table.with_columns(
+        {name: np.where(is_figure(table, name), column, np.nan) for name, column in columns}
     )
 
 
@@ -162,7 +165,7 @@ def _in_time(table: Table) -> tuple[Table, int]:
     t = np.where(np.isfinite(table.columns["t"]), table.columns["t"], -np.inf)
     before = np.concatenate([[-np.inf], np.maximum.accumulate(t)[:-1]])
     keep = t > before
-    kept = replaced(table, {name: column[keep] for name, column in table.columns.items()})
+    kept = table.with_columns({name: column[keep] for name, column in table.columns.items()})
     return kept, int(np.sum(~keep))
 
 

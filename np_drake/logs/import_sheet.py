@@ -55,6 +55,9 @@ def read_sheet(log: str | Path) -> Sheet:
 def write_sheet(sheet: Sheet, log: str | Path) -> Path:
     """Write the sheet beside a log, and return its path.
 
+    Args:
+        sheet: of the import.
+        log: path of the log that it lies beside.
     Raises: OSError: if writing fails.
     """
     path = sheet_path(log)

@@ -25,7 +25,10 @@ def with_throttle_input(log: FlightLog, vehicle: Vehicle, exponent: float | None
     and thrust from each other: neither can be told from such a log. A collective throttle says nothing of torque, which
     is then NaN.
 
-    Args: exponent: of the vehicle [1]; default: that which fits this flight.
+    Args:
+        log: with a throttle.
+        vehicle: whose weight the throttle carries.
+        exponent: of the vehicle [1]; default: that which fits this flight.
     Raises: LogError: if the log has no throttle, or never one that carries the vehicle.
     """
     seen = _lifted(log, vehicle)
@@ -48,6 +51,10 @@ def with_one_exponent(
     The exponent is a property of the vehicle. The hover throttle is one of the flight: it follows the battery and the
     air. Flights with another input are as they were.
 
+    Args:
+        vehicle: whose weight the throttle carries.
+        train: flights that share the exponent.
+        held_out: flights to which it is applied.
     Raises: LogError: if a throttle never carries the vehicle.
     """
 

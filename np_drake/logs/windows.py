@@ -6,7 +6,12 @@ from np_drake import attitude
 
 
 class Windows:
-    """Windows that begin at each of the times t (n,) [s] and hold as many rows, `rows` intervals or `seconds`."""
+    """Windows that begin at each row and hold as many intervals, `rows`.
+
+    Args:
+        t: (n,) times of the rows [s].
+        seconds: duration of a window [s].
+    """
 
     def __init__(self, t: np.ndarray, seconds: float) -> None:
         self._t = t

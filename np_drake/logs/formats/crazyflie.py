@@ -94,7 +94,7 @@ class _Columns:
         return Stream(np.concatenate(self._t), {n: np.concatenate(p) for n, p in self._pieces.items()})
 
 
-def recognises(path: Path, start: bytes) -> bool:
+def _recognises(path: Path, start: bytes) -> bool:
     """Return whether the first bytes are the header of a usd-log of any version."""
     if len(start) < 8 or start[0] != MAGIC or start[2] != 0:
         return False
@@ -115,6 +115,10 @@ def contents(path: Path) -> Contents:
 def read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Recording:
     """Decode the wanted variables of the wanted events.
 
+    Args:
+        path: of the file.
+        wanted: variables by event.
+        progress: called with the share that is read [1].
     Raises: LogError: if the header is damaged or a variable is not there.
     """
     path = Path(path)
@@ -335,4 +339,4 @@ def _notes(tail: _Tail) -> Iterator[str]:
         yield f"the log is cut (no checksum); {tail.left} bytes after its last whole record are left out."
 
 
-CRAZYFLIE = Format("crazyflie", "Crazyflie micro-SD log", recognises, contents, default_map, read)
+CRAZYFLIE = Format("crazyflie", "Crazyflie micro-SD log", _recognises, contents, default_map, read)

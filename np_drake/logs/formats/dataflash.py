@@ -71,7 +71,7 @@ class Message:
         return tuple(c for c, kind in pairs if kind in NUMBERS and c not in (*TIMES, self.instance))
 
 
-class Log(abc.ABC):
+class _Log(abc.ABC):
     """Messages of a file by name, and what was odd in it."""
 
     def __init__(self, path: Path, progress: Progress) -> None:
@@ -127,7 +127,7 @@ class Log(abc.ABC):
         return self.messages.setdefault(name, Message(name, length, characters, names))
 
 
-class BinaryLog(Log):
+class _BinaryLog(_Log):
     """A binary log."""
 
     def _scan(self, progress: Progress) -> None:
@@ -184,7 +184,6 @@ class BinaryLog(Log):
         return windows[starts + np.uint64(offset)].view(kind)[:, 0]
 
     def values(self, message: Message, names: list[str]) -> np.ndarray:
-        """Return the columns of numbers (n, names)."""
         out = np.empty((len(message.starts), len(names)))
         for i, name in enumerate(names if len(out) else ()):
             divisor = NUMBERS[message.characters[message.columns.index(name)]][1]
@@ -193,7 +192,6 @@ class BinaryLog(Log):
         return out
 
     def texts(self, name: str) -> Iterator[dict[str, str]]:
-        """Yield the records of a message as text by column."""
         message = self.messages.get(name)
         if message and message.starts:
             fields = [self._field(message, c).tolist() for c in message.columns]
@@ -202,7 +200,7 @@ class BinaryLog(Log):
                 yield dict(zip(message.columns, texts, strict=True))
 
 
-class TextLog(Log):
+class _TextLog(_Log):
     """A log as text: a line a record, `name, value, value`."""
 
     def _scan(self, progress: Progress) -> None:
@@ -245,7 +243,6 @@ class TextLog(Log):
             yield [c.strip() for c in line.split(",", len(message.columns))[1:]]
 
     def values(self, message: Message, names: list[str]) -> np.ndarray:
-        """Return the columns of numbers (n, names); a cell that is none is NaN."""
         places = [message.columns.index(name) for name in names]
         out = array("d")
         for cells in self._cells(message):
@@ -253,16 +250,15 @@ class TextLog(Log):
         return np.array(out).reshape(-1, len(names))
 
     def texts(self, name: str) -> Iterator[dict[str, str]]:
-        """Yield the records of a message as text by column."""
         message = self.messages.get(name)
         for cells in self._cells(message) if message else ():
             yield dict(zip(self.messages[name].columns, cells, strict=False))
 
 
-def _open(path: Path, progress: Progress = no_progress) -> Log:
+def _open(path: Path, progress: Progress = no_progress) -> _Log:
     with path.open("rb") as file:
         binary = file.read(2) == HEADER
-    return BinaryLog(path, progress) if binary else TextLog(path, progress)
+    return _BinaryLog(path, progress) if binary else _TextLog(path, progress)
 
 
 def _contents(path: Path) -> Contents:
@@ -286,7 +282,7 @@ def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Re
     return Recording(str(path), streams, _facts(log), notes)
 
 
-def _require_cells(log: Log, wanted: Mapping[str, list[str]]) -> None:
+def _require_cells(log: _Log, wanted: Mapping[str, list[str]]) -> None:
     """Check how many numbers the wanted columns take: in text, a short line stands for all of them.
 
     Raises: LogError: if they are too many for the size of the file.
@@ -300,7 +296,7 @@ def _require_cells(log: Log, wanted: Mapping[str, list[str]]) -> None:
         raise too_many_cells(log.path)
 
 
-def _stream(log: Log, name: str, columns: list[str]) -> Stream:
+def _stream(log: _Log, name: str, columns: list[str]) -> Stream:
     message = log.messages.get(name.partition(".")[0])
     if message is None or not message.time or not set(columns) <= set(message.numbers):
         raise LogError(f"{log.path}, {name}: must hold the columns {', '.join(columns)}; mend the map.")
@@ -313,7 +309,7 @@ def _stream(log: Log, name: str, columns: list[str]) -> Stream:
     return Stream(t[timed], {c: values[timed, i] for i, c in enumerate(columns, start=1)})
 
 
-def _facts(log: Log) -> dict[str, str]:
+def _facts(log: _Log) -> dict[str, str]:
     """Return firmware, frame and the parameters of the motors."""
     facts: dict[str, str] = {}
     for row in log.texts("MSG"):

@@ -54,8 +54,12 @@ class Recording:
 
 
 def find_column(contents: Contents, name: str, path: str = "log") -> tuple[str, str]:
-    """Return stream and column that a name means: `stream/column`, or a column's name where one stream alone has it.
+    """Return stream and column that a name means.
 
+    Args:
+        contents: of the log.
+        name: `stream/column`, or a column's name where one stream alone has it.
+        path: of the log, for messages.
     Raises: LogError: if no stream has such a column, or several have; the nearest names are in the message.
     """
     stream, found, column = name.rpartition("/")
@@ -106,6 +110,10 @@ def first_source(contents: Contents, choices: Iterable[Sequence[str]], **how: An
 def by_stream(contents: Contents, names: Collection[str], path: str = "log") -> dict[str, list[str]]:
     """Return the named columns by stream, each once.
 
+    Args:
+        contents: of the log.
+        names: of columns, as `find_column` takes them.
+        path: of the log, for messages.
     Raises: LogError: as `find_column`.
     """
     found: dict[str, list[str]] = {}

@@ -31,7 +31,7 @@ WORDS = {  # of inputs
 }
 
 
-def recognises(path: Path, start: bytes) -> bool:
+def _recognises(path: Path, start: bytes) -> bool:
     """Return whether the header names most columns of the state: one that lacks a few is told which."""
     kind = _known_suffix(path)
     if kind is None:
@@ -81,6 +81,10 @@ def write_log(log: FlightLog, path: str | Path) -> None:
     """Write a flight log, whole or not at all; the suffix determines the format.
 
     A command that came from rotor speed or throttle is not written: a reader derives it again with the vehicle file.
+
+    Args:
+        log: of one flight.
+        path: with a suffix of `SUFFIXES`.
     Raises: LogError: if the suffix is unknown, or neither command nor rotor speed can be written; OSError: if writing
     fails.
     """
@@ -155,4 +159,4 @@ def _with_input(log: FlightLog, table: Table, fields: list[str], vehicle: Vehicl
     return {"rotor_speed": with_rotor_input, "normalised": with_throttle_input}[chosen](log, vehicle)
 
 
-LOG_FILE = FlightFormat("flight_log", "flight log of our columns, CSV or Parquet", recognises, read)
+LOG_FILE = FlightFormat("flight_log", "flight log of our columns, CSV or Parquet", _recognises, read)

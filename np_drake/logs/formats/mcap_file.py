@@ -106,7 +106,12 @@ LEVEL = (1.0, 0.0, 0.0, 0.0)  # quaternion of no rotation
 
 
 def numbers(title: str, names: Sequence[str]) -> Json:
-    """Return the schema of a message of numbers by name, with its time."""
+    """Return the schema of a message of numbers by name, with its time.
+
+    Args:
+        title: of the message.
+        names: of its numbers.
+    """
     return _object(title, timestamp=_TIME, **dict.fromkeys(names, NUMBER))
 
 
@@ -121,12 +126,24 @@ def vector(p: np.ndarray | Sequence[float]) -> Json:
 
 
 def pose(p: np.ndarray | Sequence[float], q: np.ndarray | Sequence[float] = LEVEL) -> Json:
-    """Return a pose of position (3,) [m] and quaternion (4,)."""
+    """Return a pose.
+
+    Args:
+        p: (3,) position [m].
+        q: (4,) quaternion w, x, y, z.
+    """
     return {"position": vector(p), "orientation": _quaternion(q)}
 
 
 def transform(when: int, parent: str, child: str, p: np.ndarray, q: np.ndarray | Sequence[float]) -> Json:
-    """Return the transform from frame `child` to `parent` at a time [ns]."""
+    """Return the transform from one frame to another.
+
+    Args:
+        when: time [ns].
+        parent, child: names of the frames.
+        p: (3,) of the child in the parent [m].
+        q: (4,) quaternion w, x, y, z.
+    """
     return {
         "timestamp": time(when),
         "parent_frame_id": parent,
@@ -137,7 +154,14 @@ def transform(when: int, parent: str, child: str, p: np.ndarray, q: np.ndarray |
 
 
 def entity(when: int, frame: str, name: str, **shapes: list[Json]) -> Json:
-    """Return a scene entity that moves with its frame, made of `shapes` by kind, from a time on [ns]."""
+    """Return a scene entity that moves with its frame.
+
+    Args:
+        when: time from which it is there [ns].
+        frame: name of its frame.
+        name: of the entity.
+        shapes: that it is made of, by kind.
+    """
     return {
         "timestamp": time(when),
         "frame_id": frame,
@@ -152,12 +176,25 @@ def entity(when: int, frame: str, name: str, **shapes: list[Json]) -> Json:
 def solid(
     p: np.ndarray | Sequence[float], size: Sequence[float], color: Sequence[float], **more: Any
 ) -> Json:
-    """Return a cube, sphere or cylinder at p (3,) with the extent `size` (3,) [m]; `more`: fields of a kind."""
+    """Return a cube, sphere or cylinder.
+
+    Args:
+        p: (3,) its middle [m].
+        size: (3,) its extent [m].
+        color: red, green, blue [1].
+        more: fields of a kind.
+    """
     return {"pose": pose(p), "size": vector(size), "color": _color(color), **more}
 
 
 def line(points: np.ndarray, color: Sequence[float], *, thickness: float) -> Json:
-    """Return a line strip through points (n, 3) [m]."""
+    """Return a line strip.
+
+    Args:
+        points: (n, 3) [m].
+        color: red, green, blue [1].
+        thickness: [m].
+    """
     return {
         "type": 0,
         "pose": pose((0.0, 0.0, 0.0)),
@@ -202,6 +239,9 @@ def require_mcap(path: str | Path) -> None:
 def write_mcap(path: str | Path, channels: Iterable[Channel]) -> None:
     """Write channels as an MCAP file, whole or not at all; messages stand in the order of time. NaN becomes null.
 
+    Args:
+        path: of the file.
+        channels: with their messages.
     Raises: LogError: if the package is not installed; OSError: if the file cannot be written.
     """
     require_mcap(path)

@@ -6,24 +6,22 @@ of W, not of the body: where the vehicle leans against the wind they differ, and
 grows with about the 1.3th power of their quotient about hover. `pwm` [us] is that of the four motors.
 """
 
-import dataclasses as dc
-from collections.abc import Mapping
 from pathlib import Path
 
 from np_drake.logs.formats import table
-from np_drake.logs.formats.format import Contents, Format, Progress, Recording
+from np_drake.logs.formats.format import Contents, Format
 from np_drake.logs.formats.table_text import split_header
 from np_drake.logs.importing.log_map import LogMap, Source
 
 HEADER = ("t", "p", "v", "q", "R", "w", "T_sp", "q_sp", "hover_throttle", "fa", "pwm")  # of every such file
 
 
-def recognises(path: Path, start: bytes) -> bool:
+def _recognises(path: Path, start: bytes) -> bool:
     """Return whether the header has the columns of the data set."""
     return table.recognises(path, start) and set(HEADER) <= set(split_header(table.first_line(start)))
 
 
-def default_map(contents: Contents) -> LogMap | None:
+def _default_map(contents: Contents) -> LogMap | None:
     """Return the map of the data set; None if a column is not there.
 
     The rows are a thinned record of a faster loop: a command is a sample of one that changes in between.
@@ -44,15 +42,6 @@ def default_map(contents: Contents) -> LogMap | None:
     return log_map if set(log_map.names()) <= set(contents.get(table.STREAM, ())) else None
 
 
-def read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Recording:
-    """Return the wanted columns as one stream.
-
-    Raises: LogError: one line with file, row and column, on a damaged file.
-    """
-    recording = table.read(path, wanted, progress)
-    return dc.replace(recording, facts={"clock": "column t [s], one for all columns"})
-
-
 def _items(name: str, count: int) -> list[str]:
     return [f"{name}[{i}]" for i in range(count)]
 
@@ -60,8 +49,8 @@ def _items(name: str, count: int) -> list[str]:
 NEURAL_FLY = Format(
     name="neural_fly",
     title="Neural-Fly data set, CSV",
-    recognises=recognises,
+    recognises=_recognises,
     contents=table.contents,
-    default_map=default_map,
-    read=read,
+    default_map=_default_map,
+    read=table.read,
 )

@@ -76,15 +76,15 @@ def is_neurobem(path: str | Path) -> bool:
     Raises: OSError: if it cannot be opened.
     """
     path = Path(path)
-    return is_array(path) or recognises(path, first_bytes(path))
+    return is_array(path) or _recognises(path, first_bytes(path))
 
 
-def recognises(path: Path, start: bytes) -> bool:
+def _recognises(path: Path, start: bytes) -> bool:
     """Return whether a file is a CSV of the data set, by its first columns."""
     return path.name.endswith((".csv", ".csv.gz")) and first_line(start).startswith(FIRST_COLUMNS)
 
 
-def is_array(path: Path, start: bytes = b"") -> bool:
+def is_array(path: Path) -> bool:
     """Return whether a file is an array, by its name."""
     return path.name.endswith(".npy")
 
@@ -124,7 +124,7 @@ def read(path: str | Path, vehicle: Vehicle | None = None, *, repair: bool = Fal
     return [log]
 
 
-def refuse_array(
+def _refuse_array(
     path: str | Path, vehicle: Vehicle | None = None, *, repair: bool = False
 ) -> list[FlightLog]:
     """Raise a LogError: an array is no flight; `read_wrenches` reads it."""
@@ -188,5 +188,7 @@ def read_array(path: str | Path) -> np.ndarray:
         ) from error
 
 
-NEUROBEM = FlightFormat("neurobem", "NeuroBEM data set, CSV", recognises, read)
-NEUROBEM_ARRAY = FlightFormat("neurobem_array", "NeuroBEM data set, array", is_array, refuse_array)
+NEUROBEM = FlightFormat("neurobem", "NeuroBEM data set, CSV", _recognises, read)
+NEUROBEM_ARRAY = FlightFormat(
+    "neurobem_array", "NeuroBEM data set, array", lambda path, _: is_array(path), _refuse_array
+)

@@ -49,8 +49,11 @@ def read_parquet(path: str | Path) -> Table:
 
 
 def write_parquet(path: str | Path, columns: dict[str, np.ndarray]) -> None:
-    """Write columns (n,) atomically.
+    """Write a table atomically.
 
+    Args:
+        path: of the file.
+        columns: (n,) by name.
     Raises: LogError: without pyarrow.
     """
     pyarrow = _pyarrow(path)
@@ -126,6 +129,10 @@ def read_columns(
 ) -> tuple[dict[str, np.ndarray], list[str]]:
     """Return columns (n,) by name, null as NaN, times in s, and no notes.
 
+    Args:
+        path: of the file.
+        names: of the columns of numbers that are wanted.
+        progress: called with the share that is read [1].
     Raises: LogError: one line with file and column, at a cell that is no number or a list of another length.
     """
     with open_parquet(path) as (pyarrow, file):

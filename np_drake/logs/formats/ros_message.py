@@ -49,13 +49,24 @@ def find_fields(raw: bytes, types: Types, name: str, *, ros1: bool) -> Fields:
     """Return the fields of a message of a type.
 
     Arrays longer than `LONGEST`, covariances and numbers beyond `MOST_NUMBERS` are left out.
+
+    Args:
+        raw: bytes of the message.
+        types: definitions of types.
+        name: of its type.
+        ros1: whether it is serialised as ROS 1 does.
     Raises: ValueError: if the bytes are no message of the type.
     """
     return _Walk(raw, types, ros1).fields_of(name)
 
 
 def missing_types(types: Types, name: str) -> list[str]:
-    """Return the names of the types that a type needs and that are not defined."""
+    """Return the names of the types that a type needs and that are not defined.
+
+    Args:
+        types: definitions of types.
+        name: of a type.
+    """
     needed = [name]  # grows below
     seen = {name}
     for known in needed:
@@ -68,7 +79,14 @@ def missing_types(types: Types, name: str) -> list[str]:
 
 
 class Decoder:
-    """Reads the wanted numbers of the messages of a topic."""
+    """Reads the wanted numbers of the messages of a topic.
+
+    Args:
+        types: definitions of types.
+        name: of the topic's type.
+        wanted: dotted paths of the numbers.
+        ros1: whether messages are serialised as ROS 1 does.
+    """
 
     def __init__(self, types: Types, name: str, wanted: list[str], *, ros1: bool) -> None:
         self.types, self.name, self.wanted, self.ros1 = types, name, wanted, ros1

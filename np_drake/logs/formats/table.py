@@ -31,7 +31,12 @@ TIMES = {
 
 
 def recognises(path: Path, start: bytes) -> bool:
-    """Return whether the name is that of a table, and the first line, of a text, has several columns."""
+    """Return whether the name is that of a table, and the first line, of a text, has several columns.
+
+    Args:
+        path: of the file.
+        start: its first bytes.
+    """
     if path.name.lower().endswith(PARQUET):
         return True
     if not path.name.lower().endswith(TEXTS):
@@ -92,6 +97,11 @@ def read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Rec
     """Return the wanted columns as one stream, its times from the first of `TIMES` that is there.
 
     Without such a column all times are NaN: `with_map_time` takes them from the column that the map names.
+
+    Args:
+        path: of the file.
+        wanted: columns of the one stream.
+        progress: called with the share that is read [1].
     Raises: LogError: one line with file, row and column, on a damaged file or a wanted cell that is no number.
     """
     known = contents(path)[STREAM]

@@ -57,6 +57,9 @@ def parse_number(text: str) -> float:
 def parse_list(text: str, size: int) -> list[float]:
     """Return the numbers of a list, row by row where it holds lists; all NaN for an empty cell.
 
+    Args:
+        text: of the cell.
+        size: how many numbers it must hold.
     Raises: ValueError: if there are not `size` numbers.
     """
     if text.strip().lower() in NAN:
@@ -70,7 +73,12 @@ def parse_list(text: str, size: int) -> list[float]:
 
 
 def complaint(text: str, size: int | None) -> str:
-    """Return what is wrong with a cell, and the remedy."""
+    """Return what is wrong with a cell, and the remedy.
+
+    Args:
+        text: of the cell.
+        size: how many numbers it must hold; None: one alone.
+    """
     shown = " ".join(text.split())[:40]
     if size is not None:
         return f"must be a list of {size} numbers as in the first row; got {shown!r}."
@@ -82,6 +90,9 @@ def complaint(text: str, size: int | None) -> str:
 def require_names(path: object, names: Sequence[str]) -> None:
     """Check the names of all columns of numbers.
 
+    Args:
+        path: of the file.
+        names: of the columns of numbers.
     Raises: LogError: if there are too many, or one stands twice.
     """
     if len(names) > MAX_COLUMNS:

@@ -58,12 +58,12 @@ class _Said:
     notes: list[str]
 
 
-def recognises(path: Path, start: bytes) -> bool:
+def _recognises(path: Path, start: bytes) -> bool:
     """Return whether the first bytes are those of a ULog file."""
     return start.startswith(MAGIC)
 
 
-def contents(path: Path) -> Contents:
+def _contents(path: Path) -> Contents:
     """Return the fields of every message that has a row; the rows of three messages on rotors alone are loaded.
 
     Columns of rotors that never change are left out: an ESC, motor or output that is not there.
@@ -85,7 +85,7 @@ def contents(path: Path) -> Contents:
     return _Scanned(found, rates)
 
 
-def read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Recording:
+def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Recording:
     """Load the wanted fields of the wanted messages; of a message that is wanted, all fields pass through memory.
 
     Times are `timestamp_sample` where it is there and not zero, else `timestamp`, and always the latter of commands.
@@ -216,4 +216,4 @@ def _changes(values: np.ndarray) -> bool:
     return bool(len(finite)) and bool(finite.min() != finite.max())
 
 
-ULOG = Format("ulog", "PX4 ULog", recognises, contents, default_map, read)
+ULOG = Format("ulog", "PX4 ULog", _recognises, _contents, default_map, _read)

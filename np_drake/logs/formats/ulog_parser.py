@@ -40,6 +40,11 @@ class Guarded:
     """A file that counts what is read of it, so that a damaged one comes to an end, and says how far it is.
 
     cut: the last read wanted more than there was, and was not that of a message's three bytes at the end.
+
+    Args:
+        file: open.
+        size: of it [byte].
+        progress: called with the share that is read [1].
     """
 
     def __init__(self, file: BinaryIO, size: int, progress: Progress) -> None:
@@ -68,6 +73,9 @@ class Guarded:
     def seek(self, offset: int, whence: int = 0) -> int:
         """Go to a place.
 
+        Args:
+            offset: [byte].
+            whence: from where it counts, as in `io`.
         Raises: _Circles: if it is before the file.
         """
         try:
@@ -84,7 +92,13 @@ class Guarded:
 
 
 def parse(path: Path, names: Sequence[str], progress: Progress) -> tuple[Any, list[Subscription], Guarded]:
-    """Return pyulog's log with the rows of the named messages alone, and all streams of the file."""
+    """Return pyulog's log with the rows of the named messages alone, and all streams of the file.
+
+    Args:
+        path: of the file.
+        names: of the messages whose rows are kept.
+        progress: called with the share that is read [1].
+    """
     pyulog = optional_package(
         "pyulog", path, "ULog needs pyulog; pip install 'np_drake[ulog]', or convert to CSV."
     )
@@ -187,5 +201,10 @@ def _field_counts(formats: Mapping[str, Any]) -> dict[str, int]:
 
 
 def stream_name(message: str, instance: int) -> str:
-    """Return the name of a stream: that of its message, and from the second instance on its number."""
+    """Return the name of a stream: that of its message, and from the second instance on its number.
+
+    Args:
+        message: name.
+        instance: number, from 0.
+    """
     return f"{message}.{instance}" if instance else message

@@ -22,7 +22,10 @@ def airborne(t: np.ndarray, p: np.ndarray, lift: np.ndarray | None) -> slice:
     At rest the position stays within `MOVED` of that at the end of the log, and the rotors give less than `RUNNING` of
     their usual lift at that end.
 
-    Args: t: (n,) [s].   p: (n, 3) [m].   lift: (n,) of the rotors in any unit, None where it is not known.
+    Args:
+        t: (n,) [s].
+        p: (n, 3) position in W [m].
+        lift: (n,) of the rotors in any unit, None where it is not known.
     """
     moved_first = np.linalg.norm(p - p[0], axis=1) > MOVED
     moved_last = np.linalg.norm(p - p[-1], axis=1) > MOVED
@@ -84,6 +87,10 @@ RANGES = {  # of nearly all values in flight
 def require_ranges(values: Mapping[str, np.ndarray], log_map: LogMap, path: str) -> None:
     """Check the inputs and the voltage of a log in SI units.
 
+    Args:
+        values: in SI, by quantity.
+        log_map: with the units declared.
+        path: of the log.
     Raises: LogError: if its values cannot be in the unit that the map declares.
     """
     for name, (least, most) in RANGES.items():
@@ -105,6 +112,9 @@ def require_ranges(values: Mapping[str, np.ndarray], log_map: LogMap, path: str)
 def require_a_flight(log_map: LogMap, path: str) -> None:
     """Check that the map names what a flight log needs, before anything is read.
 
+    Args:
+        log_map: of the log.
+        path: of the log.
     Raises: LogError: if it does not.
     """
     for name in ("position", "attitude"):
@@ -117,8 +127,11 @@ def require_a_flight(log_map: LogMap, path: str) -> None:
 
 
 def require_a_step(t: np.ndarray, path: str) -> None:
-    """Check that rows at t (n,) [s] come at a rate with which a flight log is read again.
+    """Check that rows come at a rate with which a flight log is read again.
 
+    Args:
+        t: (n,) [s].
+        path: of the log.
     Raises: LogError: if they do not.
     """
     step = float(np.median(np.diff(t))) if len(t) > 1 else np.inf

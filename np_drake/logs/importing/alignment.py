@@ -54,6 +54,10 @@ def align(signals: Signals, log_map: LogMap, path: str = "log") -> Aligned:
     averaged about a row. Commands, and the accelerations that follow them at once, are averaged over the interval after
     it: the specific force in body axes, which a command holds while the body turns.
 
+    Args:
+        signals: as logged, by quantity.
+        log_map: with the conventions.
+        path: of the log, for messages.
     Raises: LogError: if position or attitude is missing, or the signals do not overlap.
     """
     for name in ("position", "attitude"):
@@ -99,7 +103,12 @@ def align(signals: Signals, log_map: LogMap, path: str = "log") -> Aligned:
 
 
 def common_rows(signals: Signals, rate: float) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-    """Return evenly spaced times (n,) and the nearest sample of every signal (n, k) at each, as logged."""
+    """Return evenly spaced times (n,) and the nearest sample of every signal (n, k) at each, as logged.
+
+    Args:
+        signals: as logged, by quantity.
+        rate: of the rows [Hz].
+    """
     start, stop = _overlap(signals)
     t = np.arange(start, stop, 1.0 / rate)
     out = {}

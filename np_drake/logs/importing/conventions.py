@@ -33,7 +33,12 @@ Change = tuple[tuple[str, Any], ...]  # options of the map, dotted, and their va
 
 
 class WrongConventions(LogError):
-    """A log does not agree with the conventions declared; `verdict` holds those with which it does, if any."""
+    """A log does not agree with the conventions declared.
+
+    Args:
+        message: one line.
+        verdict: with the conventions with which it does agree, if any.
+    """
 
     def __init__(self, message: str, verdict: "Verdict"):
         super().__init__(message)
@@ -101,7 +106,12 @@ def check_conventions(t: np.ndarray, raw: Values, log_map: LogMap) -> Verdict:
 
 
 class Trial:
-    """Misfits of one log under many maps: what two of them share is computed once."""
+    """Misfits of one log under many maps: what two of them share is computed once.
+
+    Args:
+        t: (n,) evenly spaced times [s].
+        raw: (n, k) columns by quantity.
+    """
 
     def __init__(self, t: np.ndarray, raw: Values):
         self._over, self._raw = Windows(t, WINDOW), raw
@@ -138,7 +148,12 @@ class Trial:
 
 
 def liveliest(raw: Values, rows: int) -> slice:
-    """Return the part of at most `SEARCHED` rows in which the attitude, or else the position, varies most."""
+    """Return the part of at most `SEARCHED` rows in which the attitude, or else the position, varies most.
+
+    Args:
+        raw: (rows, k) columns by quantity.
+        rows: number of them.
+    """
     if rows <= SEARCHED:
         return slice(0, rows)
     value = raw["attitude" if "attitude" in raw else "position"]
@@ -148,9 +163,13 @@ def liveliest(raw: Values, rows: int) -> slice:
 
 
 def fitting_time_unit(step: float, log_map: LogMap) -> Change:
-    """Return the unit of time with which samples `step` [s] apart come at a rate of flight logs; empty: as declared.
+    """Return the unit of time with which samples come at a rate of flight logs; empty: as declared.
 
     The nearest such unit is taken: logs of 5 Hz to 10 kHz.
+
+    Args:
+        step: between samples, in the declared unit converted to [s].
+        log_map: with the unit declared.
     """
     if SHORTEST <= step <= LONGEST:
         return ()
@@ -163,7 +182,12 @@ def fitting_time_unit(step: float, log_map: LogMap) -> Change:
 
 
 def changed(log_map: LogMap, change: Change) -> LogMap:
-    """Return the map with options changed; a dotted option is one of a quantity."""
+    """Return the map with options changed.
+
+    Args:
+        log_map: as declared.
+        change: options and their values; a dotted option is one of a quantity.
+    """
     for option, value in change:
         name, _, field = option.partition(".")
         if field:

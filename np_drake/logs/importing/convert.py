@@ -16,11 +16,15 @@ Values = Mapping[str, np.ndarray]
 
 
 def convert(raw: Values, log_map: LogMap) -> dict[str, np.ndarray]:
-    """Return quantities (n, k) in SI units and our frames, from the columns (n, k) of a log at common times.
+    """Return quantities (n, k) in SI units and our frames.
 
     position, velocity: in W [m, m/s].   attitude: (n, 4) w, x, y, z, body to W.   rates, angular_acceleration,
     torque: in B [rad/s, rad/s², N·m].   acceleration: dv/dt in W without gravity [m/s²].   thrust [N] or, with unit
     `weight`, over the weight [1].   rotor_speed [rad/s].   throttle: 0 … 1; unit `us`: of 1000 … 2000 µs.
+
+    Args:
+        raw: (n, k) columns of a log at common times, by quantity.
+        log_map: with units and conventions.
     """
     q = convert_quantity("attitude", raw["attitude"], log_map) if "attitude" in raw else None
     out = {} if q is None else {"attitude": q}
@@ -34,7 +38,11 @@ def convert_quantity(
 ) -> np.ndarray:
     """Return one quantity (n, k) as `convert` does.
 
-    Args: values: (n, k) of the log.   q: (n, 4) attitude at its times, where it has to be turned between W and B.
+    Args:
+        name: of the quantity.
+        values: (n, k) of the log.
+        log_map: with units and conventions.
+        q: (n, 4) attitude at its times, where it has to be turned between W and B.
     """
     scaled = _scaled(name, values, getattr(log_map, name))
     if name == "attitude":
@@ -46,7 +54,12 @@ _TURNED = ("position", "velocity", "rates", "acceleration", "angular_acceleratio
 
 
 def axes_of(name: str, source: Source) -> str:
-    """Return the axes of a vector, `world` or `body`, also where its source leaves them open."""
+    """Return the axes of a vector, `world` or `body`, also where its source leaves them open.
+
+    Args:
+        name: of the vector.
+        source: its columns and conventions.
+    """
     if source.axes:
         return source.axes
     if name == "acceleration":
@@ -55,13 +68,23 @@ def axes_of(name: str, source: Source) -> str:
 
 
 def is_turned(name: str, source: Source) -> bool:
-    """Return whether a vector is turned by the attitude: its axes are not those of `convert`."""
+    """Return whether a vector is turned by the attitude: its axes are not those of `convert`.
+
+    Args:
+        name: of the vector.
+        source: its columns and conventions.
+    """
     wanted = "world" if name in ("position", "velocity", "acceleration") else "body"
     return axes_of(name, source) != wanted
 
 
 def frames_of(source: Source, log_map: LogMap) -> tuple[str, str]:
-    """Return the frames W and B of a quantity."""
+    """Return the frames W and B of a quantity.
+
+    Args:
+        source: of the quantity.
+        log_map: of the log.
+    """
     return source.world or log_map.world, source.body or log_map.body
 
 

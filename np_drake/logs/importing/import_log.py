@@ -86,7 +86,7 @@ def import_log(
     signals, notes = gather(with_map_time(recording, log_map), log_map)
     signals, clock = _on_a_likely_clock(signals, log_map, str(path))
     signals = _cut(signals, log_map, str(path))
-    carried = flies(signals, log_map)
+    carried = _flies(signals, log_map)
     log_map, verdict = _agreed(signals, log_map, str(path), clock=clock, carried=carried, adopt=adopt)
     if not carried:
         notes.append("no flight: position stays, or the rotors stand; nothing can be identified")
@@ -217,7 +217,7 @@ def _agreed(
     return log_map, dc.replace(now, changes=verdict.changes)
 
 
-def flies(signals: Mapping[str, Signal], log_map: LogMap) -> bool:
+def _flies(signals: Mapping[str, Signal], log_map: LogMap) -> bool:
     """Return whether the vehicle moves sideways at all and the rotors ever turn; True where the log does not tell."""
     across = np.ptp(signals["position"].values, axis=0)
     if not np.any(across[:2] > 0):

@@ -8,7 +8,12 @@ FASTER = 1.5  # ratio of sampling rates from which a rate fills in a state, or r
 
 
 class Antiderivative:
-    """Integral of a signal x (n, k) at t (n,) [s], linear between samples and constant beyond them."""
+    """Integral of a signal, linear between samples and constant beyond them.
+
+    Args:
+        t: (n,) times of its samples [s].
+        x: (n, k) samples.
+    """
 
     def __init__(self, t: np.ndarray, x: np.ndarray):
         self._t, self._x = t, x
@@ -27,14 +32,26 @@ class Antiderivative:
 
 
 def linear(t: np.ndarray, x: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """Return x (n, k) at t (n,) [s] interpolated at `at` (m,), (m, k); the ends are held."""
+    """Return a signal by linear interpolation, (m, k); the ends are held.
+
+    Args:
+        t: (n,) times of its samples [s].
+        x: (n, k) samples.
+        at: (m,) [s].
+    """
     return np.stack([np.interp(at, t, column) for column in x.T], axis=1)
 
 
 def integrated(t: np.ndarray, x: np.ndarray, rate: Antiderivative, at: np.ndarray) -> np.ndarray:
-    """Return a state x (n, k) at `at` (m,): between samples it follows its rate, and meets the next sample.
+    """Return a state (m, k) that follows its rate between samples, and meets the next sample.
 
     What the integral misses of the next sample is spread evenly over the interval.
+
+    Args:
+        t: (n,) times of its samples [s].
+        x: (n, k) samples.
+        rate: integral of its rate.
+        at: (m,) [s].
     """
     i, share = _place(t, at)
     own, known = rate(t), rate(at)
@@ -43,10 +60,16 @@ def integrated(t: np.ndarray, x: np.ndarray, rate: Antiderivative, at: np.ndarra
 
 
 def turned(t: np.ndarray, q: np.ndarray, rate: Antiderivative | None, at: np.ndarray) -> np.ndarray:
-    """Return attitudes q (n, 4) at `at` (m,): between samples they follow the body rates, and meet the next sample.
+    """Return attitudes (m, 4) that follow the body rates between samples, and meet the next sample.
 
     Without body rates they turn evenly. Turns within one interval of samples are taken as small: their order is
     neglected.
+
+    Args:
+        t: (n,) times of the samples [s].
+        q: (n, 4) samples.
+        rate: integral of the body rates; None: not known.
+        at: (m,) [s].
     """
     i, share = _place(t, at)
     step = attitude.rotation_vector(attitude.multiply(attitude.conjugate(q[:-1]), q[1:]))
@@ -60,7 +83,14 @@ def turned(t: np.ndarray, q: np.ndarray, rate: Antiderivative | None, at: np.nda
 
 
 def averaged(t: np.ndarray, x: np.ndarray, at: np.ndarray, width: float) -> np.ndarray:
-    """Return the mean of x (n, k) over `width` [s] about each of `at` (m,); linear where the samples are no denser."""
+    """Return the mean of a signal about times, (m, k); linear where the samples are no denser.
+
+    Args:
+        t: (n,) times of its samples [s].
+        x: (n, k) samples.
+        at: (m,) [s].
+        width: of the mean [s].
+    """
     if len(t) < 2 or width < FASTER * float(np.median(np.diff(t))):
         return linear(t, x, at)
     total = Antiderivative(t, x)
@@ -68,10 +98,15 @@ def averaged(t: np.ndarray, x: np.ndarray, at: np.ndarray, width: float) -> np.n
 
 
 def held(t: np.ndarray, x: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """Return the mean of a held command over each interval between the times `at` (m,), (m, k).
+    """Return the mean of a held command over each interval between times, (m, k).
 
-    x: (n, k), each row held from its time until the next; the first also before, the last also after. The last row of
-    the result is the command held at the last time.
+    Each row is held from its time until the next; the first also before, the last also after. The last row of the
+    result is the command held at the last time.
+
+    Args:
+        t: (n,) times of the rows [s].
+        x: (n, k) rows.
+        at: (m,) edges of the intervals [s].
     """
     edges = np.concatenate([[0.0], np.cumsum(np.diff(t))])
     total = np.concatenate([np.zeros((1, x.shape[1])), np.cumsum(x[:-1] * np.diff(t)[:, None], axis=0)])

@@ -36,6 +36,9 @@ class Signal:
 def gather(recording: Recording, log_map: LogMap) -> tuple[dict[str, Signal], list[str]]:
     """Return the signals of the quantities that the map names, and what was left out, one line each.
 
+    Args:
+        recording: of the file.
+        log_map: with the columns.
     Raises: LogError: if a column is missing, or a quantity has hardly any sample.
     """
     signals, notes = {}, []
@@ -148,6 +151,10 @@ def with_map_time(recording: Recording, log_map: LogMap) -> Recording:
     """Return the recording with the times of one stream from the column that the map's `time` names [s].
 
     Other streams, and all where the map names none, keep the times of their format.
+
+    Args:
+        recording: of the file.
+        log_map: with the column of time.
     Raises: LogError: if there is no such column, or a stream with rows has no time at all.
     """
     streams = dict(recording.streams)

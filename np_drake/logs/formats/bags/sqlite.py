@@ -22,6 +22,9 @@ class Sqlite:
     def __init__(self, path: Path, budget: Budget) -> None:
         """Find all topics and how many messages they have.
 
+        Args:
+            path: of the database.
+            budget: of its bag.
         Raises: ValueError: if it is no such database; LogError: beyond the budget.
         """
         self._budget = budget
@@ -119,8 +122,12 @@ def described(folder: Path) -> tuple[list[Path], str]:
 
 
 def unpack(file: Path, folder: Path, take: Callable[[int], None]) -> Path:
-    """Decompress a file into a folder, as far as `take` allows, and return the result.
+    """Decompress a file into a folder, and return the result.
 
+    Args:
+        file: compressed by zstd.
+        folder: for the result.
+        take: takes bytes from the budget.
     Raises: ValueError: if it is damaged; LogError: beyond the budget.
     """
     target = folder / file.stem
