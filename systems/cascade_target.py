@@ -3,8 +3,7 @@
 import numpy as np
 from pydrake.systems.framework import LeafSystem
 
-from np_drake.control.cascade import TARGET_SIZE
-from np_drake.control.cascade_target import cascade_target
+from np_drake.control.cascade import TARGET_SIZE, cascade_target
 from np_drake.references.base import Reference
 from np_drake.vehicle import Vehicle
 

@@ -6,6 +6,7 @@ import math
 import numpy as np
 
 from np_drake import attitude
+from np_drake.references.flatness import targets
 from np_drake.vehicle import Vehicle
 
 TARGET_SIZE = 16  # p, v, a, w, dw/dt and heading [1]
@@ -96,3 +97,21 @@ def _attitude_error(q: np.ndarray, z_B_W: np.ndarray, yaw: float) -> np.ndarray:
     wanted = attitude.quaternion_from_axes(z_B_W, yaw)
     turn = attitude.multiply(q * [1.0, -1.0, -1.0, -1.0], wanted)
     return (2.0 if turn[0] >= 0 else -2.0) * turn[1:]
+
+
+def cascade_target(vehicle: Vehicle, flat: np.ndarray) -> np.ndarray:
+    """Return the targets (n, 16) of `cascade` that follow `flat` without any wrench.
+
+    Angular acceleration is eq. (1) inverted: dw/dt = J⁻¹ (tau - w x J w).
+
+    Args:
+        vehicle: nominal vehicle.
+        flat: (5, n, 3) p, v, a, jerk, snap in W.
+    """
+    x, u = targets(vehicle, flat, np.zeros((flat.shape[1], 6)))
+    w = x[:, 10:13]
+    target = np.zeros((flat.shape[1], TARGET_SIZE))
+    target[:, :9] = flat[:3].swapaxes(0, 1).reshape(-1, 9)
+    target[:, 9:12] = w
+    target[:, 12:15] = np.linalg.solve(vehicle.J, (u[:, 1:] - np.cross(w, w @ vehicle.J.T)).T).T
+    return target

@@ -1,6 +1,6 @@
 import numpy as np
 
-from np_drake.control.cascade_target import cascade_target
+from np_drake.control.cascade import cascade_target
 from np_drake.references.harmonic import circle
 from np_drake.vehicle import Vehicle
 from systems.cascade_target import CascadeTarget

@@ -10,17 +10,9 @@ from scipy.interpolate import CubicHermiteSpline
 from np_drake import attitude
 from np_drake.logs.errors import LogError
 from np_drake.logs.importing.convert import GRAVITY, convert_quantity
-from np_drake.logs.importing.interpolation import (
-    FASTER,
-    Antiderivative,
-    averaged,
-    held,
-    integrated,
-    linear,
-    turned,
-)
+from np_drake.logs.importing.interpolation import FASTER, Signal
 from np_drake.logs.importing.log_map import LogMap
-from np_drake.logs.importing.signals import STATE, Signal
+from np_drake.logs.importing.signals import STATE
 
 FASTEST = 500.0  # rate of the rows unless another is asked for [Hz]; own choice
 COMMANDS = ("thrust", "torque", "throttle")
@@ -65,38 +57,31 @@ def align(signals: Signals, log_map: LogMap, path: str = "log") -> Aligned:
             raise LogError(f"{path}: the map must name columns of {name}; a flight log needs it.")
     notes: list[str] = []
     t, width = _rows(signals, log_map, path)
-    q_signal = signals["attitude"]
-    q_own = convert_quantity("attitude", q_signal.values, log_map)
-    q_own = attitude.one_hemisphere(q_own, q_own[0])
-    rates = _rates(signals, log_map, q_signal.t, q_own, notes)
-    fine = Antiderivative(rates.t, rates.values) if rates.step * FASTER < q_signal.step else None
-
-    def q_at(at: np.ndarray) -> np.ndarray:
-        return turned(q_signal.t, q_own, fine, at)
+    q_own = convert_quantity("attitude", signals["attitude"].values, log_map)
+    q = Signal(signals["attitude"].t, attitude.one_hemisphere(q_own, q_own[0]))
+    rates = _rates(signals, log_map, q, notes)
+    fine = rates if rates.step * FASTER < q.step else None
 
     def in_frames(name: str) -> Signal:
         own = signals[name]
-        return Signal(own.t, convert_quantity(name, own.values, log_map, q_at(own.t)))
+        return Signal(own.t, convert_quantity(name, own.values, log_map, q.turned(fine, own.t)))
 
-    out = {"attitude": q_at(t), "rates": averaged(rates.t, rates.values, t, width)}
+    out = {"attitude": q.turned(fine, t), "rates": rates.averaged(t, width)}
     a = in_frames("acceleration") if "acceleration" in signals else None
     p = in_frames("position")
     v = in_frames("velocity") if "velocity" in signals else _differentiated(p, notes)
-    if a is not None and a.step * FASTER < v.step:
-        out["velocity"] = integrated(v.t, v.values, Antiderivative(a.t, a.values), t)
-    else:
-        out["velocity"] = linear(v.t, v.values, t)
+    faster = a is not None and a.step * FASTER < v.step
+    out["velocity"] = v.integrated(a, t) if a is not None and faster else v.linear(t)
     out["position"] = _position(p, v, t)
     if a is not None and np.array_equal(a.t, t):
         out["acceleration"] = a.values
     elif a is not None:
-        specific = attitude.rotate_back(q_at(a.t), a.values + _G)
-        out["acceleration"] = attitude.rotate(out["attitude"], _averaged_after(a.t, specific, t, width)) - _G
+        specific = Signal(a.t, attitude.rotate_back(q.turned(fine, a.t), a.values + _G))
+        out["acceleration"] = attitude.rotate(out["attitude"], _averaged_after(specific, t, width)) - _G
     if "angular_acceleration" in signals:
-        al = in_frames("angular_acceleration")
-        out["angular_acceleration"] = _averaged_after(al.t, al.values, t, width)
+        out["angular_acceleration"] = _averaged_after(in_frames("angular_acceleration"), t, width)
     for name in (n for n in READINGS if n in signals):
-        out[name] = averaged(signals[name].t, in_frames(name).values, t, width)
+        out[name] = in_frames(name).averaged(t, width)
     for name in (n for n in COMMANDS if n in signals):
         out[name] = _command(in_frames(name), log_map.command, t)
     return Aligned(t, out, _in_gaps(signals, t), tuple(notes))
@@ -139,21 +124,22 @@ def _rows(signals: Signals, log_map: LogMap, path: str) -> tuple[np.ndarray, flo
     return start + np.arange(count + 1) / rate, 1.0 / rate
 
 
-def _averaged_after(t: np.ndarray, x: np.ndarray, at: np.ndarray, width: float) -> np.ndarray:
-    """Return the mean of x (n, k) over `width` [s] after each of `at` (m,); linear where the samples are no denser."""
-    dense = width >= FASTER * float(np.median(np.diff(t)))
-    return averaged(t, x, at + 0.5 * width * dense, width)
+def _averaged_after(own: Signal, at: np.ndarray, width: float) -> np.ndarray:
+    """Return the mean of a signal over `width` [s] after each of `at` (m,); linear where samples are no denser."""
+    dense = width >= FASTER * own.step
+    return own.averaged(at + 0.5 * width * dense, width)
 
 
-def _rates(signals: Signals, log_map: LogMap, t_q: np.ndarray, q: np.ndarray, notes: list[str]) -> Signal:
+def _rates(signals: Signals, log_map: LogMap, q: Signal, notes: list[str]) -> Signal:
     if "rates" in signals:
         own = signals["rates"]
-        near = linear(t_q, q, own.t)
+        near = q.linear(own.t)
         near /= np.linalg.norm(near, axis=1, keepdims=True)
         return Signal(own.t, convert_quantity("rates", own.values, log_map, near))
     notes.append("rates: none in the log; differentiated from attitude")
-    turn = attitude.rotation_vector(attitude.multiply(attitude.conjugate(q[:-1]), q[1:]))
-    return Signal(0.5 * (t_q[1:] + t_q[:-1]), turn / np.diff(t_q)[:, None])
+    # The mean rate between two samples: the logarithm of their relative rotation over the time between them.
+    turn = attitude.rotation_vector(attitude.multiply(attitude.conjugate(q.values[:-1]), q.values[1:]))
+    return Signal(0.5 * (q.t[1:] + q.t[:-1]), turn / np.diff(q.t)[:, None])
 
 
 def _differentiated(p: Signal, notes: list[str]) -> Signal:
@@ -161,7 +147,7 @@ def _differentiated(p: Signal, notes: list[str]) -> Signal:
     notes.append(f"velocity: none in the log; position differentiated over {SMOOTH} s")
     length = max(5, 2 * round(0.5 * SMOOTH / p.step) + 1)
     t = np.arange(p.t[0], p.t[-1], p.step)
-    even = linear(p.t, p.values, t)
+    even = p.linear(t)
     if len(t) <= length:
         return Signal(p.t, np.gradient(p.values, p.t, axis=0))
     return Signal(t, filters.savgol_filter(even, length, 2, deriv=1, delta=p.step, axis=0))
@@ -172,19 +158,17 @@ def _position(p: Signal, v: Signal, t: np.ndarray) -> np.ndarray:
     if np.array_equal(p.t, t):
         return p.values
     inside = np.clip(t, p.t[0], p.t[-1])
-    return CubicHermiteSpline(p.t, p.values, linear(v.t, v.values, p.t))(inside)
+    return CubicHermiteSpline(p.t, p.values, v.linear(p.t))(inside)
 
 
 def _command(own: Signal, timing: str, t: np.ndarray) -> np.ndarray:
     """Return the mean of a command over the interval after each row, by what its rows mean."""
-    values = own.values
     if timing == "held_before":
-        values = np.concatenate([values[1:], values[-1:]])
+        own = Signal(own.t, np.concatenate([own.values[1:], own.values[-1:]]))
     if timing == "sampled":
-        total = Antiderivative(own.t, values)
-        mean = np.diff(total(t), axis=0) / np.diff(t)[:, None]
-        return np.concatenate([mean, linear(own.t, values, t[-1:])])
-    return held(own.t, values, t)
+        mean = np.diff(own.integral(t), axis=0) / np.diff(t)[:, None]
+        return np.concatenate([mean, own.linear(t[-1:])])
+    return own.held(t)
 
 
 def _in_gaps(signals: Signals, t: np.ndarray) -> np.ndarray:

@@ -9,14 +9,7 @@ import numpy as np
 
 from np_drake.logs.errors import LogError
 from np_drake.logs.importing.consistency import LAWS, WINDOW, Misfits, misfits
-from np_drake.logs.importing.convert import (
-    Values,
-    axes_of,
-    convert,
-    convert_quantity,
-    frames_of,
-    is_turned,
-)
+from np_drake.logs.importing.convert import Values, convert, convert_quantity
 from np_drake.logs.importing.log_map import BODIES, UNITS, WORLDS, LogMap
 from np_drake.logs.windows import Windows
 
@@ -143,8 +136,8 @@ class Trial:
         """Return what a quantity depends on: its own conventions, and those of the attitude that may turn it."""
         source = getattr(log_map, name)
         own = (source.unit, source.scale, source.axes, source.kind, source.order, source.direction)
-        turned = name in VECTORS and "attitude" in self._raw and is_turned(name, source)
-        return (name, *own, *frames_of(source, log_map), *(self._key("attitude", log_map) if turned else ()))
+        turned = name in VECTORS and "attitude" in self._raw and source.is_turned(name)
+        return (name, *own, *log_map.frames(source), *(self._key("attitude", log_map) if turned else ()))
 
 
 def liveliest(raw: Values, rows: int) -> slice:
@@ -219,7 +212,7 @@ def _alternatives(raw: Values, log_map: LogMap) -> Iterator[Change]:
     yield (("world", _other(WORLDS, log_map.world)),)
     yield (("body", _other(BODIES, log_map.body)),)
     if "position" in raw and "velocity" in raw:
-        worlds = {name: frames_of(getattr(log_map, name), log_map)[0] for name in ("position", "velocity")}
+        worlds = {name: log_map.frames(getattr(log_map, name))[0] for name in ("position", "velocity")}
         yield tuple((f"{name}.world", _other(WORLDS, own)) for name, own in worlds.items())
     for name in raw:
         if name == "acceleration":
@@ -230,7 +223,7 @@ def _alternatives(raw: Values, log_map: LogMap) -> Iterator[Change]:
 
 def _of_acceleration(log_map: LogMap) -> Iterator[Change]:
     source = log_map.acceleration
-    own = (source.kind or "specific_force", axes_of("acceleration", source))
+    own = (source.kind or "specific_force", source.axes_of("acceleration"))
     for kind, axes in itertools.product(("specific_force", "acceleration"), ("body", "world")):
         if (kind, axes) != own:
             yield (("acceleration.kind", kind), ("acceleration.axes", axes))
@@ -238,8 +231,8 @@ def _of_acceleration(log_map: LogMap) -> Iterator[Change]:
 
 def _of_quantity(name: str, log_map: LogMap) -> Iterator[tuple[str, Any]]:
     source = getattr(log_map, name)
-    world, body = frames_of(source, log_map)
-    axes = axes_of(name, source)
+    world, body = log_map.frames(source)
+    axes = source.axes_of(name)
     if name == "attitude":
         if len(source.columns) != 3:
             yield "order", _other(("wxyz", "xyzw"), source.order)

@@ -53,41 +53,6 @@ def convert_quantity(
 _TURNED = ("position", "velocity", "rates", "acceleration", "angular_acceleration", "torque")
 
 
-def axes_of(name: str, source: Source) -> str:
-    """Return the axes of a vector, `world` or `body`, also where its source leaves them open.
-
-    Args:
-        name: of the vector.
-        source: its columns and conventions.
-    """
-    if source.axes:
-        return source.axes
-    if name == "acceleration":
-        return "world" if source.kind == "acceleration" else "body"
-    return "world" if name in ("position", "velocity") else "body"
-
-
-def is_turned(name: str, source: Source) -> bool:
-    """Return whether a vector is turned by the attitude: its axes are not those of `convert`.
-
-    Args:
-        name: of the vector.
-        source: its columns and conventions.
-    """
-    wanted = "world" if name in ("position", "velocity", "acceleration") else "body"
-    return axes_of(name, source) != wanted
-
-
-def frames_of(source: Source, log_map: LogMap) -> tuple[str, str]:
-    """Return the frames W and B of a quantity.
-
-    Args:
-        source: of the quantity.
-        log_map: of the log.
-    """
-    return source.world or log_map.world, source.body or log_map.body
-
-
 def _scaled(name: str, values: np.ndarray, source: Source) -> np.ndarray:
     values = values * (source.scale * UNITS[name].get(source.unit, 1.0))
     if name in ("throttle", "hover_throttle") and source.unit == "us":
@@ -104,7 +69,7 @@ def _attitude(values: np.ndarray, source: Source, log_map: LogMap) -> np.ndarray
         q = q / np.maximum(np.linalg.norm(q, axis=1, keepdims=True), 1e-9)
     if source.direction == "world_to_body":
         q = q * [1.0, -1.0, -1.0, -1.0]
-    world, body = frames_of(source, log_map)
+    world, body = log_map.frames(source)
     if world == "ned":
         q = attitude.multiply(np.broadcast_to(Q_WORLD, q.shape), q)
     if body == "frd":
@@ -115,13 +80,13 @@ def _attitude(values: np.ndarray, source: Source, log_map: LogMap) -> np.ndarray
 def _turned(name: str, values: np.ndarray, q: np.ndarray | None, log_map: LogMap) -> np.ndarray:
     """Return a vector in the axes of its quantity: W for position, velocity and acceleration, B for the others."""
     source = getattr(log_map, name)
-    world, body = frames_of(source, log_map)
-    axes = axes_of(name, source)
+    world, body = log_map.frames(source)
+    axes = source.axes_of(name)
     if axes == "world" and world == "ned":
         values = values @ NED_TO_ENU.T
     if axes == "body" and body == "frd":
         values = values * FRD_TO_FLU
-    if is_turned(name, source) and q is not None:
+    if source.is_turned(name) and q is not None:
         values = attitude.rotate(q, values) if axes == "body" else attitude.rotate_back(q, values)
     if name == "acceleration" and source.kind != "acceleration":
         values = values - [0.0, 0.0, GRAVITY]

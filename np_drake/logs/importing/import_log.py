@@ -31,10 +31,10 @@ from np_drake.logs.importing.conventions import (
     fitting_time_unit,
 )
 from np_drake.logs.importing.convert import convert_quantity
-from np_drake.logs.importing.interpolation import FASTER
+from np_drake.logs.importing.interpolation import FASTER, Signal
 from np_drake.logs.importing.log_map import UNITS, LogMap, MapFile
 from np_drake.logs.importing.sheet_content import ground_notes, sheet_content
-from np_drake.logs.importing.signals import Signal, gather, with_map_time
+from np_drake.logs.importing.signals import gather, with_map_time
 
 CHECK_RATE = 50.0  # of the rows on which conventions are checked [Hz]
 LEAST_ROWS = 20  # of a part that is kept

@@ -72,6 +72,19 @@ class Source:
     def __bool__(self) -> bool:
         return bool(self.columns)
 
+    def axes_of(self, name: str) -> str:
+        """Return the axes of a vector of this name, `world` or `body`, also where they are left open."""
+        if self.axes:
+            return self.axes
+        if name == "acceleration":
+            return "world" if self.kind == "acceleration" else "body"
+        return "world" if name in ("position", "velocity") else "body"
+
+    def is_turned(self, name: str) -> bool:
+        """Return whether a vector of this name is turned by the attitude: its axes are not those of `convert`."""
+        wanted = "world" if name in ("position", "velocity", "acceleration") else "body"
+        return self.axes_of(name) != wanted
+
 
 @dc.dataclass
 class LogMap:
@@ -107,6 +120,10 @@ class LogMap:
     throttle: Source = dc.field(default_factory=Source)
     hover_throttle: Source = dc.field(default_factory=Source)
     voltage: Source = dc.field(default_factory=Source)
+
+    def frames(self, source: Source) -> tuple[str, str]:
+        """Return the frames W and B of one of its quantities."""
+        return source.world or self.world, source.body or self.body
 
     def sources(self) -> Iterator[tuple[str, Source]]:
         """Yield name and source of every quantity that the log holds."""

@@ -10,8 +10,8 @@ from np_drake.effects.library import unobservable
 from np_drake.flight_log import FlightLog
 from np_drake.logs.importing.alignment import Aligned
 from np_drake.logs.importing.conventions import Verdict, as_text
+from np_drake.logs.importing.interpolation import Signal
 from np_drake.logs.importing.log_map import UNITS, LogMap
-from np_drake.logs.importing.signals import Signal
 
 
 def sheet_content(

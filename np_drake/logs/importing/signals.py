@@ -7,6 +7,7 @@ import numpy as np
 from np_drake.logs.checks import LARGEST
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.format import Recording, Stream, find_column
+from np_drake.logs.importing.interpolation import Signal
 from np_drake.logs.importing.log_map import UNITS, LogMap, Source
 
 REPEATED = (
@@ -18,19 +19,6 @@ BACK = 0.1  # share of samples earlier than one before them from which these are
 LEAST_NORM = 1e-3  # of a quaternion that is one, of whatever length [1]; own choice
 OPTIONAL = ("voltage", "hover_throttle")  # of which a few samples are as good as none
 STATE = ("position", "velocity", "attitude", "rates", "acceleration", "angular_acceleration")
-
-
-@dc.dataclass(frozen=True)
-class Signal:
-    """One quantity as logged: t (n,) [s], strictly increasing, and values (n, k) in the units of the file."""
-
-    t: np.ndarray
-    values: np.ndarray
-
-    @property
-    def step(self) -> float:
-        """Median sampling interval [s]."""
-        return float(np.median(np.diff(self.t)))
 
 
 def gather(recording: Recording, log_map: LogMap) -> tuple[dict[str, Signal], list[str]]:

@@ -1,7 +1,6 @@
 import numpy as np
 
-from np_drake.control.cascade import AL, TARGET_SIZE, A, P, V, W
-from np_drake.control.cascade_target import cascade_target
+from np_drake.control.cascade import AL, TARGET_SIZE, A, P, V, W, cascade_target
 from np_drake.references.base import Hover
 from np_drake.references.harmonic import lemniscate
 from np_drake.vehicle import Vehicle

@@ -13,8 +13,6 @@ from np_drake.logs.importing.convert import (
     NED_TO_ENU,
     Q_BODY,
     Q_WORLD,
-    axes_of,
-    frames_of,
 )
 from np_drake.logs.importing.log_map import SIZES, UNITS, LogMap, Source
 
@@ -62,14 +60,14 @@ def write_table(path: Path, t: np.ndarray, columns: Quantities, log_map: LogMap)
 def _column(name: str, values: np.ndarray, q: np.ndarray, log_map: LogMap) -> np.ndarray:
     source = getattr(log_map, name)
     factor = source.scale * UNITS[name].get(source.unit, 1.0)
-    world, body = frames_of(source, log_map)
+    world, body = log_map.frames(source)
     if name == "attitude":
         return _attitude(values, source, world, body)
     if name not in ("position", "velocity", "rates", "acceleration", "angular_acceleration", "torque"):
         return values / factor
     if name == "acceleration" and source.kind != "acceleration":
         values = values + [0.0, 0.0, GRAVITY]
-    own, axes = axes_of(name, Source()), axes_of(name, source)
+    own, axes = Source().axes_of(name), source.axes_of(name)
     own = "world" if name == "acceleration" else own
     if own != axes:
         values = attitude.rotate_back(q, values) if axes == "body" else attitude.rotate(q, values)
