@@ -102,12 +102,10 @@ def rotate_back(q: np.ndarray, r_W: np.ndarray) -> np.ndarray:
         r_W: (..., 3) vector in W.
     """
     if r_W.ndim == 1 and np.ndim(q) == 1:
-        return _transposed_times(*_entries(*np.asarray(q, float).tolist()), *r_W.tolist())
+        a, b, c, d, e, f, g, h, i = _entries(*np.asarray(q, float).tolist())
+        x, y, z = r_W.tolist()
+        return np.array((x * a + y * d + z * g, x * b + y * e + z * h, x * c + y * f + z * i))
     return (r_W[..., None, :] @ rotation_matrix(q))[..., 0, :]
-
-
-def _transposed_times(a, b, c, d, e, f, g, h, i, x, y, z) -> np.ndarray:
-    return np.array((x * a + y * d + z * g, x * b + y * e + z * h, x * c + y * f + z * i))
 
 
 def one_hemisphere(q: np.ndarray, q_near: np.ndarray) -> np.ndarray:

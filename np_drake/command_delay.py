@@ -104,18 +104,14 @@ class DelayFilter:
     @staticmethod
     def _likeliest(squares: np.ndarray, samples: float, believed: int) -> np.ndarray:
         """Return the delay of the highest posterior probability (1,) [periods / FINE]."""
-        logarithm = _log_likelihood(squares, samples / SHARED).max(axis=0)
+        # Log likelihood of normal steps with these mean squares, each channel's variance unknown; the likeliest lag.
+        logarithm = (-0.5 * (samples / SHARED) * np.log(squares + 1e-300).sum(axis=-1)).max(axis=0)
         logarithm[believed] += believed_before(len(logarithm))
         return np.array([float(np.argmax(logarithm))])
 
     def delay(self, memory: Memory) -> float:
         """Return the delay that is believed [s]."""
         return float(memory["delay"][0]) * self.step / FINE
-
-
-def _log_likelihood(squares: np.ndarray, samples: float) -> np.ndarray:
-    """Return that of normal steps with the mean squares (…, 3), each channel's variance unknown, (…,) [1]."""
-    return -0.5 * samples * np.log(squares + 1e-300).sum(axis=-1)
 
 
 def believed_before(count: int) -> float:

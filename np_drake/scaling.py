@@ -126,7 +126,7 @@ def similar(vehicle: Vehicle, length: float) -> Vehicle:
         name=f"{vehicle.name} times {length:g}",
         mass=vehicle.mass * mass,
         inertia=(vehicle.J * (mass * length**2)).tolist(),
-        rotor_positions=_times(vehicle.rotor_positions, length),
+        rotor_positions=[times(row, length) for row in vehicle.rotor_positions],
         thrust_coefficient=vehicle.thrust_coefficient * mass * time**2,
         torque_coefficient=vehicle.torque_coefficient * mass * time**2 * length,
         rotor_radius=vehicle.rotor_radius * length,
@@ -143,7 +143,3 @@ def times(value, ratio: float):
         ratio: [1].
     """
     return [v * ratio for v in value] if isinstance(value, list | tuple) else value * ratio
-
-
-def _times(rows: list[list[float]], ratio: float) -> list[list[float]]:
-    return [times(row, ratio) for row in rows]

@@ -100,10 +100,7 @@ def motion_from_rates(sequence: WrenchSequence, vehicle: Vehicle, *, settling: f
 
 
 def _motion(sequence: WrenchSequence, vehicle: Vehicle, R: np.ndarray, gravity: np.ndarray) -> Motion:
-    """Return the motion in inertial axes.
-
-    Raises: ValueError: if the sequence is not in body axes.
-    """
+    """Return the motion in inertial axes; ValueError if the sequence is not in body axes."""
     if sequence.frame != "body" or not sequence.total:
         raise ValueError(f"motion: {sequence.name} must hold the total wrench in body axes.")
     y = sequence.zeta.copy()

@@ -75,7 +75,7 @@ def atomic_path(path: str | Path) -> Iterator[Path]:
         _to_disk(target.parent)
     except OSError as error:
         if error.errno in FULL:
-            raise _full(path, _size(temporary)) from error
+            raise _full(path, temporary.stat().st_size if temporary.exists() else 0) from error
         raise
     finally:
         temporary.unlink(missing_ok=True)
@@ -134,10 +134,7 @@ def is_regular(path: Path) -> bool:
 
 
 def _resolved(path: Path) -> Path:
-    """Return where a path leads, through its links.
-
-    Raises: OSError: if they lead to themselves.
-    """
+    """Return where a path leads, through its links; OSError if they lead to themselves."""
     try:
         return path.resolve()
     except RuntimeError as error:
@@ -160,10 +157,6 @@ def _to_disk(path: Path) -> None:
         os.fsync(number)
     finally:
         os.close(number)
-
-
-def _size(path: Path) -> int:
-    return path.stat().st_size if path.exists() else 0
 
 
 def _full(path: str | Path, size: int) -> DiskFull:

@@ -62,10 +62,7 @@ def _locked(path: Path, output: Path) -> Iterator[None]:
 
 
 def _acquired(path: Path, output: Path) -> int:
-    """Return the open lock file.
-
-    Raises: Occupied: if another process holds it.
-    """
+    """Return the open lock file; Occupied if another process holds it."""
     while True:
         try:
             number = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)

@@ -58,10 +58,7 @@ def load_checked(
 
 
 def _require_once(root: yaml.Node | None) -> None:
-    """Check that no field stands twice, since a reader would take the last.
-
-    Raises: ValueError: if one does.
-    """
+    """Check that no field stands twice, since a reader would take the last; ValueError if one does."""
     left: list[tuple[str, yaml.Node | None]] = [("", root)]
     seen: set[int] = set()
     while left:

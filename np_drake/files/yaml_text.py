@@ -75,7 +75,8 @@ def require_modest(text: str, *, longest: int = MAX_SCALAR) -> None:
             if parts[-1][1] > MAX_NODES:
                 raise ValueError(f"must hold at most {MAX_NODES} values, aliases expanded{_at(event)}.")
     except yaml.YAMLError as error:
-        raise ValueError(_reason(error)) from error
+        words = str(error).replace('in "<unicode string>", ', "in ").split()
+        raise ValueError(" ".join(words)) from error
 
 
 def _require_event(event: Any, depth: int, longest: int) -> None:
@@ -91,8 +92,3 @@ def _require_event(event: Any, depth: int, longest: int) -> None:
 
 def _at(event: Any) -> str:
     return f" (line {event.start_mark.line + 1})"
-
-
-def _reason(error: yaml.YAMLError) -> str:
-    """Return what YAML says, without a name of the text."""
-    return " ".join(str(error).replace('in "<unicode string>", ', "in ").split())

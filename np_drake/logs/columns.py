@@ -94,7 +94,7 @@ def present_fields(table: Table) -> list[str]:
         raise table.error("must hold rows; it has a header and no rows. Export the flight again.")
     fields = []
     for field, names in COLUMNS.items():
-        filled = [name for name in names if name in table.columns and not _empty(table.columns[name])]
+        filled = [name for name in names if name in table.columns and not np.isnan(table.columns[name]).all()]
         if len(filled) == len(names):
             fields.append(field)
         elif field == "u" and tuple(filled) == THRUST:
@@ -160,10 +160,6 @@ def _value(log: FlightLog, field: str) -> np.ndarray | None:
         size = 1 if field == "throttle" else 4
         return log.throttle if log.throttle is not None and log.throttle.shape[1] == size else None
     return getattr(log, field)
-
-
-def _empty(column: np.ndarray) -> bool:
-    return bool(np.all(np.isnan(column)))
 
 
 def _shorten(names: list[str]) -> str:

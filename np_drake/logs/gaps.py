@@ -90,7 +90,9 @@ def _fill_cells(table: Table, fields: list[str]) -> np.ndarray:
                 column = np.where(good, column, column[last])
                 good = np.isfinite(column)
             table.columns[name] = np.interp(t, t[good], column[good])
-    _unit_quaternions(table, touched)
+    norm = np.where(touched, quaternion_norm(table), 1.0)
+    for name in COLUMNS["q"]:
+        table.columns[name] = table.columns[name] / norm
     return touched
 
 
@@ -107,12 +109,6 @@ def _one_hemisphere(table: Table) -> None:
     q[rows] = attitude.one_hemisphere(q[rows], q[rows[0]])
     for name, column in zip(COLUMNS["q"], q.T, strict=True):
         table.columns[name] = column
-
-
-def _unit_quaternions(table: Table, rows: np.ndarray) -> None:
-    norm = np.where(rows, quaternion_norm(table), 1.0)
-    for name in COLUMNS["q"]:
-        table.columns[name] = table.columns[name] / norm
 
 
 LARGEST_SHARE = 0.02  # of the rows that may be dropped or changed
@@ -132,7 +128,8 @@ def repair(table: Table, fields: list[str]) -> tuple[Table, list[str]]:
     """
     if len(table) < LEAST_ROWS:
         return table, []  # the check says so
-    kept, dropped = _in_time(_figures(table))
+    figures = {n: np.where(is_figure(table, n), column, np.nan) for n, column in table.columns.items()}
+    kept, dropped = _in_time(table.with_columns(figures))
     normalised = _normalise(kept)
     for field in fields:
         for name in FIELDS[field]:
@@ -150,14 +147,6 @@ def repair(table: Table, fields: list[str]) -> tuple[Table, list[str]]:
         )
     notes = [f"repaired: {count} of {len(table)} rows {what}" for what, count in counts.items() if count]
     return kept, notes
-
-
-def _figures(table: Table) -> Table:
-    """Return the table with NaN in every cell that holds no usable number."""
-    columns = table.columns.items()
-    return table.with_columns(
-        {name: np.where(is_figure(table, name), column, np.nan) for name, column in columns}
-    )
 
 
 def _in_time(table: Table) -> tuple[Table, int]:
@@ -181,10 +170,7 @@ def _normalise(table: Table) -> int:
 
 
 def _refuse_long_run(table: Table, name: str, good: np.ndarray) -> None:
-    """Check that the column is not bad for longer than `LONGEST`.
-
-    Raises: LogError: if it is.
-    """
+    """Check that the column is not bad for longer than `LONGEST`; LogError if it is."""
     t = table.columns["t"]
     edge = np.flatnonzero(good)
     start = np.concatenate([[0], edge])

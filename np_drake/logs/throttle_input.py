@@ -86,14 +86,10 @@ def _lifted(log: FlightLog, vehicle: Vehicle) -> tuple[np.ndarray, np.ndarray]:
         raise LogError(
             f"{log.name}: throttle must be between 0 and 1 and carry the vehicle; it never exceeds {LEAST}."
         )
-    lift = _specific_lift(log, vehicle.gravity) / vehicle.gravity
+    # The specific force along body z, below motor lag.
+    a = smooth_derivative(log.v, log.t, BAND) + [0.0, 0.0, vehicle.gravity]
+    lift = np.sum(a * attitude.body_z(log.q), axis=1) / vehicle.gravity
     return throttle[flying], lift[flying]
-
-
-def _specific_lift(log: FlightLog, gravity: float) -> np.ndarray:
-    """Return the specific force along body z (n,), below `BAND` [m/s²]."""
-    a = smooth_derivative(log.v, log.t, BAND)
-    return np.sum((a + [0.0, 0.0, gravity]) * attitude.body_z(log.q), axis=1)
 
 
 def _fitted_exponent(flights: Sequence[tuple[np.ndarray, np.ndarray]]) -> float:

@@ -27,6 +27,8 @@ from np_drake.logs.text_lines import too_many_cells
 
 HEADER = b"\xa3\x95"  # begins every record; the type follows
 FMT = b"\xa3\x95\x80"
+FMT_LINE = re.compile(rb"\s*FMT,\s*\d+,\s*\d+,")
+DEFINITION = ("Type", "Length", "Name", "Format", "Columns")  # columns of a FMT record
 NUMBERS = {  # numpy type of a format character and the divisor of its values
     **{"b": ("<i1", 1.0), "B": ("<u1", 1.0), "M": ("<u1", 1.0), "g": ("<f2", 1.0), "h": ("<i2", 1.0)},
     **{"H": ("<u2", 1.0), "i": ("<i4", 1.0), "I": ("<u4", 1.0), "f": ("<f4", 1.0), "d": ("<f8", 1.0)},
@@ -132,7 +134,8 @@ class _BinaryLog(_Log):
 
     def _scan(self, progress: Progress) -> None:
         self.known: dict[bytes, tuple[int, Callable[[int], None]]] = {}
-        self._learn(128, Message("FMT", 89, "BBnNZ", ("Type", "Length", "Name", "Format", "Columns")))
+        message = self.messages["FMT"] = Message("FMT", 89, "BBnNZ", DEFINITION)
+        self.known[FMT] = message.length, message.starts.append
         data, size, known, at = self.bytes, self.size, self.known, 0
         lost, first = 0, -1  # bytes that are no record, and where the first is
         for block in range(BLOCK, size + BLOCK, BLOCK):
@@ -156,10 +159,6 @@ class _BinaryLog(_Log):
             progress(at / size)
         if lost:
             self.notes.append(f"{lost} bytes are no record, from byte {first} on")
-
-    def _learn(self, number: int, message: Message) -> None:
-        self.messages[message.name] = message
-        self.known[HEADER + bytes([number])] = message.length, message.starts.append
 
     def _learn_from(self, record: bytes) -> None:
         number, length = record[3], record[4]
@@ -204,7 +203,7 @@ class _TextLog(_Log):
     """A log as text: a line a record, `name, value, value`."""
 
     def _scan(self, progress: Progress) -> None:
-        self.messages["FMT"] = Message("FMT", 89, "BBnNZ", ("Type", "Length", "Name", "Format", "Columns"))
+        self.messages["FMT"] = Message("FMT", 89, "BBnNZ", DEFINITION)
         unknown = 0
         report = BLOCK
         at = 0
@@ -324,10 +323,6 @@ def _facts(log: _Log) -> dict[str, str]:
     return facts
 
 
-def _recognises(path: Path, start: bytes) -> bool:
-    return start.startswith(FMT) or bool(re.match(rb"\s*FMT,\s*\d+,\s*\d+,", start))
-
-
 def _size(character: str) -> int:
     """Return the bytes of a value; a character that is not known makes the record's length wrong."""
     if character in NUMBERS:
@@ -353,7 +348,7 @@ def _forget(_: int) -> None:
 DATAFLASH = Format(
     name="dataflash",
     title="ArduPilot DataFlash .bin and .log",
-    recognises=_recognises,
+    recognises=lambda path, start: start.startswith(FMT) or bool(FMT_LINE.match(start)),
     contents=_contents,
     default_map=default_map,
     read=_read,

@@ -2,7 +2,7 @@
 
 import dataclasses as dc
 import difflib
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -71,7 +71,8 @@ def find_column(contents: Contents, name: str, path: str = "log") -> tuple[str, 
     if holders:
         wanted = ", ".join(f"{s}/{name}" for s in holders)
         raise LogError(f"{path}, column {name}: several streams have it; name one of {wanted} in the map.")
-    near = difflib.get_close_matches(name, list(full_names(contents)), n=3, cutoff=0.5)
+    names = [n for s, columns in contents.items() for c in columns for n in (f"{s}/{c}", c)]
+    near = difflib.get_close_matches(name, names, n=3, cutoff=0.5)
     known = f"did you mean {', '.join(near)}?" if near else _known(contents)
     raise LogError(f"{path}, column {name}: no stream of the log has it; {known}")
 
@@ -82,14 +83,6 @@ def _known(contents: Contents) -> str:
         return f"the streams are {', '.join(contents) or 'none'}."
     (columns,) = contents.values()
     return f"it has {', '.join(columns[:20])}" + (", …." if len(columns) > 20 else ".")
-
-
-def full_names(contents: Contents) -> Iterator[str]:
-    """Yield `stream/column` of every column, and the column's name alone."""
-    for stream, columns in contents.items():
-        for column in columns:
-            yield f"{stream}/{column}"
-            yield column
 
 
 def first_source(contents: Contents, choices: Iterable[Sequence[str]], **how: Any) -> Source:

@@ -53,7 +53,9 @@ def read(path: str | Path, vehicle: Vehicle | None = None, *, repair: bool = Fal
         repair: mend a few bad rows instead of refusing them; the log's notes say what was mended.
     Raises: LogError: one line with file, column, row and remedy; OSError: if the file cannot be opened.
     """
-    table = read_table(path)
+    kind = suffix(path)
+    table = parquet_file.read_parquet(path) if kind == ".parquet" else csv_file.read_csv(path)
+    file = Path(path).name.removesuffix(kind)
     fields = columns.present_fields(table)
     notes: list[str] = []
     if repair:
@@ -64,7 +66,7 @@ def read(path: str | Path, vehicle: Vehicle | None = None, *, repair: bool = Fal
     logs = []
     for number, part in enumerate(parts, start=1):
         part, bridged = bridge_gaps(part, fields)
-        name = log_name(path) if len(parts) == 1 else f"{log_name(path)} part {number}"
+        name = file if len(parts) == 1 else f"{file} part {number}"
         log = columns.assemble(part, fields, name)
         if bridged.any():
             log.bridged = bridged
@@ -91,13 +93,8 @@ def write_log(log: FlightLog, path: str | Path) -> None:
     for kind, source in (("rotor_speed", log.rotor), ("normalised", log.throttle)):
         if log.input == kind and source is None:
             raise LogError(f"{path}: a log with input {kind} must have {WORDS[kind]} to be written.")
-    write = {".parquet": parquet_file.write_parquet}.get(suffix(path), csv_file.write_csv)
+    write = parquet_file.write_parquet if suffix(path) == ".parquet" else csv_file.write_csv
     write(path, columns.disassemble(log))
-
-
-def read_table(path: str | Path) -> Table:
-    """Return the table of numbers in a file of any of the formats."""
-    return parquet_file.read_parquet(path) if suffix(path) == ".parquet" else csv_file.read_csv(path)
 
 
 def suffix(path: str | Path) -> str:
@@ -112,12 +109,6 @@ def suffix(path: str | Path) -> str:
             "formats into such files."
         )
     return known
-
-
-def log_name(path: str | Path) -> str:
-    """Return the file's name without folder and suffix."""
-    name = Path(path).name
-    return name.removesuffix(suffix(path))
 
 
 def _known_suffix(path: str | Path) -> str | None:

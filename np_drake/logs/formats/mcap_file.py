@@ -250,19 +250,16 @@ def write_mcap(path: str | Path, channels: Iterable[Channel]) -> None:
     with atomic_path(path) as temporary, temporary.open("wb") as stream:
         writer = Writer(stream)
         writer.start(library="np_drake")
-        streams = [_numbered(writer, channel) for channel in channels]
+        streams = []
+        for channel in channels:
+            schema = writer.register_schema(channel.schema["title"], "jsonschema", _encoded(channel.schema))
+            number = writer.register_channel(channel.topic, "json", schema)
+            streams.append([(when, number, content) for when, content in channel.messages])
         sequence: dict[int, int] = {}
         for when, channel, content in heapq.merge(*streams, key=lambda message: message[0]):
             sequence[channel] = sequence.get(channel, -1) + 1
             writer.add_message(channel, when, _encoded(content), when, sequence[channel])
         writer.finish()
-
-
-def _numbered(writer, channel: Channel) -> Iterable[tuple[int, int, Json]]:
-    """Return the messages of a channel with its number in the file, after adding it there."""
-    schema = writer.register_schema(channel.schema["title"], "jsonschema", _encoded(channel.schema))
-    number = writer.register_channel(channel.topic, "json", schema)
-    return [(when, number, content) for when, content in channel.messages]
 
 
 def _encoded(content: Json) -> bytes:

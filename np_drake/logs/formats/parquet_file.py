@@ -37,7 +37,7 @@ def read_parquet(path: str | Path) -> Table:
     with open_parquet(path) as (pyarrow, file):
         names = file.schema_arrow.names
         for field in file.schema_arrow:
-            if not _is_number(pyarrow, field.type):
+            if not _is(pyarrow, field.type, "floating", "integer", "boolean", "decimal", "null"):
                 raise LogError(f"{path}, column {field.name}: must hold numbers; got {field.type}.")
         if len({name.strip() for name in names}) < len(names):
             raise LogError(f"{path}: its columns must have different names; got {', '.join(names[:8])}, ….")
@@ -82,10 +82,7 @@ def open_parquet(path: str | Path) -> Iterator[tuple[Any, Any]]:
 
 
 def _require_modest(path: str | Path, metadata: Any) -> None:
-    """Check what the footer announces before a column is read, which a few bytes may fill with values.
-
-    Raises: LogError: beyond the budgets.
-    """
+    """Check what the footer announces against the budgets, for a few bytes may fill a column with values."""
     if metadata.num_rows > MAX_ROWS:
         raise too_long(path)
     if metadata.num_columns > MAX_COLUMNS:
@@ -98,10 +95,9 @@ def _require_modest(path: str | Path, metadata: Any) -> None:
         raise too_large(path)
 
 
-def _is_number(pyarrow: Any, kind: Any) -> bool:
-    types = pyarrow.types
-    plain = (types.is_floating, types.is_integer, types.is_boolean, types.is_decimal, types.is_null)
-    return any(is_kind(kind) for is_kind in plain)
+def _is(pyarrow: Any, kind: Any, *words: str) -> bool:
+    """Return whether a type is of one of these kinds, in the words of pyarrow."""
+    return any(getattr(pyarrow.types, f"is_{word}")(kind) for word in words)
 
 
 def _reason(error: Exception) -> str:
@@ -151,16 +147,13 @@ def read_columns(
 
 
 def _layout(path: Path, pyarrow: Any, file: Any) -> list[Cell]:
-    """Return the columns of numbers and lists of numbers; others are left out.
-
-    Raises: LogError: if there are too many, or a name stands twice.
-    """
+    """Return the columns of numbers and lists of numbers, none twice; others are left out."""
     cells = []
     for position, field in enumerate(file.schema_arrow):
         if _is_list(pyarrow, field.type):
             first = _first(path, pyarrow, file, field.name)
             cells.append(Cell(field.name, position, len(_flat(first))))
-        elif _is_sample(pyarrow, field.type):
+        elif _is(pyarrow, field.type, "floating", "integer", "boolean", "timestamp", "duration"):
             cells.append(Cell(field.name, position, None))
     require_names(path, [name for cell in cells for name in cell.names])
     return cells
@@ -174,10 +167,7 @@ def _first(path: Path, pyarrow: Any, file: Any, name: str) -> Any:
 
 
 def _require_short(path: Path, pyarrow: Any, column: Any, name: str, most: int) -> None:
-    """Check how many numbers the lists of a column's block hold, before they become Python's.
-
-    Raises: LogError: if they hold more than `most`.
-    """
+    """Check that the lists of a column's block hold at most so many numbers, before they become Python's."""
     while _is_list(pyarrow, column.type):
         column = column.flatten()
     if len(column) > most:
@@ -187,11 +177,7 @@ def _require_short(path: Path, pyarrow: Any, column: Any, name: str, most: int) 
 
 
 def _numbers(path: Path, pyarrow: Any, column: Any, cell: Cell, before: int) -> list[np.ndarray]:
-    """Return the arrays (k,) of a column's block.
-
-    Args:   before: rows before the block.
-    Raises: LogError: at a list of another length.
-    """
+    """Return the arrays (k,) of a column's block, which begins after so many rows; LogError at a list too long."""
     if cell.size is None:
         return [_floats(pyarrow, column)]
     _require_short(path, pyarrow, column, cell.name, 2 * len(column) * cell.size + MAX_COLUMNS)
@@ -211,27 +197,18 @@ def _numbers(path: Path, pyarrow: Any, column: Any, cell: Cell, before: int) -> 
 def _floats(pyarrow: Any, column: Any) -> np.ndarray:
     kind = column.type
     factor = 1.0
-    if pyarrow.types.is_timestamp(kind) or pyarrow.types.is_duration(kind):
+    if _is(pyarrow, kind, "timestamp", "duration"):
         factor = UNITS["time"][kind.unit]
         column = column.cast(pyarrow.int64())
     numbers = column.cast(pyarrow.float64(), safe=False).to_numpy(zero_copy_only=False)
     return np.asarray(numbers, float) * factor
 
 
-def _is_sample(pyarrow: Any, kind: Any) -> bool:
-    types = pyarrow.types
-    plain = (types.is_floating, types.is_integer, types.is_boolean, types.is_timestamp, types.is_duration)
-    return any(is_kind(kind) for is_kind in plain)
-
-
 def _is_list(pyarrow: Any, kind: Any) -> bool:
     """Return whether a type is a list of numbers, or of such lists."""
-    types = pyarrow.types
-    if types.is_list(kind) or types.is_large_list(kind) or types.is_fixed_size_list(kind):
-        inner = kind.value_type
-        plain = types.is_floating(inner) or types.is_integer(inner)
-        return bool(plain or _is_list(pyarrow, inner))
-    return False
+    if not _is(pyarrow, kind, "list", "large_list", "fixed_size_list"):
+        return False
+    return _is(pyarrow, kind.value_type, "floating", "integer") or _is_list(pyarrow, kind.value_type)
 
 
 def _flat(value: Any) -> list[Any]:

@@ -287,7 +287,10 @@ def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Re
         for r in rows.values():
             r.sort()
         times, clocks = _times(rows)
-        streams = {name: _stream(r, times[name]) for name, r in rows.items()}
+        streams = {}
+        for name, r in rows.items():
+            values = np.array(r.numbers).reshape(len(times[name]), len(r.columns))
+            streams[name] = Stream(times[name], {c: values[:, i] for i, c in enumerate(r.columns)})
     lines = tuple(f"{path}: {note}" for note in [*dict.fromkeys(notes), *clocks])
     return Recording(str(path), streams, facts, lines)
 
@@ -305,11 +308,6 @@ def _times(rows: Mapping[str, _Rows]) -> tuple[dict[str, np.ndarray], list[str]]
         notes.append(f"{name}: times are {'the stamps' if stamped else f'those of receipt, for {why}'}")
     origin = min((int(t.min()) for t in chosen.values() if len(t)), default=0)
     return {name: (t - origin) * 1e-9 for name, t in chosen.items()}, notes
-
-
-def _stream(rows: _Rows, t: np.ndarray) -> Stream:
-    values = np.array(rows.numbers).reshape(len(t), len(rows.columns))
-    return Stream(t, {c: values[:, i] for i, c in enumerate(rows.columns)})
 
 
 def _default_map(contents: Contents) -> LogMap | None:

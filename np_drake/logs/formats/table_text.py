@@ -135,7 +135,9 @@ class _Numbers:
         """Append a row; LogError at a cell that is no number, and at a row of a wrong length that another follows."""
         if self._short is not None:
             raise self._ragged(*self._short)
-        if len(cells) != self._width and not self._mended(cells):
+        if len(cells) == self._width + 1 and not cells[-1].strip():
+            cells.pop()  # a delimiter at its end
+        if len(cells) != self._width:
             self._short = line, len(cells)
             return
         self._columns.append(self._parse(line, cells))
@@ -149,13 +151,6 @@ class _Numbers:
                 raise self._ragged(line, count)
             notes = [f"line {line}, the last, is cut off: it has {count} of {self._width} cells; left out"]
         return self._columns.arrays(), notes
-
-    def _mended(self, cells: list[str]) -> bool:
-        """Return whether the row is whole but for a delimiter at its end."""
-        if len(cells) == self._width + 1 and not cells[-1].strip():
-            cells.pop()
-            return True
-        return False
 
     def _parse(self, line: int, cells: list[str]) -> list[float]:
         try:

@@ -58,11 +58,6 @@ class _Said:
     notes: list[str]
 
 
-def _recognises(path: Path, start: bytes) -> bool:
-    """Return whether the first bytes are those of a ULog file."""
-    return start.startswith(MAGIC)
-
-
 def _contents(path: Path) -> Contents:
     """Return the fields of every message that has a row; the rows of three messages on rotors alone are loaded.
 
@@ -102,7 +97,6 @@ def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Re
         said.append(told)
     notes = [
         *_damage(log, guarded),
-        *_dropouts(log),
         *_timing(said),
         *(note for s in said for note in s.notes),
     ]
@@ -128,7 +122,8 @@ def _stream(
         measured = joined("timestamp_sample")[kept]
     times, delay = _times(published[kept], measured, log.start_timestamp)
     flags = {c: joined(c)[kept] for c in sorted(known) if c in VALID or c.endswith(RESETS)}
-    said = _Said(name, delay, [*_timeless(name, kept), *_validity(name, times, flags)])
+    lost = [] if kept.all() else [f"{name}: {np.sum(~kept)} rows without a time are left out."]
+    said = _Said(name, delay, [*lost, *_validity(name, times, flags)])
     return Stream(times, {c: joined(c)[kept].astype(float) for c in columns}), said
 
 
@@ -142,11 +137,6 @@ def _times(published: np.ndarray, measured: np.ndarray | None, start: int) -> tu
     if not usable.any():
         return since / 1e6, None
     return np.where(usable, since - delay, since) / 1e6, float(np.median(delay[usable])) / 1e6
-
-
-def _timeless(name: str, kept: np.ndarray) -> Iterator[str]:
-    if not kept.all():
-        yield f"{name}: {np.sum(~kept)} rows without a time are left out."
 
 
 def _validity(name: str, t: np.ndarray, flags: Mapping[str, np.ndarray]) -> Iterator[str]:
@@ -174,14 +164,11 @@ def _timing(streams: Sequence[_Said]) -> Iterator[str]:
 
 
 def _damage(log: Any, guarded: Guarded) -> Iterator[str]:
+    """Yield notes on what is damaged, and on what the logger lost."""
     if log.file_corruption:
         yield "the log is damaged; messages that could not be read are left out."
     if guarded.cut:
         yield "the log ends within a message (cut off); its whole messages are kept."
-
-
-def _dropouts(log: Any) -> Iterator[str]:
-    """Yield a note on what the logger lost."""
     lost = np.array(log.durations_lost) / 1000
     if len(lost):
         yield f"dropouts of the logger: {len(lost)}, {lost.sum():.3f} s together, the longest {lost.max():.3f} s."
@@ -216,4 +203,4 @@ def _changes(values: np.ndarray) -> bool:
     return bool(len(finite)) and bool(finite.min() != finite.max())
 
 
-ULOG = Format("ulog", "PX4 ULog", _recognises, _contents, default_map, _read)
+ULOG = Format("ulog", "PX4 ULog", lambda path, start: start.startswith(MAGIC), _contents, default_map, _read)

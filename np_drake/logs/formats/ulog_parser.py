@@ -109,7 +109,8 @@ def parse(path: Path, names: Sequence[str], progress: Progress) -> tuple[Any, li
             with contextlib.redirect_stdout(io.StringIO()):  # pyulog prints its warnings
                 file.seek(0)
                 head = pyulog.ULog(Guarded(file, size, no_progress), parse_header_only=True)
-                _require_onward(head)
+                if any(b <= a for a, b in itertools.pairwise(head._appended_offsets)):
+                    raise ValueError("its appended data lead back")  # and would be read twice
                 fields = _field_counts(head.message_formats)
                 file.seek(0)
                 guarded = Guarded(file, size, progress)
@@ -164,16 +165,6 @@ def _scanner(pyulog: Any, fields: Mapping[str, int], found: list[Subscription]) 
         durations_lost = lost
 
     return Scanner
-
-
-def _require_onward(head: Any) -> None:
-    """Check that data which are appended follow each other, so that nothing is read twice.
-
-    Raises: ValueError: if they do not.
-    """
-    offsets = head._appended_offsets
-    if any(b <= a for a, b in itertools.pairwise(offsets)):
-        raise ValueError("its appended data lead back")
 
 
 def _is_column(name: str, kind: str) -> bool:

@@ -44,20 +44,16 @@ def convert_quantity(
         log_map: with units and conventions.
         q: (n, 4) attitude at its times, where it has to be turned between W and B.
     """
-    scaled = _scaled(name, values, getattr(log_map, name))
+    source = getattr(log_map, name)
+    scaled = values * (source.scale * UNITS[name].get(source.unit, 1.0))
+    if name in ("throttle", "hover_throttle") and source.unit == "us":
+        return (scaled - 1000.0) / 1000.0
     if name == "attitude":
-        return _attitude(scaled, log_map.attitude, log_map)
+        return _attitude(scaled, source, log_map)
     return _turned(name, scaled, q, log_map) if name in _TURNED else scaled
 
 
 _TURNED = ("position", "velocity", "rates", "acceleration", "angular_acceleration", "torque")
-
-
-def _scaled(name: str, values: np.ndarray, source: Source) -> np.ndarray:
-    values = values * (source.scale * UNITS[name].get(source.unit, 1.0))
-    if name in ("throttle", "hover_throttle") and source.unit == "us":
-        return (values - 1000.0) / 1000.0
-    return values
 
 
 def _attitude(values: np.ndarray, source: Source, log_map: LogMap) -> np.ndarray:

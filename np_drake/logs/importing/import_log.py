@@ -80,7 +80,10 @@ def import_log(
     WrongConventions, one of these, if it does not agree with its conventions; OSError: if it cannot be opened.
     """
     known, contents, found = _map_for(Path(path), log_map)
-    log_map = _with_rate(found, rate, str(path))
+    try:
+        log_map = dc.replace(found, rate=rate or found.rate).check()
+    except ValueError as error:
+        raise LogError(f"{path}: {error}") from None
     require_a_flight(log_map, str(path))
     recording = known.read(Path(path), by_stream(contents, log_map.names(), str(path)), on_progress)
     signals, notes = gather(with_map_time(recording, log_map), log_map)
@@ -127,13 +130,6 @@ def _map_for(
             f"docs/reference/log-map.md). It has {names[:200]} …"
         )
     return known, contents, found.check()
-
-
-def _with_rate(log_map: LogMap, rate: float, path: str) -> LogMap:
-    try:
-        return dc.replace(log_map, rate=rate or log_map.rate).check()
-    except ValueError as error:
-        raise LogError(f"{path}: {error}") from None
 
 
 def _cut(signals: dict[str, Signal], log_map: LogMap, path: str) -> dict[str, Signal]:

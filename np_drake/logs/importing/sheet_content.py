@@ -39,6 +39,7 @@ def sheet_content(
         flights: that are written.
         notes: what was derived, mended or left out, one line each.
     """
+    spans = ", ".join(f"{log.name}: {len(log)} rows, {log.t[-1]:.4g} s" for log in flights)
     return {
         "source": Path(path).name,
         "format": title,
@@ -46,7 +47,7 @@ def sheet_content(
         "frames": f"world {log_map.world}, body {log_map.body}; written as z up and z along the thrust",
         "columns": {name: _described(name, signals[name], log_map) for name in signals},
         "conventions": _conventions_text(verdict),
-        "rows": _rows_text(flights),
+        "rows": f"{1 / flights[0].step:.4g} Hz; {spans}",
         "input": flights[0].input,
         "command": log_map.command,
         "gaps": _gaps_text(aligned, rows, flights),
@@ -91,11 +92,6 @@ def _conventions_text(verdict: Verdict) -> str:
     worst = max(verdict.misfits, key=lambda law: verdict.misfits[law])
     text = f"agree with the log in {len(verdict.misfits)} checks (worst misfit {verdict.misfits[worst]:.2g}, {worst})"
     return text + (f"; adopted: {as_text(verdict.changes)}" if verdict.changes else "")
-
-
-def _rows_text(flights: Sequence[FlightLog]) -> str:
-    spans = ", ".join(f"{log.name}: {len(log)} rows, {log.t[-1]:.4g} s" for log in flights)
-    return f"{1 / flights[0].step:.4g} Hz; {spans}"
 
 
 def _gaps_text(aligned: Aligned, rows: slice, flights: Sequence[FlightLog]) -> str:

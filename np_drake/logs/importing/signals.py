@@ -72,10 +72,7 @@ def _assembled(recording: Recording, source: Source) -> Signal:
 
 
 def _require_one_log(signal: Signal, place: str) -> None:
-    """Check that time runs forward, but for a few samples.
-
-    Raises: LogError: if it does not, as in two logs in one file.
-    """
+    """Check that time runs forward, but for a few samples; LogError if it does not, as in two logs in one file."""
     t = signal.t[np.isfinite(signal.t)]
     latest = np.maximum.accumulate(t)
     ahead = np.diff(latest, prepend=latest[:1])

@@ -39,7 +39,8 @@ class Mcap(MappedBag):
             for record in self._records(self._bytes, start, stop):
                 data, kind, at, end = record
                 if kind == CHUNK_INDEX:
-                    self._chunks.append(_place(data, at, end))
+                    has = frozenset(_counts(data, at + 32, end))
+                    self._chunks.append((struct.unpack_from("<Q", data, at + 16)[0], has))
                 elif kind == STATISTICS:
                     self._counts.update(_counts(data, at + 42, end))
                     counted = True
@@ -113,8 +114,3 @@ def _text(data: Any, at: int, end: int) -> tuple[bytes, int]:
 def _counts(data: Any, at: int, end: int) -> dict[int, int]:
     """Return a map of channels to numbers."""
     return dict(struct.iter_unpack("<HQ", _text(data, at, end)[0]))
-
-
-def _place(data: Any, at: int, end: int) -> tuple[int, frozenset[int]]:
-    """Return where a chunk begins, and the channels that have messages in it."""
-    return struct.unpack_from("<Q", data, at + 16)[0], frozenset(_counts(data, at + 32, end))

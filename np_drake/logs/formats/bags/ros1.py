@@ -36,10 +36,13 @@ class Ros1(MappedBag):
         for record in self._records(self._bytes, start, len(self._bytes)) if start >= first[3] else ():
             data, fields, at, end = record
             connections += fields.get(b"op") == CONNECTION
-            chunks += fields.get(b"op") == CHUNK_INFO
             self._learn(record)
             if fields.get(b"op") == CHUNK_INFO:
-                self._learn_chunk(fields, data[at:end])
+                chunks += 1
+                counts = dict(struct.iter_unpack("<II", data[at:end][: (end - at) // 8 * 8]))
+                self._counts.update({number: n for number, n in counts.items() if number in self._found})
+                place = int.from_bytes(fields.get(b"chunk_pos", b""), "little")
+                self._chunks.append((place, frozenset(counts)))
         said = _number(header.get(b"conn_count", b"")), _number(header.get(b"chunk_count", b""))
         indexed = bool(connections) and (connections, chunks) == said
         return indexed, indexed
@@ -65,12 +68,6 @@ class Ros1(MappedBag):
         topic = self._budget.text(_normal(fields.get(b"topic", b"")))
         definition = self._budget.text(more.get(b"message_definition", b""))
         self._found[number] = topic, normalize_msgtype(kind), "MSG", definition
-
-    def _learn_chunk(self, fields: Fields, data: bytes) -> None:
-        """Take in where a chunk begins, and how many messages its connections have in it."""
-        counts = dict(struct.iter_unpack("<II", data[: len(data) // 8 * 8]))
-        self._counts.update({number: n for number, n in counts.items() if number in self._found})
-        self._chunks.append((int.from_bytes(fields.get(b"chunk_pos", b""), "little"), frozenset(counts)))
 
     def _channel(self, number: int) -> Channel:
         return Channel(number, *self._found[number], self._counts[number])
