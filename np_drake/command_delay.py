@@ -31,6 +31,12 @@ class DelayFilter:
     for the true delay. Steps are taken as normal with unknown variance over a sliding window: n samples have the log
     likelihood -n/2 times the sum over thrust, roll and pitch of the log mean square. Where no lag of the rotors is
     known, several are tried with every delay, and the likeliest counts: a lag must not be taken for a delay.
+
+    Args:
+        vehicle: with the rotors' lag, 0 where it is not known.
+        step: between samples and commands [s].
+        known: delay that training has shown, or that is given [s].
+        track: whether other delays are looked for.
     Source: own choice; the criterion is that of `actuator_timing.learned_timing`.
 
     Memory, of l lags and d delays: sent (KEPT, 4) commands, the newest first; rotor (l, 4) lagged rotor speed; acting
@@ -71,7 +77,11 @@ class DelayFilter:
     def update(self, memory: Memory, *, x: np.ndarray, acceleration: np.ndarray, u: np.ndarray) -> Memory:
         """Return the memory after one more sample.
 
-        Args: x: (13,) state.   acceleration: (6,) [a in W, al in B] [m/s², rad/s²].   u: (4,) command up to now.
+        Args:
+            memory: of the samples before.
+            x: (13,) state.
+            acceleration: (6,) [a in W, al in B] [m/s², rad/s²].
+            u: (4,) command up to now.
         """
         sent = newest_first(memory["sent"], u)
         target = rotor_speed(self._vehicle, sent[0])
@@ -134,7 +144,9 @@ def newest_first(sent: np.ndarray, u: np.ndarray) -> np.ndarray:
 def acting_command(sent: np.ndarray, delay: float) -> np.ndarray:
     """Return the mean command that acted in the period that ends now, (4,) [N, N·m].
 
-    Args: sent: (KEPT, 4) commands, the newest first, each sent at the start of a period.   delay: [periods].
+    Args:
+        sent: (KEPT, 4) commands, the newest first, each sent at the start of a period.
+        delay: [periods].
     """
     whole = int(delay)
     part = delay - whole
@@ -144,6 +156,8 @@ def acting_command(sent: np.ndarray, delay: float) -> np.ndarray:
 def commands_under_way(sent: np.ndarray, parts: int) -> np.ndarray:
     """Return the commands that will act before the next one does, one each `FINE`-th of a period, (parts, 4).
 
-    Args: sent: (KEPT, 4) commands, the newest first [N, N·m].   parts: the delay [periods / FINE].
+    Args:
+        sent: (KEPT, 4) commands, the newest first [N, N·m].
+        parts: the delay [periods / FINE].
     """
     return sent[(np.arange(parts, 0, -1) - 1) // FINE]

@@ -126,7 +126,10 @@ class LabelFilter:
         """Return the memory after one sample, and the label of that sample.
 
         Args:
-            x: (13,) state.  a: (3,) dv/dt in W, without gravity [m/s²].  al: (3,) dw/dt in B [rad/s²].
+            memory: of the samples before.
+            x: (13,) state.
+            a: (3,) dv/dt in W, without gravity [m/s²].
+            al: (3,) dw/dt in B [rad/s²].
             u: (4,) command that a and al show the effect of: online, the one that acted up to now [N, N·m].
         Returns:
             The memory after this sample, and chi (6,) [N, N·m], NaN where an entry of the sample is.

@@ -118,10 +118,13 @@ class FlightForecasts:
     def at(
         self, horizons: list[int], origins: np.ndarray, zeta: np.ndarray, *, zeta_known: bool
     ) -> np.ndarray:
-        """Return chi_hat of the forecasts at `origins`, (o, len(horizons), 6) [N, N·m].
+        """Return chi_hat of the forecasts at some samples, (o, len(horizons), 6) [N, N·m].
 
-        Args: horizons: [steps].   origins: (o,) sample indices.   zeta: (n, 6) of the whole flight.   zeta_known: use
-        the coming zeta, else hold that of the origin.
+        Args:
+            horizons: [steps].
+            origins: (o,) sample indices.
+            zeta: (n, 6) of the whole flight.
+            zeta_known: use the coming zeta, else hold that of the origin.
         """
         z, offset, now = self.z[origins - self.first], self.offset[origins - self.first], zeta[origins]
         chi_hat = np.empty((len(origins), len(horizons), 6))

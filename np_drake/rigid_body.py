@@ -22,7 +22,11 @@ def zeta(x: np.ndarray) -> np.ndarray:
 def state_derivative(vehicle: Vehicle, x: np.ndarray, u: np.ndarray, chi: np.ndarray) -> np.ndarray:
     """Return dx/dt (..., 13) of eq. (1).
 
-    Args: x: (..., 13) state.   u: (..., 4) [N, N·m].   chi: (..., 6) residual wrench [N, N·m].
+    Args:
+        vehicle: nominal vehicle.
+        x: (..., 13) state.
+        u: (..., 4) [N, N·m].
+        chi: (..., 6) residual wrench [N, N·m].
     Source: Jin et al. 2025, eq. (1).
     """
     q, v, w = x[..., Q], x[..., V], x[..., W]
@@ -42,9 +46,12 @@ def residual_wrench(
     f_e = m (a + g z) - R f_u z;   tau_e = J al + w x J w - tau_m.       Source: Jin et al. 2025, eq. (1) inverted.
 
     Args:
-        q: (..., 4) attitude, body to world.   w: (..., 3) body rates [rad/s].
+        vehicle: nominal vehicle.
+        q: (..., 4) attitude, body to world.
+        w: (..., 3) body rates [rad/s].
         a: (..., 3) dv/dt of the centre of mass in W, gravity not in it [m/s²].
-        al: (..., 3) dw/dt in B [rad/s²].   u: (..., 4) command acting at that instant [N, N·m].
+        al: (..., 3) dw/dt in B [rad/s²].
+        u: (..., 4) command acting at that instant [N, N·m].
     Returns:
         (..., 6) chi = [f_e in W, tau_e in B] [N, N·m].
     """

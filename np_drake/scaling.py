@@ -77,7 +77,10 @@ def payload_ratio(vehicle: Vehicle, paper_mass: float) -> float:
     """Return the default payload's mass over that of the paper's payload [1].
 
     It is a fixed share of the vehicle's mass, but no more than `SPARE_LIFT` of what the rotors could carry beyond it.
-    Args: paper_mass: of the payload of the paper's vehicle [kg].
+
+    Args:
+        vehicle: that carries the payload.
+        paper_mass: of the payload of the paper's vehicle [kg].
     """
     spare = 4 * vehicle.max_rotor_thrust / vehicle.gravity - vehicle.mass
     return min(vehicle.mass / Vehicle().mass, SPARE_LIFT * spare / paper_mass)

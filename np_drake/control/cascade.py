@@ -45,6 +45,14 @@ def cascade(
 
     Feedback on position and velocity gives a specific force; its direction and the target's heading give the
     attitude; feedback on attitude and body rate gives an angular acceleration; eq. (1) turns both into u.
+
+    Args:
+        vehicle: nominal vehicle.
+        gains: of the controller.
+        x: (13,) state.
+        target: (16,) p, v, a in W, w, dw/dt in B, heading.
+        integral: (6,) of the errors of position and attitude [m·s, rad·s].
+        step: since the last call [s].
     Source: the usual cascade on differential flatness; gains are an own choice.
 
     Args:

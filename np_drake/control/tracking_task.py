@@ -49,7 +49,10 @@ class TrackingTask:
         """Return 1 / (1 + |error|² / reach²) - effort * mean(action²) [1].
 
         It is at most 1. Its integral over a flight is a time [s]: how long the vehicle was on its reference.
-        Args: error: (3,) of position [m].   action: (4,) in [-1, 1].
+
+        Args:
+            error: (3,) of position [m].
+            action: (4,) in [-1, 1].
         """
         return float(1.0 / (1.0 + error @ error / self.reach**2) - self.effort * np.mean(np.square(action)))
 
@@ -78,7 +81,10 @@ def observe(x: np.ndarray, flat: np.ndarray) -> np.ndarray:
     | 18: | reference at each time ahead minus the reference now | m |
 
     Attitude by two columns of R_WB has no jump. Source: Zhou et al. 2019, 6D representation.
-    Args: x: (13,) state.   flat: (5, 1 + n, 3) reference in W, now and at the times ahead.
+
+    Args:
+        x: (13,) state.
+        flat: (5, 1 + n, 3) reference in W, now and at the times ahead.
     """
     R = attitude.rotation_matrix(x[3:7])
     p_ref, v_ref = flat[0, 0], flat[1, 0]

@@ -34,8 +34,13 @@ def tether_force(
     """Return the force on the hook in W, (..., 3) [N]; zero where the tether would have to push.
 
     With r = p_ToPo_W, |r| = L, the constraint r · r'' = -|r'|² gives T/m = |r'|²/L - (r/L) · (g z + a_hook + c v_hook).
-    Args: r, r_rate: (..., 3) payload from hook and its rate [m, m/s]; a_hook: (..., 3) of the hook [m/s²]; gravity:
-    [m/s²]; v_hook: (..., 3) of the hook [m/s]; default: at rest.
+
+    Args:
+        payload: that pulls.
+        r, r_rate: (..., 3) payload from hook, and its rate [m, m/s].
+        a_hook: (..., 3) acceleration of the hook [m/s²].
+        gravity: [m/s²].
+        v_hook: (..., 3) velocity of the hook [m/s]; default: at rest.
     """
     n = r / np.linalg.norm(r, axis=-1, keepdims=True)
     pushed = a_hook if v_hook is None else a_hook + payload.damping * v_hook
@@ -65,8 +70,11 @@ def swing_many(
     form; the drag of a step is that of the mean of its two velocities (implicit midpoint).
 
     Args:
-        lengths: (m,) [m].   r, r_rate: (m, 3) p_ToPo_W and its rate at the start [m, m/s].
-        a_hook: (n, 3) of the one hook, or (n, m, 3), held over each step [m/s²].   step: [s].   gravity: [m/s²].
+        lengths: (m,) [m].
+        r, r_rate: (m, 3) p_ToPo_W and its rate at the start [m, m/s].
+        a_hook: (n, 3) of the one hook, or (n, m, 3), held over each step [m/s²].
+        step: [s].
+        gravity: [m/s²].
         jumps: before these steps the swing jumps by (m, 4) angles [rad] and rates [rad/s] about the axes of `across`.
         damping: of all or of each, (m,) [1/s].
         v_hook: (n, 3) or (n, m, 3) velocity of the hook in W in the middle of each step [m/s]; default: at rest.
@@ -242,11 +250,15 @@ def swing(
     gravity: float,
     v_hook: np.ndarray | None = None,
 ) -> np.ndarray:
-    """Return the force on the hook (n, 3) [N] in the middle of n steps.
+    """Return the force on the hook (n, 3) [N] in the middle of n steps: `swing_many` of one pendulum.
 
-    This is `swing_many` of one pendulum.
-    Args: r, r_rate: (3,) at the start [m, m/s].   a_hook: (n, 3) [m/s²].   step: [s].   gravity: [m/s²].
-    v_hook: (n, 3) in W [m/s]; default: at rest.
+    Args:
+        payload: that swings.
+        r, r_rate: (3,) at the start [m, m/s].
+        a_hook: (n, 3) [m/s²].
+        step: [s].
+        gravity: [m/s²].
+        v_hook: (n, 3) in W [m/s]; default: at rest.
     """
     length = np.array([payload.length])
     start, damping = (r[None], r_rate[None]), payload.damping

@@ -86,10 +86,15 @@ class SuspendedPayload(WrenchEffect):
         r: np.ndarray,
         r_rate: np.ndarray,
     ) -> np.ndarray:
-        """Return chi in the middle of each interval of `step` [s] that begins at a row of a log, (n, 6) [N, N·m].
+        """Return chi in the middle of each step that begins at a row of a log, (n, 6) [N, N·m].
 
-        Args: x (n, 13), a (n, 3) in W [m/s²], al (n, 3) in B [rad/s²]; r, r_rate (3,): payload from hook in W at the
-        first row [m, m/s].
+        Args:
+            vehicle: nominal vehicle.
+            x: (n, 13) states.
+            a: (n, 3) in W [m/s²].
+            al: (n, 3) in B [rad/s²].
+            step: between rows [s].
+            r, r_rate: (3,) payload from hook in W at the first row, and its rate [m, m/s].
         """
         payload = self.payload
         a_hook = hook_acceleration(payload.hook, x, a, al)

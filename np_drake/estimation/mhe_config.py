@@ -69,7 +69,10 @@ def window_gains(
     """Return the gains of a window of n steps, without known input.
 
     Args:
-        step: [s].   seen: (n + 1, 6) 1 where a sample counts, 0 where it is missing; default: all count.
+        weights: of the estimator.
+        step: between samples [s].
+        n: steps of the window.
+        seen: (n + 1, 6) 1 where a sample counts, 0 where it is missing; default: all count.
     Returns:
         (6, 2 (n + 1), 2) from the arrival estimate [y, d] and (6, 2 (n + 1), n + 1) from the samples to the
         trajectory [y_0 … y_n, d_0 … d_n].

@@ -24,7 +24,11 @@ def tune(
     ratios within a channel matter. L-BFGS, each weight within a factor of 1000 of where it starts; the
     best weights found on the way are returned, hence never worse ones than `config`.
 
-    Args:    motion: without gaps.   wrench: (n, 6) labels [N, N·m].   iterations: of L-BFGS at most.
+    Args:
+        motion: of the training flight, without gaps.
+        wrench: (n, 6) labels [N, N·m].
+        config: where to start; default: the default weights.
+        iterations: of L-BFGS at most.
     Raises:  ValueError: if the flight has gaps, or no more samples than a window.
     """
     config = (config or MheConfig()).check()

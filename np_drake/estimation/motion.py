@@ -65,7 +65,10 @@ class Motion:
 def motion_from_attitude(sequence: WrenchSequence, vehicle: Vehicle, q: np.ndarray) -> Motion:
     """Return the motion by a logged attitude; the inertial axes I are the world's.
 
-    Args: sequence: wrench and motion in body axes.   q: (n, 4) body to world, without gaps.
+    Args:
+        sequence: wrench and motion in body axes.
+        vehicle: nominal vehicle.
+        q: (n, 4) body to world, without gaps.
     """
     gravity = np.tile([0.0, 0.0, -vehicle.gravity], (len(sequence), 1))
     return _motion(sequence, vehicle, attitude.rotation_matrix(q), gravity)
@@ -78,7 +81,10 @@ def motion_from_rates(sequence: WrenchSequence, vehicle: Vehicle, *, settling: f
     `settling` seconds take the value at their end. Differences of neighbours do no harm: their low-pass telescopes.
     The force of row k itself is never used for row k.
 
-    Args:   settling: time constant of the low-pass [s]. Own choice: long beside the horizon, short beside drift.
+    Args:
+        sequence: wrench and motion in body axes.
+        vehicle: nominal vehicle.
+        settling: time constant of the low-pass [s]. Own choice: long beside the horizon, short beside drift.
     Raises: ValueError: if the flight has gaps.
     """
     if not (np.isfinite(sequence.zeta).all() and np.isfinite(sequence.chi).all()):

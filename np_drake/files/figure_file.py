@@ -17,7 +17,10 @@ RESOLUTION = 150  # of a picture [dots an inch]
 def new_figure(rows: int, columns: int, *, width: float, height: float, **layout):
     """Return a Figure and its (rows, columns) axes, without global state or display.
 
-    Args: width, height: [inch].   layout: passed to `Figure.subplots`.
+    Args:
+        rows, columns: of axes.
+        width, height: [inch].
+        layout: passed to `Figure.subplots`.
     """
     figure = Figure(figsize=(width, height), layout="constrained")
     FigureCanvasAgg(figure)

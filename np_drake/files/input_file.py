@@ -26,7 +26,10 @@ TEXT_A_BYTE = 50  # further ones a byte of the file; compressed logs have 2 to 2
 def read_bytes(path: str | Path, most: int, *, kept: bool = False) -> bytes:
     """Return the content of a file of at most `most` bytes; a device that never ends is refused too.
 
-    Args: kept: whether it is a result of an earlier run, which may be written again, and no input.
+    Args:
+        path: of the file.
+        most: bytes that it may hold.
+        kept: whether it is a result of an earlier run, which may be written again, and no input.
     Raises: ValueError: if it holds more; OSError: if it cannot be read.
     """
     with Path(path).open("rb") as file:

@@ -29,9 +29,14 @@ def load_checked(
     """Return a `schema` read from the YAML file at `path` and checked by its `check()`.
 
     Fields that the file does not name keep their defaults.
-    Args: complete: makes the object of a function that reads the file over given defaults, where defaults depend on
-    other fields; None: read once, over the defaults of `schema`.   part: field of the file in which the object stands,
-    where the file has it.
+
+    Args:
+        schema: dataclass with a `check`.
+        path: of the file.
+        kind: of file, for messages.
+        complete: makes the object of a function that reads the file over given defaults, where these depend on other
+            fields; None: read once, over the defaults of `schema`.
+        part: field of the file in which the object stands, where the file has it.
     Raises: ValueError: one line with file, field and reason, as "<path>: not a <kind>: …".
     """
     try:
@@ -91,7 +96,6 @@ def _fields_once(name: str, node: yaml.MappingNode) -> list[tuple[str, yaml.Node
 def _require_kinds(schema: type, content: Any, default: Any) -> None:
     """Check the kinds of all values before Drake reads them, whose errors do not always name the field.
 
-    Args: default: of `schema`.
     Raises: ValueError: if a value does not suit its field.
     """
     if content is None:
@@ -140,7 +144,11 @@ def misfit(kind: Any, value: Any, name: str, default: Any = None) -> str | None:
     It names the field, what it must be, and what it is. Unknown fields, and kinds other than numbers, text, lists and
     records, are left to the reader.
 
-    Args: value: as YAML reads it.   name: of the field, empty for the whole file.   default: a value that suits.
+    Args:
+        kind: of the field.
+        value: as YAML reads it.
+        name: of the field, empty for the whole file.
+        default: a value that suits.
     """
     if type(None) in typing.get_args(kind):  # may be nothing
         if value is None:

@@ -22,7 +22,9 @@ PARSER = getattr(
 def read_yaml_text(path: str | Path, *, longest: int = MAX_SCALAR) -> str:
     """Return the text of a YAML file that any reader may take in.
 
-    Args: longest: characters that a value may have.
+    Args:
+        path: of the file.
+        longest: characters that a value may have.
     Raises: ValueError: if it is no UTF-8 text, no YAML or beyond the budgets; OSError: if it cannot be read.
     """
     try:
@@ -49,7 +51,9 @@ def quoted(text: str) -> str:
 def require_modest(text: str, *, longest: int = MAX_SCALAR) -> None:
     """Check a YAML text event by event, before anything is made of it.
 
-    Args: longest: characters that a value may have.
+    Args:
+        text: of the file.
+        longest: characters that a value may have.
     Raises: ValueError: if it is no YAML, beyond the budgets, or has a tag that is not of YAML's own values.
     """
     sizes: dict[str, int] = {}  # of what an anchor names, aliases expanded

@@ -41,7 +41,9 @@ class CaseFiles:
 def find_case(folder: str | Path, vehicle: Path | None = None) -> CaseFiles:
     """Return the files of a case folder, sorted by name; nothing is opened.
 
-    Args: vehicle: in the place of the folder's.
+    Args:
+        folder: of the case.
+        vehicle: in the place of the folder's.
     Raises: ValueError: if it is no folder, or the vehicle or a flight of either kind is missing.
     """
     folder = Path(folder)

@@ -15,7 +15,9 @@ def shift_state(log: FlightLog, offset: float) -> FlightLog:
     third order in the turn of a row); accelerations that jump with a command are smeared over one row. Rows whose
     t + offset lies outside the log are dropped. Source: effect `clock_offset`; undo it with the opposite sign.
 
-    Args:   offset: [s].
+    Args:
+        log: of one flight.
+        offset: by which its state is later than its commands [s].
     Raises: ValueError: if fewer than two rows are left.
     """
     wanted = log.t + offset

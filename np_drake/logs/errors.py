@@ -25,7 +25,11 @@ def optional_package(module: str, path: object, needs: str) -> Any:
 def place(path: object, *, column: str | None = None, row: int | None = None, header_lines: int = 1) -> str:
     """Return text like 'flight.csv, column vx, row 57 (line 58)'.
 
-    Args: row: counts from 0 as arrays do.   header_lines: lines before the first row, 0 where the file has no lines.
+    Args:
+        path: of the file.
+        column: name.
+        row: counts from 0 as arrays do.
+        header_lines: lines before the first row, 0 where the file has no lines.
     """
     text = str(path)
     if column is not None:

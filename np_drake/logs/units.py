@@ -37,7 +37,10 @@ LEAST = {"position": 0.2, "attitude": 0.2, "velocity": 0.5, "rates": 1.0}
 def check_units(log: FlightLog, path: object, vehicle: Vehicle | None = None) -> None:
     """Check the units of all columns of a log.
 
-    Args: path: named in the message.   vehicle: for the weight and the strength of the rotors; None skips these.
+    Args:
+        log: of one flight.
+        path: named in the message.
+        vehicle: for the weight and the strength of the rotors; None skips these.
     Raises: LogError: if a column is off by orders of magnitude.
     """
     over = Windows(log.t, WINDOW)

@@ -174,7 +174,8 @@ def _agreed(
 ) -> tuple[LogMap, Verdict]:
     """Return the map whose conventions agree with the log, and the verdict on them.
 
-    Args: clock: change of the unit of time, made in the signals.   carried: whether the vehicle flies at all.
+    `clock`: change of the unit of time, made in the signals; `carried`: whether the vehicle flies at all.
+
     Raises: WrongConventions: if those declared do not agree, unless others do and are to be adopted.
     """
     verdict = Verdict({}, ())

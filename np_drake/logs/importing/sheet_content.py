@@ -107,7 +107,10 @@ def _gaps_text(aligned: Aligned, rows: slice, flights: Sequence[FlightLog]) -> s
 def ground_notes(t: np.ndarray, rows: slice, ground: np.ndarray) -> list[str]:
     """Return one line on the time on the ground that is left out, or none.
 
-    Args: t: (n,) [s].   rows: between the first take-off and the last landing.   ground: (n,) bool, on the ground.
+    Args:
+        t: (n,) [s].
+        rows: between the first take-off and the last landing.
+        ground: (n,) bool, on the ground.
     """
     air = np.flatnonzero(~ground[rows]) + rows.start
     between = float(ground[air[0] : air[-1]].sum() * np.median(np.diff(t)))
