@@ -56,8 +56,5 @@ class FlightLog:
         Args:
             start, stop: its first row, and the one after its last.
         """
-        cut = {f.name: getattr(self, f.name) for f in dc.fields(self)}
-        for name, value in cut.items():
-            if isinstance(value, np.ndarray):
-                cut[name] = value[start:stop]
-        return FlightLog(**{**cut, "notes": list(self.notes)})
+        cut = {name: value[start:stop] for name, value in vars(self).items() if isinstance(value, np.ndarray)}
+        return dc.replace(self, **cut, notes=list(self.notes))

@@ -3,17 +3,15 @@
 from pathlib import Path
 
 from np_drake.flight_log import FlightLog
-from np_drake.logs.formats.format import FlightFormat, Progress, first_bytes, no_progress
-from np_drake.logs.formats.log_file import LOG_FILE
-from np_drake.logs.formats.neurobem import NEUROBEM, NEUROBEM_ARRAY
+from np_drake.logs.errors import LogError
+from np_drake.logs.formats import log_file, neurobem
+from np_drake.logs.formats.format import Progress, first_bytes, no_progress
 from np_drake.logs.import_sheet import Sheet
 from np_drake.logs.importing.import_log import import_log
 from np_drake.logs.importing.log_map import LogMap, MapFile
 from np_drake.logs.throttle_input import with_throttle_input
 from np_drake.rotor_input import with_rotor_input
 from np_drake.vehicle import Vehicle
-
-FLIGHT_FORMATS: tuple[FlightFormat, ...] = (NEUROBEM_ARRAY, NEUROBEM, LOG_FILE)  # need no map
 
 
 def open_flights(
@@ -39,10 +37,14 @@ def open_flights(
         on_progress: called with the share that is read [1].
     Raises: LogError: one line with file, place and remedy; OSError: if it cannot be opened.
     """
-    start = first_bytes(Path(path))
-    for known in FLIGHT_FORMATS:
-        if map is None and known.recognises(Path(path), start):
-            return known.read(path, vehicle, repair=repair), None
+    path = Path(path)
+    first_bytes(path)  # that it can be opened
+    if map is None and neurobem.is_array(path):
+        raise LogError(f"{path}: an array has no commands to diagnose; give the flight's CSV.")
+    if map is None and neurobem.is_neurobem(path):
+        return neurobem.read(path, vehicle, repair=repair), None
+    if map is None and log_file.is_flight_log(path):
+        return log_file.read(path, vehicle, repair=repair), None
     found = import_log(path, map, on_progress=on_progress)
     return [_with_input(flight, vehicle) for flight in found.flights], found.sheet
 

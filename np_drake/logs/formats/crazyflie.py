@@ -57,20 +57,6 @@ class _Header:
     size: int
 
 
-@dc.dataclass
-class _Tail:
-    """What is known at the end of the file.
-
-    checked: whether the checksum fits.   empty: whether there is no whole record.   left: bytes after the last one.
-    bad: place of a record of no known type [bytes].
-    """
-
-    checked: bool = False
-    empty: bool = True
-    left: int = 0
-    bad: int | None = None
-
-
 class _Columns:
     """Grows the wanted columns of one event, piece by piece."""
 
@@ -125,16 +111,14 @@ def read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Rec
     with path.open("rb") as file:
         header = _read_header(path, file)
         columns = _wanted_columns(path, header, wanted)
-        tail = _decode(file, header, columns, progress)
-    if tail.empty:
-        raise LogError(f"{path}: must hold at least one whole record after its header; {REMEDY}.")
+        notes = _decode(path, file, header, columns, progress)
     streams = {header.events[key].name: grown.stream() for key, grown in columns.items()}
     facts = {
         "log version": str(header.version),
         "clock": "time since the start of the firmware [s], when the row was written",
         "events": ", ".join(event.name for event in header.events.values()),
     }
-    return Recording(str(path), streams, facts, tuple(_notes(tail)))
+    return Recording(str(path), streams, facts, notes)
 
 
 def default_map(contents: Contents) -> LogMap | None:
@@ -272,23 +256,26 @@ def _wanted_columns(path: Path, header: _Header, wanted: Mapping[str, list[str]]
     }
 
 
-def _decode(file: BinaryIO, header: _Header, columns: Mapping[int, _Columns], progress: Progress) -> _Tail:
-    """Add all whole records to the columns."""
+def _decode(
+    path: Path, file: BinaryIO, header: _Header, columns: Mapping[int, _Columns], progress: Progress
+) -> tuple[str, ...]:
+    """Add all whole records to the columns, and return what there is to say of the end of the file."""
     total = max(file.seek(0, 2), 1)
     file.seek(0)
     crc = zlib.crc32(file.read(header.size))
     sizes = {key: event.record.itemsize for key, event in header.events.items()}
-    tail, done, rest = _Tail(), header.size, b""
-    while tail.bad is None and (more := file.read(CHUNK)):
+    bad: int | None = None  # place of a record of no known type [byte]
+    empty, done, rest = True, header.size, b""
+    while bad is None and (more := file.read(CHUNK)):
         data = rest + more
         begin = done - len(rest)
         used = 0
         parts: dict[int, list[bytes]] = {key: [] for key in columns}
         for key, first, end in _runs(data, sizes):
             if key not in sizes:
-                tail.bad = begin + first
+                bad = begin + first
                 break
-            used, tail.empty = end, False
+            used, empty = end, False
             if key in parts:
                 parts[key].append(data[first:end])
         for key, pieces in parts.items():
@@ -297,10 +284,15 @@ def _decode(file: BinaryIO, header: _Header, columns: Mapping[int, _Columns], pr
         crc = zlib.crc32(data[:used], crc)
         rest = data[used:]
         progress(done / total)
-    if tail.bad is None and len(rest) == 4:
-        tail.checked = struct.unpack("<I", rest)[0] == crc
-    tail.left = len(rest)
-    return tail
+    if empty:
+        raise LogError(f"{path}: must hold at least one whole record after its header; {REMEDY}.")
+    if bad is not None:
+        return (f"byte {bad}: a record of no known event type; what follows is left out (damaged log).",)
+    if len(rest) != 4:
+        return (f"the log is cut (no checksum); {len(rest)} bytes after its last whole record are left out.",)
+    if struct.unpack("<I", rest)[0] != crc:
+        return ("the checksum does not fit: some values may be damaged, or the log is cut.",)
+    return ()
 
 
 def _runs(data: bytes, sizes: Mapping[int, int]) -> Iterator[tuple[int, int, int]]:
@@ -328,15 +320,6 @@ def _end_of_run(data: bytes, offset: int, size: int, most: int) -> int:
     count = min((len(data) - offset) // size, most)
     ids = np.ndarray((count,), "<u2", data, offset, (size,))
     return offset + size * (int((ids != ids[0]).argmax()) or count)
-
-
-def _notes(tail: _Tail) -> Iterator[str]:
-    if tail.bad is not None:
-        yield f"byte {tail.bad}: a record of no known event type; what follows is left out (damaged log)."
-    elif tail.left == 4 and not tail.checked:
-        yield "the checksum does not fit: some values may be damaged, or the log is cut."
-    elif tail.left != 4:
-        yield f"the log is cut (no checksum); {tail.left} bytes after its last whole record are left out."
 
 
 CRAZYFLIE = Format("crazyflie", "Crazyflie micro-SD log", _recognises, contents, default_map, read)

@@ -27,7 +27,6 @@ from np_drake.logs.text_lines import too_many_cells
 
 HEADER = b"\xa3\x95"  # begins every record; the type follows
 FMT = b"\xa3\x95\x80"
-FMT_LINE = re.compile(rb"\s*FMT,\s*\d+,\s*\d+,")
 DEFINITION = ("Type", "Length", "Name", "Format", "Columns")  # columns of a FMT record
 NUMBERS = {  # numpy type of a format character and the divisor of its values
     **{"b": ("<i1", 1.0), "B": ("<u1", 1.0), "M": ("<u1", 1.0), "g": ("<f2", 1.0), "h": ("<i2", 1.0)},
@@ -345,11 +344,9 @@ def _forget(_: int) -> None:
     """Keep no start of a record that is not readable."""
 
 
-DATAFLASH = Format(
-    name="dataflash",
-    title="ArduPilot DataFlash .bin and .log",
-    recognises=lambda path, start: start.startswith(FMT) or bool(FMT_LINE.match(start)),
-    contents=_contents,
-    default_map=default_map,
-    read=_read,
-)
+def _recognises(path: Path, start: bytes) -> bool:
+    return start.startswith(FMT) or bool(re.match(rb"\s*FMT,\s*\d+,\s*\d+,", start))
+
+
+TITLE = "ArduPilot DataFlash .bin and .log"
+DATAFLASH = Format("dataflash", TITLE, _recognises, _contents, default_map, _read)

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from np_drake.flight_log import FlightLog
 from np_drake.logs.errors import LogError
 from np_drake.logs.importing.log_map import LogMap, Source
 
@@ -136,21 +135,6 @@ class Format:
     contents: Callable[[Path], Contents]
     default_map: Callable[[Contents], LogMap | None]
     read: Callable[[Path, Mapping[str, list[str]], Progress], Recording]
-
-
-@dc.dataclass(frozen=True)
-class FlightFormat:
-    """One format whose files hold flights in known units and axes, and need no map.
-
-    name, title, recognises: as of `Format`.
-    read: the flights of a file, its arguments path, vehicle (None: as the format says) and repair (whether a few bad
-        rows are mended).   Raises LogError, one line with file, place and remedy.
-    """
-
-    name: str
-    title: str
-    recognises: Callable[[Path, bytes], bool]
-    read: Callable[..., list[FlightLog]]
 
 
 def first_bytes(path: Path) -> bytes:

@@ -11,7 +11,7 @@ from np_drake.logs.checks import check_table
 from np_drake.logs.columns import Table
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats import csv_file, parquet_file
-from np_drake.logs.formats.format import FlightFormat
+from np_drake.logs.formats.format import first_bytes
 from np_drake.logs.formats.table import first_line
 from np_drake.logs.formats.table_text import split_header
 from np_drake.logs.gaps import LONGEST, bridge_gaps, split_at_gaps
@@ -24,19 +24,17 @@ from np_drake.vehicle import Vehicle
 
 SUFFIXES = (".csv", ".csv.gz", ".parquet")  # of the formats
 WORDS = {  # of inputs
-    "command": "the command",
-    "rotor_speed": "rotor speed",
-    "thrust_only": "thrust alone",
-    "normalised": "throttle",
+    **{"command": "the command", "rotor_speed": "rotor speed"},
+    **{"thrust_only": "thrust alone", "normalised": "throttle"},
 }
 
 
-def _recognises(path: Path, start: bytes) -> bool:
+def is_flight_log(path: Path) -> bool:
     """Return whether the header names most columns of the state: one that lacks a few is told which."""
-    kind = _known_suffix(path)
-    if kind is None:
+    if not str(path).endswith(SUFFIXES):
         return False
-    names = parquet_file.column_names(path) if kind == ".parquet" else split_header(first_line(start))
+    parquet = path.name.endswith(".parquet")
+    names = parquet_file.column_names(path) if parquet else split_header(first_line(first_bytes(path)))
     needed = [name for field in columns.STATE for name in columns.COLUMNS[field]]
     return 2 * len(set(needed) & set(names)) > len(needed)
 
@@ -102,18 +100,13 @@ def suffix(path: str | Path) -> str:
 
     Raises: LogError: on any other suffix.
     """
-    known = _known_suffix(path)
+    known = next((known for known in SUFFIXES if str(path).endswith(known)), None)
     if known is None:
         raise LogError(
             f"{path}: a flight log's name must end in {', '.join(SUFFIXES)}. `np-drake import` turns logs of other "
             "formats into such files."
         )
     return known
-
-
-def _known_suffix(path: str | Path) -> str | None:
-    """Return .csv, .csv.gz or .parquet, the suffix of a path; None where it has another."""
-    return next((known for known in SUFFIXES if str(path).endswith(known)), None)
 
 
 def _with_input(log: FlightLog, table: Table, fields: list[str], vehicle: Vehicle | None) -> FlightLog:
@@ -148,6 +141,3 @@ def _with_input(log: FlightLog, table: Table, fields: list[str], vehicle: Vehicl
     if vehicle is None:
         return dc.replace(log, input=chosen)  # thrust and torque stay NaN
     return {"rotor_speed": with_rotor_input, "normalised": with_throttle_input}[chosen](log, vehicle)
-
-
-LOG_FILE = FlightFormat("flight_log", "flight log of our columns, CSV or Parquet", _recognises, read)

@@ -46,11 +46,5 @@ def _items(name: str, count: int) -> list[str]:
     return [f"{name}[{i}]" for i in range(count)]
 
 
-NEURAL_FLY = Format(
-    name="neural_fly",
-    title="Neural-Fly data set, CSV",
-    recognises=_recognises,
-    contents=table.contents,
-    default_map=_default_map,
-    read=table.read,
-)
+TITLE = "Neural-Fly data set, CSV"
+NEURAL_FLY = Format("neural_fly", TITLE, _recognises, table.contents, _default_map, table.read)

@@ -18,7 +18,7 @@ from np_drake.logs.checks import check_table
 from np_drake.logs.columns import COLUMNS, Table
 from np_drake.logs.errors import LogError, place
 from np_drake.logs.formats.csv_file import read_csv
-from np_drake.logs.formats.format import FlightFormat, first_bytes
+from np_drake.logs.formats.format import first_bytes
 from np_drake.logs.formats.table import first_line
 from np_drake.logs.gaps import bridge_gaps, without_long_gaps
 from np_drake.logs.gaps import repair as repair_table
@@ -76,12 +76,8 @@ def is_neurobem(path: str | Path) -> bool:
     Raises: OSError: if it cannot be opened.
     """
     path = Path(path)
-    return is_array(path) or _recognises(path, first_bytes(path))
-
-
-def _recognises(path: Path, start: bytes) -> bool:
-    """Return whether a file is a CSV of the data set, by its first columns."""
-    return path.name.endswith((".csv", ".csv.gz")) and first_line(start).startswith(FIRST_COLUMNS)
+    csv = path.name.endswith((".csv", ".csv.gz"))
+    return is_array(path) or (csv and first_line(first_bytes(path)).startswith(FIRST_COLUMNS))
 
 
 def is_array(path: Path) -> bool:
@@ -122,13 +118,6 @@ def read(path: str | Path, vehicle: Vehicle | None = None, *, repair: bool = Fal
     log = with_rotor_input(log, vehicle or published_vehicle())
     check_units(log, path, vehicle)
     return [log]
-
-
-def _refuse_array(
-    path: str | Path, vehicle: Vehicle | None = None, *, repair: bool = False
-) -> list[FlightLog]:
-    """Raise a LogError: an array is no flight; `read_wrenches` reads it."""
-    raise LogError(f"{path}: an array has no commands to diagnose; give the flight's CSV.")
 
 
 def read_wrenches(path: str | Path) -> WrenchSequence:
@@ -186,9 +175,3 @@ def read_array(path: str | Path) -> np.ndarray:
         raise LogError(
             f"{path}: must be a plain NumPy array (.npy); cut off or pickled files are refused."
         ) from error
-
-
-NEUROBEM = FlightFormat("neurobem", "NeuroBEM data set, CSV", _recognises, read)
-NEUROBEM_ARRAY = FlightFormat(
-    "neurobem_array", "NeuroBEM data set, array", lambda path, _: is_array(path), _refuse_array
-)

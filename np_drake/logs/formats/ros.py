@@ -368,11 +368,5 @@ def _one_line(error: BaseException) -> str:
     return " ".join(f"{error or type(error).__name__}".split())[:200].rstrip(".")
 
 
-ROS = Format(
-    name="ros",
-    title="ROS 2 bag (folder, .mcap, .db3) and ROS 1 .bag",
-    recognises=_recognises,
-    contents=_contents,
-    default_map=_default_map,
-    read=_read,
-)
+TITLE = "ROS 2 bag (folder, .mcap, .db3) and ROS 1 .bag"
+ROS = Format("ros", TITLE, _recognises, _contents, _default_map, _read)

@@ -125,11 +125,4 @@ def is_parquet(path: Path) -> bool:
     return path.name.lower().endswith(PARQUET)
 
 
-TABLE = Format(
-    name=STREAM,
-    title="CSV or Parquet table with a map",
-    recognises=recognises,
-    contents=contents,
-    default_map=default_map,
-    read=read,
-)
+TABLE = Format(STREAM, "CSV or Parquet table with a map", recognises, contents, default_map, read)

@@ -50,11 +50,8 @@ def align(signals: Signals, log_map: LogMap, path: str = "log") -> Aligned:
         signals: as logged, by quantity.
         log_map: with the conventions.
         path: of the log, for messages.
-    Raises: LogError: if position or attitude is missing, or the signals do not overlap.
+    Raises: LogError: if the signals do not overlap.
     """
-    for name in ("position", "attitude"):
-        if name not in signals:
-            raise LogError(f"{path}: the map must name columns of {name}; a flight log needs it.")
     notes: list[str] = []
     t, width = _rows(signals, log_map, path)
     q_own = convert_quantity("attitude", signals["attitude"].values, log_map)

@@ -7,6 +7,7 @@ import pytest
 
 from np_drake import attitude
 from np_drake.logs.errors import LogError
+from np_drake.logs.importing.airborne import require_a_flight
 from np_drake.logs.importing.alignment import align, common_rows
 from np_drake.logs.importing.interpolation import Signal
 from np_drake.logs.importing.log_map import LogMap, Source
@@ -135,10 +136,8 @@ def test_signals_that_do_not_overlap_are_refused():
 
 @pytest.mark.parametrize("name", ["position", "attitude"])
 def test_a_log_without_position_or_attitude_is_refused(name):
-    signals = signals_at({})
-    del signals[name]
     with pytest.raises(LogError, match=f"must name columns of {name}"):
-        align(signals, PLAIN)
+        require_a_flight(dc.replace(PLAIN, **{name: Source()}), "made.csv")
 
 
 def test_common_rows_are_the_nearest_samples():
