@@ -148,6 +148,7 @@ def rotation_vector(q: np.ndarray) -> np.ndarray:
 def from_rotation_vector(r: np.ndarray) -> np.ndarray:
     """Return the unit quaternion (..., 4) of a rotation vector (..., 3) [rad]."""
     angle = np.linalg.norm(r, axis=-1, keepdims=True)
+    # sin(angle / 2) / angle, without a division by a small angle.
     scale = 0.5 * np.sinc(angle / (2 * np.pi))
     return np.concatenate([np.cos(0.5 * angle), scale * r], axis=-1)
 

@@ -57,6 +57,7 @@ def rotor_decay(vehicle: Vehicle, step: float) -> float:
         vehicle: with the rotors' lag.
         step: between samples [s].
     """
+    # Exact discretisation of the first-order lag under a held command.
     lag = vehicle.rotor_time_constant
     return float(np.exp(-step / lag)) if lag > 0 else 0.0
 

@@ -17,9 +17,7 @@ import numpy as np
 from np_drake.vehicle import Vehicle
 
 PERIOD = 0.02  # between solves, of the paper's vehicle [s]
-SPARE_LIFT = (
-    0.25  # largest default payload over the mass that the rotors could carry beyond the vehicle's own [1]
-)
+SPARE_LIFT = 0.25  # largest default payload over the mass that the rotors could carry beside the vehicle [1]
 
 
 @dc.dataclass(frozen=True)

@@ -158,6 +158,7 @@ class Vehicle:
 
     def saturate(self, u: np.ndarray) -> np.ndarray:
         """Return the nearest u (..., 4), in rotor space, that the rotors can give [N, N·m]."""
+        # Projection on the box of rotor thrusts.
         thrust = np.clip(u @ self.unmixer.T, 0.0, self.max_rotor_thrust)
         return thrust @ self.mixer.T
 

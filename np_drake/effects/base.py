@@ -14,7 +14,7 @@ import numpy as np
 
 from np_drake import attitude
 from np_drake.effects.parameter import Parameter, usual_size
-from np_drake.effects.random_sizes import direction, log_uniform
+from np_drake.effects.random_sizes import direction, log_uniform, signed
 from np_drake.rigid_body import Q
 from np_drake.vehicle import Vehicle
 
@@ -46,9 +46,10 @@ class Effect:
     requires: ClassVar[tuple[str, ...]] = ()  # what a log must tell: keys of `library.REQUIREMENTS`
     tolerance: ClassVar[str] = ""  # field of `Tolerance`: how far vehicle file or sensor may be off
 
-    # Its size in a simulated case, log-uniform, and the slope of its direction if it is about level; see `draw`.
+    # Its size in a simulated case, log-uniform; see `draw`.
     drawn: ClassVar[tuple[float, float] | None] = None
-    rise: ClassVar[float | None] = None
+    rise: ClassVar[float | None] = None  # slope of its direction, if it is about level [1]
+    either_sign: ClassVar[bool] = False  # of its only parameter's distance from neutral
 
     # Its words in a report.
     named: ClassVar[str] = ""  # within a sentence, with its article; "": the identifier's words
@@ -99,9 +100,9 @@ class Effect:
         Source: own choice: the weak end drowns in sensor noise, the strong end is what a controller still flies.
         """
         if cls.drawn is not None:
-            size = log_uniform(rng, *cls.drawn)
+            size = (signed if cls.either_sign else log_uniform)(rng, *cls.drawn)
             along = direction(rng, cls.rise) if len(cls.parameters) == 3 else np.ones(1)
-            return {p.name: float(size * n) for p, n in zip(cls.parameters, along, strict=True)}
+            return {p.name: float(p.neutral + size * n) for p, n in zip(cls.parameters, along, strict=True)}
         drawn = {}
         for p in cls.parameters:
             away = usual_size(p, vehicle) * log_uniform(rng, 0.1, 3.0)

@@ -5,7 +5,6 @@ import dataclasses as dc
 import numpy as np
 
 from np_drake.effects.base import Parameter, SensorEffect
-from np_drake.effects.random_sizes import signed
 from np_drake.vehicle import Vehicle
 
 
@@ -21,6 +20,8 @@ class ClockOffset(SensorEffect):
 
     identifier = "clock_offset"
     named = "a clock offset"
+    drawn = (0.003, 0.06)
+    either_sign = True
     bench_check = "synchronise the clocks of state and command"
     excited_by = "sharp doublets"
     grows_with = "torque"
@@ -33,11 +34,6 @@ class ClockOffset(SensorEffect):
         *("ax", "ay", "az", "alx", "aly", "alz"),
     )
     parameters = (Parameter("offset", "s", 0.0, 0.0, 0.3, 0.02),)
-
-    @classmethod
-    def draw(cls, rng: np.random.Generator, vehicle: Vehicle, seconds: float) -> dict[str, float]:
-        """Return random parameters of a simulated case."""
-        return {"offset": float(signed(rng, 0.003, 0.06))}
 
     @classmethod
     def grid(cls, vehicle: Vehicle) -> list[dict[str, float]]:

@@ -67,6 +67,7 @@ class MotorLag(ActuatorEffect):
         if self.time_constant <= 0 or len(t) < 2:
             return command
         target = self.state_at(vehicle, command)
+        # The lag's solution under a held target, at the middle and the end of each interval.
         decay, half = np.exp(-(t[1] - t[0]) / self.time_constant * np.array([1.0, 0.5]))
         end, _ = signal.lfilter([1 - decay], [1, -decay], target, axis=0, zi=decay * target[:1])
         start = np.concatenate([target[:1], end[:-1]])

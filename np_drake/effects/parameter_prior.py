@@ -16,6 +16,7 @@ def prior_root(effect: type[Effect], vehicle: Vehicle) -> np.ndarray:
     """
     free = [p for p in effect.parameters if not p.choices]
     sizes = np.array([usual_size(p, vehicle) for p in free])
+    # Covariance D P D with P = L L^T has the lower root D L.
     return sizes[:, None] * correlation_root(effect)
 
 

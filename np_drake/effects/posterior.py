@@ -52,6 +52,7 @@ class Posterior:
         """
         drawn = [entry for entry in effects if generator.random() < entry.probability]
         C = np.array(self.covariance, float).reshape(len(self.parameters), len(self.parameters))
+        # R z with R R^T = C and z standard normal has the covariance C.
         change = dict(zip(self.parameters, self._root(C) @ generator.standard_normal(len(C)), strict=True))
         drawn = [_moved(entry, change) for entry in drawn]
         named = {entry.effect for entry in drawn}

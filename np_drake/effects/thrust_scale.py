@@ -5,8 +5,6 @@ import dataclasses as dc
 import numpy as np
 
 from np_drake.effects.base import ActuatorEffect, Parameter
-from np_drake.effects.random_sizes import signed
-from np_drake.vehicle import Vehicle
 
 
 @dc.dataclass(frozen=True)
@@ -20,6 +18,8 @@ class ThrustScale(ActuatorEffect):
 
     identifier = "thrust_scale"
     named = "a thrust scale"
+    drawn = (0.005, 0.15)
+    either_sign = True
     phrase = "thrust at {scale} of nominal"
     shares = True
     bench_check = "measure thrust on a stand"
@@ -27,11 +27,6 @@ class ThrustScale(ActuatorEffect):
     requires = ("thrust",)
     tolerance = "thrust"
     parameters = (Parameter("scale", "1", 1.0, 0.4, 1.6, 0.1),)
-
-    @classmethod
-    def draw(cls, rng: np.random.Generator, vehicle: Vehicle, seconds: float) -> dict[str, float]:
-        """Return random parameters of a simulated case."""
-        return {"scale": float(1 + signed(rng, 0.005, 0.15))}
 
     def gain(self, t: np.ndarray | float) -> np.ndarray | float:
         """Return the actual over the commanded thrust."""

@@ -84,6 +84,7 @@ def window_gains(
         R = R * seen.T
     Q = weights.process[:, None] / step**2 * weights.forgetting_process ** age[1:]
     weighted = to_y.T * R[:, None, :]  # (6, 2 + n, n + 1)
+    # Normal equations of the weighted least squares, channel by channel; the solution is linear in arrival and samples.
     hessian = torch.diag_embed(torch.cat([weights.arrival, Q], dim=1)) + weighted @ to_y
     prior = torch.diag_embed(weights.arrival, dim1=-2, dim2=-1)
     prior = torch.cat([prior, prior.new_zeros(prior.shape[0], n, 2)], dim=1)

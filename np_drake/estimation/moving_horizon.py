@@ -67,6 +67,7 @@ class LeastSquaresWindow:
 
     def solve(self, arrival: np.ndarray, y: np.ndarray, u: np.ndarray) -> np.ndarray | None:
         """Return the trajectory, see `WindowSolver`."""
+        # Superposition: the known inputs' part of y is taken out of the samples, and added to the trajectory again.
         known = np.concatenate([np.zeros((1, CHANNELS)), self._step * np.cumsum(u, axis=0)])
         seen = np.isfinite(y)
         from_arrival, from_samples = self._of(seen)

@@ -67,9 +67,8 @@ class _Program:
         """Add the noise, its cost, and the model as one constraint."""
         n, h, one = self._n, self._step, np.eye(CHANNELS)
         noise = self.prog.NewContinuousVariables(len(deviation), "w")
-        self.prog.AddQuadraticCost(
-            2 * np.eye(len(noise)), np.zeros(len(noise)), noise, is_convex=True
-        )  # the 2: Drake halves
+        Q = 2 * np.eye(len(noise))  # Drake halves it
+        self.prog.AddQuadraticCost(Q, np.zeros(len(noise)), noise, is_convex=True)
         transition = np.block([[one, h * one], [0 * one, one]])
         after = np.kron(np.eye(n, n + 1, 1), np.eye(_STATE)) - np.kron(np.eye(n, n + 1), transition)
         driven = -np.kron(np.eye(n), np.concatenate([0.5 * h * one, one]))

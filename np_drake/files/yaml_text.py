@@ -14,9 +14,8 @@ MAX_DEPTH = 50
 MAX_SCALAR = 10_000  # characters of a value
 STANDARD = "tag:yaml.org,2002:"
 TAGS = {f"{STANDARD}{name}" for name in ("str", "int", "float", "bool", "null", "map", "seq", "merge")}
-PARSER = getattr(
-    yaml, "CSafeLoader", yaml.SafeLoader
-)  # the first needs no recursion and a twentieth of the time
+# The first needs no recursion and a twentieth of the time.
+PARSER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
 def read_yaml_text(path: str | Path, *, longest: int = MAX_SCALAR) -> str:

@@ -71,6 +71,7 @@ class Information:
         M = self.gram[np.ix_(columns, columns)] * np.outer(scale, scale) + np.eye(len(columns))
         b = (self.gram[columns, i] - self.gram[columns, j]) * scale
         square = self.gram[i, i] - 2 * self.gram[i, j] + self.gram[j, j]
+        # Woodbury's identity and the determinant lemma: S^-1 and |S| from M, a matrix of a few columns.
         apart = square - b @ np.linalg.solve(M, b)
         volume = _logdet(M) - 0.5 * (self._volume(i) + self._volume(j))
         return float(max(0.0, 0.125 * apart + 0.5 * volume))

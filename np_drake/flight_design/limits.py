@@ -7,11 +7,9 @@ from functools import lru_cache
 import numpy as np
 from scipy import signal
 
-from np_drake.effects.base import ActuatorEffect, MassEffect
-from np_drake.effects.combine import mass_properties
+from np_drake.effects.combine import mass_properties, split_effects
 from np_drake.effects.explanation import Explanation
 from np_drake.effects.pendulum import Payload
-from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.references.flatness import targets
 from np_drake.vehicle import Vehicle
 
@@ -103,7 +101,8 @@ def limits_for(
         raise ValueError(
             f"limits: speed [m/s] must be positive, tilt below pi/2 [rad]; got {speed:g}, {tilt:g}."
         )
-    payloads = tuple(e.payload for x in explanations for e in x.effects if isinstance(e, SuspendedPayload))
+    hung = [split_effects(x.effects).payload for x in explanations]
+    payloads = tuple(effect.payload for effect in hung if effect is not None)
     below = max((p.length - p.hook[2] + CLEAR for p in payloads), default=WALL)
     x, y, z = box
     lower = np.array([-0.5 * x + WALL, -0.5 * y + WALL, max(WALL, below)])
@@ -129,12 +128,11 @@ def load_of(vehicle: Vehicle, explanation: Explanation) -> float:
         vehicle: the nominal vehicle.
         explanation: whose effects act.
     """
-    effects = explanation.effects
-    mass = mass_properties(vehicle, [e for e in effects if isinstance(e, MassEffect)]).mass
-    mass += sum(e.payload.mass for e in effects if isinstance(e, SuspendedPayload))
+    parts = split_effects(explanation.effects)
+    mass = mass_properties(vehicle, parts.mass).mass + (parts.payload.mass if parts.payload else 0.0)
     thrust = np.full(4, 0.25 * vehicle.mass * vehicle.gravity)
     real = thrust
-    for effect in (e for e in effects if isinstance(e, ActuatorEffect)):
+    for effect in parts.actuator:
         real = effect.thrust(vehicle, effect.state_at(vehicle, real), real, 0.0)
     return float(mass / vehicle.mass * thrust.mean() / real.mean())
 
@@ -156,5 +154,6 @@ def swing_of(length: float, gravity: float, t: np.ndarray, a: np.ndarray) -> np.
 def _pendulum(length: float, gravity: float, step: float) -> tuple[np.ndarray, np.ndarray]:
     rate = np.sqrt(gravity / length)
     system = ([1.0 / length], [1.0, 2 * DAMPING * rate, rate**2])
+    # Zero-order hold: exact for an acceleration that is held over each step.
     numerator, denominator, _ = signal.cont2discrete(system, step, method="zoh")
     return np.ravel(numerator), denominator

@@ -111,5 +111,6 @@ def _shape(throttle: np.ndarray, exponent: float) -> np.ndarray:
 
 def _scale(throttle: np.ndarray, lift: np.ndarray, exponent: float) -> float:
     """Return the factor of that mean which fits the lift over gravity (n,) best [1]."""
+    # Projection of the lift on the model: least squares of one factor.
     model = _shape(throttle, exponent)
     return max(float(model @ lift / (model @ model)), 1e-6)

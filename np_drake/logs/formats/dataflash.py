@@ -120,10 +120,8 @@ class _Log(abc.ABC):
         """Keep and return the message that a FMT record defines; None: it is not readable."""
         names = tuple(c.strip() for c in columns.split(",")) if columns else ()
         size = 3 + sum(_size(c) for c in characters)
-        ok = (
-            re.fullmatch(r"\w+", name) and len(set(names)) == len(names) == len(characters) and length == size
-        )
-        if not ok:
+        whole = len(set(names)) == len(names) == len(characters) and length == size
+        if not whole or not re.fullmatch(r"\w+", name):
             return None
         return self.messages.setdefault(name, Message(name, length, characters, names))
 

@@ -147,6 +147,7 @@ def _differentiated(p: Signal, notes: list[str]) -> Signal:
     even = p.linear(t)
     if len(t) <= length:
         return Signal(p.t, np.gradient(p.values, p.t, axis=0))
+    # Slope of the parabola that fits the window best (Savitzky and Golay).
     return Signal(t, filters.savgol_filter(even, length, 2, deriv=1, delta=p.step, axis=0))
 
 

@@ -10,9 +10,7 @@ from np_drake.logs.formats.format import Recording, Stream, find_column
 from np_drake.logs.importing.interpolation import Signal
 from np_drake.logs.importing.log_map import UNITS, LogMap, Source
 
-REPEATED = (
-    0.3  # share of rows equal to the row before, from which a signal is one of a slower rate [1]; own choice
-)
+REPEATED = 0.3  # share of rows equal to the row before, from which a signal's rate is slower [1]; own choice
 LEAST = 20  # samples of a signal; own choice
 JUMP = 1e7  # longest gap, in median intervals: a day at 100 Hz [1]; own choice
 BACK = 0.1  # share of samples earlier than one before them from which these are another log [1]; own choice
