@@ -84,13 +84,3 @@ def _residual_wrench(q, w, a, al, u, mass, gravity, J, out):
     out[3] += w[1] * h[2] - w[2] * h[1]
     out[4] += w[2] * h[0] - w[0] * h[2]
     out[5] += w[0] * h[1] - w[1] * h[0]
-
-
-def to_spatial_force(chi: np.ndarray, q: np.ndarray) -> np.ndarray:
-    """Return a wrench in Drake's order, F_Bo_W = [tau in W; f in W] (6,) [N·m, N].
-
-    Args:
-        chi: (6,) [f in W, tau in B] [N, N·m].
-        q: (4,) attitude.
-    """
-    return np.concatenate([attitude.rotate(q, chi[..., 3:6]), chi[..., :3]], axis=-1)

@@ -13,7 +13,7 @@ from diagrams.loop.flight import FlightConfig
 from np_drake.effects.library import LIBRARY, effects_for
 from np_drake.files.yaml_file import fields_of
 from np_drake.logs.columns import NAMES
-from np_drake.logs.importing.log_map import UNITS, LogMap, Source, load_map
+from np_drake.logs.importing.log_map import UNITS, LogMap, Source, load_map_file
 from np_drake.vehicle import Vehicle
 
 ROOT = Path(__file__).parents[1]
@@ -142,4 +142,4 @@ def test_the_examples_of_the_log_map_are_maps_of_at_most_20_lines(tmp_path):
     for example in examples:
         assert len(example.splitlines()) <= 20
         (tmp_path / "map.yaml").write_text(example)
-        load_map(tmp_path / "map.yaml")
+        load_map_file(tmp_path / "map.yaml")

@@ -57,9 +57,3 @@ def test_without_force_the_body_falls_freely():
     x[3] = 1.0
     rate = rigid_body.state_derivative(VEHICLE, x, np.zeros(4), np.zeros(6))
     np.testing.assert_allclose(rate, [0, 0, 0, 0, 0, 0, 0, 0, 0, -9.81, 0, 0, 0])
-
-
-def test_spatial_force_puts_torque_first_and_in_the_world():
-    quarter_yaw = np.array([np.sqrt(0.5), 0, 0, np.sqrt(0.5)])
-    F_Bo_W = rigid_body.to_spatial_force(np.array([1.0, 2.0, 3.0, 4.0, 5.0, 6.0]), quarter_yaw)
-    np.testing.assert_allclose(F_Bo_W, [-5, 4, 6, 1, 2, 3], atol=1e-12)

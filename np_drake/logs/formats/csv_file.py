@@ -3,7 +3,7 @@
 import gzip
 from collections import Counter
 from collections.abc import Sequence
-from contextlib import closing
+from contextlib import closing, suppress
 from pathlib import Path
 
 import numpy as np
@@ -113,24 +113,9 @@ class _Rows:
         if len(cells) != len(self._names):
             self._ragged.append(len(self._columns))
             return [float("nan")] * len(self._names)
-        try:
+        with suppress(ValueError):
             return [float(cell) for cell in cells]
-        except ValueError:
-            row, texts = _parse_slowly(cells)
-        if len(self._unreadable) < MAX_UNREADABLE:
-            self._unreadable += [(len(self._columns), self._names[column], text) for column, text in texts]
-        return row
-
-
-def _parse_slowly(cells: list[str]) -> tuple[list[float], list[tuple[int, str]]]:
-    """Return the row with NaN for every empty or unreadable cell, and (column, text) of the unreadable."""
-    row: list[float] = []
-    texts: list[tuple[int, str]] = []
-    for column, cell in enumerate(cells):
-        if is_number(cell):
-            row.append(float(cell))
-            continue
-        row.append(float("nan"))
-        if cell.strip():
-            texts.append((column, cell.strip()[:SHOWN]))
-    return row, texts
+        for name, cell in zip(self._names, cells, strict=True):
+            if cell.strip() and not is_number(cell) and len(self._unreadable) < MAX_UNREADABLE:
+                self._unreadable.append((len(self._columns), name, cell.strip()[:SHOWN]))
+        return [float(cell) if is_number(cell) else float("nan") for cell in cells]

@@ -190,14 +190,6 @@ def load_map_file(path: str | Path) -> MapFile:
     return MapFile(values, {k: tuple(v) if isinstance(v, dict) else () for k, v in content.items()})
 
 
-def load_map(path: str | Path) -> LogMap:
-    """Read a whole map of a log (YAML).
-
-    Raises: ValueError: one line with file and field, on bad content.
-    """
-    return load_map_file(path).values
-
-
 def _check_source(name: str, source: Source, known: tuple[int, ...]) -> None:
     if len(source.columns) not in known:
         sizes = " or ".join(map(str, known))

@@ -65,18 +65,14 @@ class Sqlite:
         self._database.close()
 
     def _channels(self) -> list[Channel]:
-        counts = {}
         definitions = self._definitions()
         topics = {}
         for number, topic, kind in self._database.execute("SELECT id, name, type FROM topics"):
             if isinstance(number, int) and isinstance(topic, bytes) and isinstance(kind, bytes):
                 self._budget.add_channel()
                 topics[number] = self._budget.text(topic), self._budget.text(kind)
-        for number, count in self._database.execute(
-            "SELECT topic_id, count(*) FROM messages GROUP BY topic_id"
-        ):
-            if number in topics:
-                counts[number] = count
+        counted = self._database.execute("SELECT topic_id, count(*) FROM messages GROUP BY topic_id")
+        counts = {number: count for number, count in counted if number in topics}
         return [
             Channel(number, topic, kind, *definitions.get(kind, ("", "")), counts.get(number, 0))
             for number, (topic, kind) in topics.items()

@@ -24,7 +24,7 @@ from np_drake.logs.import_sheet import write_sheet
 from np_drake.logs.importing.conventions import WrongConventions, changed
 from np_drake.logs.importing.convert import convert
 from np_drake.logs.importing.import_log import import_log
-from np_drake.logs.importing.log_map import load_map
+from np_drake.logs.importing.log_map import load_map_file
 
 ERRORS = {  # by name: how the log is written, where its map declares the defaults
     "world NED": (("world", "ned"),),
@@ -117,7 +117,7 @@ def test_an_imported_log_is_diagnosed_as_its_original(effect, rate, semantics, t
         text |= {"time": {"columns": own.time.columns}}
         text |= {key: {"columns": source.columns} for key, source in own.sources()}
         (tmp_path / "map.yaml").write_text(yaml.safe_dump(text), encoding="utf-8")
-        found = import_log(tmp_path / f"{name}.csv", load_map(tmp_path / "map.yaml"))
+        found = import_log(tmp_path / f"{name}.csv", load_map_file(tmp_path / "map.yaml").values)
         write_log(found.flights[0], folders[1] / f"{name}.csv")
         write_sheet(found.sheet, folders[1] / f"{name}.csv")
     original, imported = (diagnosed(folder, vehicle) for folder in folders)

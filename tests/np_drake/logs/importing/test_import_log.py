@@ -10,7 +10,7 @@ from np_drake.logs.errors import LogError
 from np_drake.logs.formats.log_file import write_log
 from np_drake.logs.importing.conventions import WrongConventions, changed
 from np_drake.logs.importing.import_log import import_log
-from np_drake.logs.importing.log_map import Source, load_map
+from np_drake.logs.importing.log_map import Source, load_map_file
 
 
 @pytest.fixture
@@ -143,11 +143,11 @@ def test_rows_come_at_the_rate_that_is_asked_for(written):
 def test_a_map_is_read_from_yaml_and_its_faults_are_named(tmp_path):
     path = tmp_path / "map.yaml"
     path.write_text(yaml.safe_dump({"world": "ned", "attitude": {"columns": list("abcd"), "order": "xyzw"}}))
-    dut = load_map(path)
+    dut = load_map_file(path).values
     assert dut.attitude == Source(list("abcd"), order="xyzw")
     path.write_text("world: nwu\n")
     with pytest.raises(ValueError, match="world must be one of 'enu', 'ned'; got 'nwu'"):
-        load_map(path)
+        load_map_file(path)
 
 
 def test_a_column_that_is_missing_is_named(written):

@@ -10,7 +10,7 @@ from np_drake.logs.formats.format import Stream
 from np_drake.logs.formats.log_file import write_log
 from np_drake.logs.import_sheet import read_sheet, write_sheet
 from np_drake.logs.importing.import_log import import_log
-from np_drake.logs.importing.log_map import load_map
+from np_drake.logs.importing.log_map import load_map_file
 from np_drake.logs.opening import open_flights
 
 SINGLE = 1e-6  # resolution of a float32 of a few [m, m/s, 1, rad/s]
@@ -80,7 +80,7 @@ def imported(path, text="", tmp_path=None):
     assert len(text.strip().splitlines()) <= 20
     file = tmp_path / "map.yaml"
     file.write_text(text)
-    return import_log(path, load_map(file))
+    return import_log(path, load_map_file(file).values)
 
 
 def assert_same(found, log, tolerance, *, clock=1e-6, command=True, accelerations=True):

@@ -6,7 +6,7 @@ import pytest
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.format import Recording, Stream
 from np_drake.logs.importing.alignment import GAP
-from np_drake.logs.importing.log_map import LogMap, Source, load_map
+from np_drake.logs.importing.log_map import LogMap, Source, load_map_file
 from np_drake.logs.importing.signals import gather, with_map_time
 
 MAP = LogMap(position=Source(["x", "y", "z"]))
@@ -173,7 +173,7 @@ def test_a_time_that_is_not_there_is_named():
 
 def test_the_time_is_a_name_but_no_quantity(tmp_path):
     (tmp_path / "map.yaml").write_text("time: {columns: [clock], unit: ms}\nposition: {columns: [x, y, z]}\n")
-    dut = load_map(tmp_path / "map.yaml")
+    dut = load_map_file(tmp_path / "map.yaml").values
     assert dut.names() == ["clock", "x", "y", "z"]
     assert [name for name, _ in dut.sources()] == ["position"]
 
