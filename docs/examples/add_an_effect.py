@@ -5,7 +5,6 @@ diagnosis tries and a scenario may name.
 """
 
 import dataclasses as dc
-from typing import ClassVar
 
 import numpy as np
 
@@ -28,8 +27,8 @@ class GroundSpring(WrenchEffect):
 
     stiffness: float = 0.5  # [N/m]
 
-    identifier: ClassVar[str] = "ground_spring"
-    parameters: ClassVar = (Parameter("stiffness", "N/m", neutral=0.0, lower=0.0, upper=5.0, typical=0.5),)
+    identifier = "ground_spring"
+    parameters = (Parameter("stiffness", "N/m", neutral=0.0, lower=0.0, upper=5.0, typical=0.5),)
 
     def wrench(self, vehicle, motion):
         force = -self.stiffness * motion.x[..., 0:3]

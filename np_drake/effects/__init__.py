@@ -5,13 +5,14 @@
 
 from np_drake.lazy_names import lazy_names
 
-_FILES = (  # each holds the class that is named as it
+_FILES = (  # in the order of the search; each holds the class that is named as it
     *("mass_error", "inertia_error", "center_of_mass_offset", "suspended_payload"),
-    *("thrust_scale", "thrust_drift", "thrust_ceiling", "throttle_curve", "battery_sag", "weak_rotor"),
-    *("motor_lag", "command_delay", "mixer_gain", "rotor_gyroscopic", "rotor_inflow"),
-    *("linear_drag", "quadratic_drag", "blade_flapping", "translational_lift", "ground_effect"),
-    *("constant_wind", "gusty_wind", "disturbance", "sensor_noise", "clock_offset", "attitude_latency"),
-    *("accelerometer_bias", "gyro_bias", "velocity_bias", "attitude_bias", "imu_mounting"),
+    *("thrust_scale", "thrust_drift", "weak_rotor", "motor_lag", "command_delay"),
+    *("linear_drag", "quadratic_drag", "blade_flapping", "translational_lift", "rotor_inflow"),
+    *("constant_wind", "gusty_wind", "ground_effect", "rotor_gyroscopic"),
+    *("accelerometer_bias", "gyro_bias", "velocity_bias", "attitude_bias", "clock_offset"),
+    *("mixer_gain", "thrust_ceiling", "battery_sag", "throttle_curve", "imu_mounting", "attitude_latency"),
+    *("disturbance", "sensor_noise"),
 )
 NAMES = {file.title().replace("_", ""): f"np_drake.effects.{file}" for file in _FILES}
 NAMES["LIBRARY"] = "np_drake.effects.library"

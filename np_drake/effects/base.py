@@ -32,6 +32,9 @@ class Effect:
     identifier: ClassVar[str]
     place: ClassVar[str]  # wrench | actuator | mass | measurement
     parameters: ClassVar[tuple[Parameter, ...]]
+    # cause: the diagnosis searches it.   mixer: only on logs of measured rotor speed, where a command's mixer is known.
+    # simulated: in scenarios alone.   nuisance: an error of file or input that every model holds, never a cause.
+    role: ClassVar[str] = "cause"
 
     # Its mathematics.
     linear: ClassVar[bool] = True  # in all parameters

@@ -17,6 +17,7 @@ class BatterySag(ActuatorEffect):
     rate: float = -0.002  # [1/s]
 
     identifier = "battery_sag"
+    role = "nuisance"
     named = "battery sag"
     bench_check = "log the battery's voltage"
     parameters = (Parameter("rate", "1/s", 0.0, -0.1, 0.1, 0.002),)

@@ -57,6 +57,7 @@ class Disturbance(WrenchEffect):
     seed: int = 0
 
     identifier = "disturbance"
+    role = ""
     feels_rotor_rate = False
     parameters = ()
 

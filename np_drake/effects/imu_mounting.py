@@ -23,6 +23,7 @@ class ImuMounting(SensorEffect):
     yaw: float = 0.0  # [rad]
 
     identifier = "imu_mounting"
+    role = "nuisance"
     named = "a tilted IMU"
     linear = False
     small = True

@@ -1,30 +1,22 @@
 """All effects by identifier, as the diagnosis searches them.
 
-A new effect is one file, and one registration: `@register` on its class, or its line here.
+A new effect is one file, and one registration: `@register` on its class, or its name in `effects/__init__.py`.
 """
 
 from np_drake import effects
 from np_drake.effects.base import Effect, SensorEffect, WrenchEffect
 
 
-def _by_identifier(*names: str) -> dict[str, type[Effect]]:
-    """Return classes of this package by their identifiers."""
-    return {kind.identifier: kind for kind in (getattr(effects, name) for name in names)}
+def _with_role(role: str) -> dict[str, type[Effect]]:
+    """Return the effects of this package that state a role, by identifier."""
+    kinds = (getattr(effects, name) for name in effects.NAMES if name != "LIBRARY")
+    return {kind.identifier: kind for kind in kinds if getattr(kind, "role", "") == role}
 
 
-LIBRARY = _by_identifier(
-    *("MassError", "InertiaError", "CenterOfMassOffset", "SuspendedPayload"),
-    *("ThrustScale", "ThrustDrift", "WeakRotor", "MotorLag", "CommandDelay"),
-    *("LinearDrag", "QuadraticDrag", "BladeFlapping", "TranslationalLift", "RotorInflow"),
-    *("ConstantWind", "GustyWind", "GroundEffect", "RotorGyroscopic"),
-    *("AccelerometerBias", "GyroBias", "VelocityBias", "AttitudeBias", "ClockOffset"),
-)
-# Besides the library, on logs whose input is measured rotor speed: the mixer of a command is known.
-MEASURED_ROTORS = _by_identifier("MixerGain")
-# Besides the library, in scenarios alone: the diagnosis does not look for them.
-SIMULATED = _by_identifier("ThrustCeiling")
-# Errors of the vehicle file or the input that every model holds: never a cause.
-NUISANCES = _by_identifier("BatterySag", "ThrottleCurve", "ImuMounting", "AttitudeLatency")
+LIBRARY = _with_role("cause")
+MEASURED_ROTORS = _with_role("mixer")
+SIMULATED = _with_role("simulated")
+NUISANCES = _with_role("nuisance")
 
 
 def in_scenarios() -> dict[str, type[Effect]]:

@@ -24,6 +24,7 @@ class MixerGain(WrenchEffect):
     yaw: float = 0.7  # [1]
 
     identifier = "mixer_gain"
+    role = "mixer"
     named = "a gain of the mixer"
     shares = True
     grows_with = "torque"

@@ -19,6 +19,7 @@ class ThrottleCurve(ActuatorEffect):
     curve: float = 0.2  # [1]
 
     identifier = "throttle_curve"
+    role = "nuisance"
     named = "the throttle curve"
     linear = False
     parameters = (Parameter("curve", "1", 0.0, -0.9, 2.0, 0.1),)

@@ -18,6 +18,7 @@ class ThrustCeiling(ActuatorEffect):
     share: float = 0.7  # of the vehicle's largest rotor thrust [1]
 
     identifier = "thrust_ceiling"
+    role = "simulated"
     turns_rotor = True
     linear = False
     parameters = (Parameter("share", "1", 1.0, 0.0, 1.0, 0.2),)
