@@ -38,18 +38,13 @@ def read_lines(path: str | Path, progress: Progress = no_progress, errors: str =
     note_input(path)
     with Path(path).open("rb") as raw:
         try:
-            binary: Any = gzip.GzipFile(fileobj=raw) if is_gzip(path) else raw
+            binary: Any = gzip.GzipFile(fileobj=raw) if str(path).lower().endswith(".gz") else raw
             with io.TextIOWrapper(binary, encoding="utf-8-sig", errors=errors) as text:
                 yield from _lines(path, text, most, lambda: progress(min(raw.tell() / size, 1.0)))
         except BAD_GZIP as error:
             raise LogError(f"{path}: must be a whole gzip file; {error}. Copy it again.") from error
         except UnicodeDecodeError as error:
             raise LogError(f"{path}: must be a UTF-8 text file with comma-separated columns.") from error
-
-
-def is_gzip(path: str | Path) -> bool:
-    """Return whether a file is read as gzip, by its name."""
-    return str(path).lower().endswith(".gz")
 
 
 def too_large(path: str | Path) -> LogError:

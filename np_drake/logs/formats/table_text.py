@@ -11,7 +11,6 @@ import numpy as np
 from np_drake.logs.errors import LogError, place
 from np_drake.logs.formats.csv_file import check_header
 from np_drake.logs.formats.format import Progress
-from np_drake.logs.formats.table_arrow import read_numbers
 from np_drake.logs.formats.table_cells import (
     Cell,
     complaint,
@@ -84,8 +83,6 @@ def read_columns(
 ) -> tuple[dict[str, np.ndarray], list[str]]:
     """Return columns (n,) by name, and notes; memory is that of the numbers that are asked for.
 
-    Tables of plain numbers are read with pyarrow where it is installed: much faster, and equal bit for bit.
-
     Args:
         path: of the file.
         names: of the columns of numbers that are wanted.
@@ -94,11 +91,6 @@ def read_columns(
     """
     layout = read_layout(path)
     wanted = [cell for cell in layout.cells if not set(cell.names).isdisjoint(names)]
-    if all(cell.size is None for cell in wanted):
-        positions = {cell.name: cell.position for cell in wanted}
-        columns = read_numbers(path, layout.delimiter, layout.width, positions, progress)
-        if columns is not None:
-            return {name: columns[name] for name in names}, []
     table = _Numbers(path, wanted, layout.width, names)
     with closing(read_lines(path, progress, errors="replace")) as lines:
         next(lines)

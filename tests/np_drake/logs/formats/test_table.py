@@ -13,7 +13,7 @@ from hypothesis.extra import numpy as stn
 from np_drake.logs import text_lines
 from np_drake.logs.columns import NAMES
 from np_drake.logs.errors import LogError
-from np_drake.logs.formats import format_of, table_arrow
+from np_drake.logs.formats import format_of
 from np_drake.logs.formats.format import Stream
 from np_drake.logs.formats.log_file import write_log
 from np_drake.logs.formats.table import TABLE
@@ -21,7 +21,6 @@ from np_drake.logs.importing.log_map import LogMap, Source
 from np_drake.logs.importing.signals import with_map_time
 
 SUFFIXES = (".csv", ".csv.gz", ".txt", ".tsv", ".parquet")
-WAYS = ("pyarrow", "plain")
 
 
 def read(path, *names):
@@ -33,16 +32,6 @@ def read(path, *names):
     return recording
 
 
-@pytest.fixture(params=WAYS)
-def way(request, monkeypatch):
-    """Both ways of reading numbers: with and without pyarrow."""
-    if request.param == "plain":
-        monkeypatch.setattr("np_drake.logs.formats.table_text.read_numbers", lambda *_: None)
-    else:
-        pytest.importorskip("pyarrow", reason="the fast way needs pyarrow")
-    return request.param
-
-
 @pytest.fixture
 def made():
     draw = np.random.default_rng(0)
@@ -51,7 +40,7 @@ def made():
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
 @pytest.mark.parametrize("delimiter", [",", ";", "\t"])
-def test_what_was_written_is_read_bit_for_bit(made, tmp_path, write_table, suffix, delimiter, way):
+def test_what_was_written_is_read_bit_for_bit(made, tmp_path, write_table, suffix, delimiter):
     if suffix == ".parquet":
         pytest.importorskip("pyarrow", reason="Parquet needs pyarrow")
     path = tmp_path / f"made{suffix}"
@@ -65,16 +54,11 @@ def test_what_was_written_is_read_bit_for_bit(made, tmp_path, write_table, suffi
 
 
 @given(stn.arrays(float, st.tuples(st.integers(1, 6), st.just(2)), elements=st.floats()))
-def test_both_ways_read_every_number_bit_for_bit(tmp_path_factory, write_table, values):
+def test_every_number_is_read_bit_for_bit(tmp_path_factory, write_table, values):
     path = tmp_path_factory.mktemp("table") / "any.csv"
     write_table(path, {"table": Stream(values[:, 0], {"x": values[:, 1]})})
-    fast = table_arrow.read_numbers(path, ",", 2, {"t": 0, "x": 1}, lambda _: None)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("np_drake.logs.formats.table_text.read_numbers", lambda *_: None)
-        plain = read(path, "x").streams["table"]
-    assert fast is not None
-    for dut in ((plain.t, plain.columns["x"]), (fast["t"], fast["x"])):
-        np.testing.assert_array_equal(np.stack(dut, axis=1), values)
+    dut = read(path, "x").streams["table"]
+    np.testing.assert_array_equal(np.stack([dut.t, dut.columns["x"]], axis=1), values)
 
 
 @pytest.mark.parametrize("suffix", [".csv", ".csv.gz", ".parquet"])
@@ -110,14 +94,14 @@ def test_a_list_may_be_written_in_several_ways(tmp_path, first, second):
     )
 
 
-def test_empty_cells_are_nan_and_truth_values_are_one_and_zero(tmp_path, way):
+def test_empty_cells_are_nan_and_truth_values_are_one_and_zero(tmp_path):
     (tmp_path / "made.csv").write_text("t,x,y\n0,,true\n1,nan,FALSE\n2,NaN,True\n3,null,false\n\n4, 5 ,1\n\n")
     dut = read(tmp_path / "made.csv", "x", "y").streams["table"]
     np.testing.assert_array_equal(dut.columns["x"], [np.nan] * 4 + [5])
     np.testing.assert_array_equal(dut.columns["y"], [1, 0, 1, 0, 1])
 
 
-def test_headers_with_quotes_blanks_marks_and_no_name_are_read(tmp_path, way):
+def test_headers_with_quotes_blanks_marks_and_no_name_are_read(tmp_path):
     (tmp_path / "made.csv").write_text('\ufeff# t , "x, ahead",  y\n0,1,2\n'.replace(' "', '"'), "utf-8")
     assert TABLE.contents(tmp_path / "made.csv")["table"] == ("t", "x, ahead", "y")
     (tmp_path / "other.csv").write_bytes(b",t,yaw [\xb0],\n0,0.5,2,\n1,0.6,3,\n")
@@ -145,7 +129,7 @@ FAULTS = {  # content: what the message says when x is wanted
 
 
 @pytest.mark.parametrize("fault", FAULTS)
-def test_a_fault_is_named_with_its_place_in_one_line(tmp_path, fault, way):
+def test_a_fault_is_named_with_its_place_in_one_line(tmp_path, fault):
     text, message = FAULTS[fault]
     (tmp_path / "made.csv").write_text(text)
     with pytest.raises(LogError, match=message) as error:
@@ -153,7 +137,7 @@ def test_a_fault_is_named_with_its_place_in_one_line(tmp_path, fault, way):
     assert "\n" not in str(error.value)
 
 
-def test_a_column_that_is_not_wanted_may_hold_anything(tmp_path, way):
+def test_a_column_that_is_not_wanted_may_hold_anything(tmp_path):
     (tmp_path / "made.csv").write_text('t,mode,x,l\n0,manual,1,"[1]"\n1,"auto, 2",2,"[1, 2]"\n')
     np.testing.assert_array_equal(read(tmp_path / "made.csv", "x").streams["table"].columns["x"], [1, 2])
     with pytest.raises(LogError, match="column mode, row 1"):
@@ -162,7 +146,7 @@ def test_a_column_that_is_not_wanted_may_hold_anything(tmp_path, way):
         TABLE.read(tmp_path / "made.csv", {"table": ["z"]}, lambda _: None)
 
 
-def test_a_last_row_that_is_cut_off_is_left_out_with_a_note(tmp_path, way):
+def test_a_last_row_that_is_cut_off_is_left_out_with_a_note(tmp_path):
     (tmp_path / "made.csv").write_text("t,x,y\n0,1,2\n1,3,4\n2,5")
     dut = read(tmp_path / "made.csv")
     assert len(dut.streams["table"]) == 2
@@ -200,7 +184,7 @@ def test_our_own_columns_need_no_map(flight, tmp_path):
     assert TABLE.default_map({"table": ("t", "px", "py", "pz")}) is None
 
 
-def test_a_damaged_gzip_is_refused(tmp_path, way):
+def test_a_damaged_gzip_is_refused(tmp_path):
     content = gzip.compress(b"t,x\n" + b"0.125,2.5\n" * 40000, mtime=0)
     trailer = content[:-8] + bytes(8)
     for damaged in (content[: len(content) // 2], content[:-4], trailer):
@@ -212,18 +196,15 @@ def test_a_damaged_gzip_is_refused(tmp_path, way):
         read(tmp_path / "made.csv.gz", "x")
 
 
-def test_what_fills_the_memory_is_refused(tmp_path, monkeypatch, way):
-    for module in (text_lines, table_arrow):
-        monkeypatch.setattr(module, "text_budget", lambda path: 50_000)
+def test_what_fills_the_memory_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr(text_lines, "text_budget", lambda path: 50_000)
     monkeypatch.setattr(text_lines, "MAX_LINE", 5000)
     (tmp_path / "bomb.csv.gz").write_bytes(gzip.compress(b"t,x\n" + b"1,2\n" * 10**6))
     with pytest.raises(LogError, match="at most 0 MB of text"):
         read(tmp_path / "bomb.csv.gz", "x")
     (tmp_path / "long.csv").write_text("t,x\n1,2\n" + "1" * 6000 + ",2\n")
     with pytest.raises(LogError, match="line 3: must have at most 5000 characters"):
-        read(tmp_path / "long.csv", "x") if way == "plain" else list(
-            text_lines.read_lines(tmp_path / "long.csv")
-        )
+        read(tmp_path / "long.csv", "x")
     monkeypatch.setattr(text_lines, "MAX_ROWS", 10)
     (tmp_path / "rows.csv").write_text("t,x\n" + "1,2\n" * 11)
     with pytest.raises(LogError, match=r"at most .* rows"):
@@ -303,10 +284,6 @@ def test_parquet_without_pyarrow_says_what_to_install(tmp_path, monkeypatch):
 MEASURE = """
 import resource, sys
 from pathlib import Path
-if sys.argv[2] == "plain":
-    sys.modules["pyarrow"] = None
-else:
-    import pyarrow.csv
 from np_drake.logs.formats import csv_file
 from np_drake.logs.formats.table import TABLE
 before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
@@ -318,10 +295,8 @@ print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before)
 """
 
 
-@pytest.mark.parametrize("way, numbers", [("pyarrow", 3), ("plain", 3), ("own", 20)])
+@pytest.mark.parametrize("way, numbers", [("plain", 3), ("own", 20)])
 def test_memory_grows_with_the_wanted_numbers_not_with_the_text(tmp_path, way, numbers):
-    if way == "pyarrow":
-        pytest.importorskip("pyarrow", reason="the fast way needs pyarrow")
     rows = 200_000
     path = tmp_path / "made.csv"
     line = ",".join(["{}"] + ["0.1234567890123456"] * 19)
@@ -331,5 +306,5 @@ def test_memory_grows_with_the_wanted_numbers_not_with_the_text(tmp_path, way, n
     command = [sys.executable, "-c", MEASURE, str(path), way]
     grown = 1024 * int(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
     assert path.stat().st_size > 72e6
-    blocks = 40e6  # of text, of Python's numbers, and of pyarrow's threads [bytes]
+    blocks = 40e6  # of text and of Python's numbers [bytes]
     assert grown < rows * numbers * 8 + blocks
