@@ -43,8 +43,7 @@ def read_parquet(path: str | Path) -> Table:
             raise LogError(f"{path}: its columns must have different names; got {', '.join(names[:8])}, ….")
         grown = GrowingColumns(path, [name.strip() for name in names])
         for batch in file.iter_batches(BLOCK_ROWS):
-            columns = (column.cast(pyarrow.float64(), safe=False) for column in batch.columns)
-            grown.add([np.asarray(column.to_numpy(zero_copy_only=False), float) for column in columns])
+            grown.add([_floats(pyarrow, column) for column in batch.columns])
     return Table(str(path), grown.arrays(), header_lines=0)
 
 

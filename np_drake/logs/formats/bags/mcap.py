@@ -9,7 +9,8 @@ from collections.abc import Iterator
 from typing import Any
 
 from np_drake.logs.errors import LogError
-from np_drake.logs.formats.bags.budget import Channel, MappedBag, Record
+from np_drake.logs.formats.bags.budget import Channel
+from np_drake.logs.formats.bags.mapped_bag import MappedBag, Record
 
 MAGIC = b"\x89MCAP0\r\n"
 NONE, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, CHUNK_INDEX, STATISTICS, DATA_END = 0, 2, 3, 4, 5, 6, 8, 11, 15

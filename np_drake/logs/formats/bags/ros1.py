@@ -8,7 +8,8 @@ import struct
 from collections.abc import Iterator
 from typing import Any
 
-from np_drake.logs.formats.bags.budget import Channel, MappedBag, Record
+from np_drake.logs.formats.bags.budget import Channel
+from np_drake.logs.formats.bags.mapped_bag import MappedBag, Record
 
 MAGIC = b"#ROSBAG V"
 START = b"#ROSBAG V2.0\n"
