@@ -8,6 +8,7 @@ from scipy import signal as filters
 from scipy.interpolate import CubicHermiteSpline
 
 from np_drake import attitude
+from np_drake.logs.checks import GAP
 from np_drake.logs.errors import LogError
 from np_drake.logs.importing.convert import GRAVITY, convert_quantity
 from np_drake.logs.importing.interpolation import FASTER, Signal
@@ -18,7 +19,6 @@ FASTEST = 500.0  # rate of the rows unless another is asked for [Hz]; own choice
 COMMANDS = ("thrust", "torque", "throttle")
 READINGS = ("rotor_speed", "voltage", "hover_throttle")
 SMOOTH = 0.1  # window in which a position is differentiated where there is no velocity [s]; own choice
-GAP = 2.5  # median intervals of a signal that count as a gap [1]
 
 _G = np.array([0.0, 0.0, GRAVITY])
 

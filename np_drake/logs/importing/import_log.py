@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from np_drake.flight_log import FlightLog
+from np_drake.logs.checks import LEAST_ROWS
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats import format_of
 from np_drake.logs.formats.format import Format, Progress, by_stream, no_progress
@@ -37,7 +38,6 @@ from np_drake.logs.importing.sheet_content import ground_notes, sheet_content
 from np_drake.logs.importing.signals import gather, with_map_time
 
 CHECK_RATE = 50.0  # of the rows on which conventions are checked [Hz]
-LEAST_ROWS = 20  # of a part that is kept
 SHORTEST = 1.0  # log whose unit of time is found by its rate alone [s]; own choice
 # Below which rotors stand [rad/s, N, 1]; own choice.
 IDLE = {"rotor_speed": 10.0, "thrust": 0.0, "throttle": 0.05}

@@ -4,14 +4,13 @@ import dataclasses as dc
 
 import numpy as np
 
-from np_drake.logs.checks import LARGEST
+from np_drake.logs.checks import LARGEST, LEAST_ROWS
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.format import Recording, Stream, find_column
 from np_drake.logs.importing.interpolation import Signal
 from np_drake.logs.importing.log_map import UNITS, LogMap, Source
 
 REPEATED = 0.3  # share of rows equal to the row before, from which a signal's rate is slower [1]; own choice
-LEAST = 20  # samples of a signal; own choice
 JUMP = 1e7  # longest gap, in median intervals: a day at 100 Hz [1]; own choice
 BACK = 0.1  # share of samples earlier than one before them from which these are another log [1]; own choice
 LEAST_NORM = 1e-3  # of a quaternion that is one, of whatever length [1]; own choice
@@ -40,14 +39,14 @@ def gather(recording: Recording, log_map: LogMap) -> tuple[dict[str, Signal], li
                 notes.append(
                     f"{name}: rows repeat; taken as a signal of {1 / signal.step:.4g} Hz ({kept:.0%} of the rows)"
                 )
-        if len(signal.t) < LEAST:
+        if len(signal.t) < LEAST_ROWS:
             if name in OPTIONAL:
                 notes.append(f"{name}: only {len(signal.t)} samples; left out")
                 continue
             left = f" ({reasons})" if reasons else ""
             left += "; print its times with all digits" if "time" in reasons else ""
             raise LogError(
-                f"{recording.path}, {name}: must have at least {LEAST} samples; got {len(signal.t)} in "
+                f"{recording.path}, {name}: must have at least {LEAST_ROWS} samples; got {len(signal.t)} in "
                 f"{', '.join(source.columns)}{left}."
             )
         signals[name] = signal
@@ -116,13 +115,13 @@ def _without_repeats(signal: Signal) -> tuple[Signal, float]:
     A signal that rests keeps a row wherever it has not changed for two usual intervals of change, so that its rest is
     no gap.
     """
-    if len(signal.t) < LEAST:
+    if len(signal.t) < LEAST_ROWS:
         return signal, 1.0
     new = np.concatenate([[True], np.any(np.diff(signal.values, axis=0) != 0, axis=1)])
     if new.mean() > 1 - REPEATED:
         return signal, 1.0
     rows = np.flatnonzero(new)
-    if len(rows) < LEAST:
+    if len(rows) < LEAST_ROWS:
         return signal, 1.0
     usual = max(1, round(float(np.median(np.diff(rows)))))
     since = np.arange(len(new)) - np.maximum.accumulate(np.where(new, np.arange(len(new)), 0))
