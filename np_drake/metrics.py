@@ -23,8 +23,7 @@ def tracking_errors(p: np.ndarray, p_ref: np.ndarray) -> dict[str, float]:
 def error_growth(p: np.ndarray, p_ref: np.ndarray) -> float:
     """Return E_xy of the last third of a flight over that of its first third [1]; above 1 where a swing grows.
 
-    Args:
-        p, p_ref: (n, 3) positions flown and wanted [m].
+    Args: as `tracking_errors`.
     """
     third = max(len(p) // 3, 1)
     first = tracking_errors(p[:third], p_ref[:third])["E_xy"]
@@ -77,9 +76,7 @@ def peaks(t: np.ndarray, distance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def decay_rate(t: np.ndarray, distance: np.ndarray) -> float:
     """Return the slope of the logarithm of the peaks, negative for a decaying swing [1/s]; NaN with fewer than three.
 
-    Args:
-        t: (n,) at even steps [s].
-        distance: (n,) horizontal distance [m].
+    Args: as `peaks`.
     """
     when, height = peaks(t, distance)
     return float(np.polyfit(when, np.log(height), 1)[0]) if len(when) > 2 else float("nan")
@@ -88,9 +85,7 @@ def decay_rate(t: np.ndarray, distance: np.ndarray) -> float:
 def settling_time(t: np.ndarray, distance: np.ndarray) -> float:
     """Return the time from t[0] until the distance stays below `SETTLED` [s]; inf if above it in the last second.
 
-    Args:
-        t: (n,) at even steps [s].
-        distance: (n,) horizontal distance [m].
+    Args: as `peaks`.
     """
     above = np.flatnonzero(distance >= SETTLED)
     if len(above) == 0:
