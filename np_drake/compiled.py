@@ -60,8 +60,4 @@ def turned(w, x, y, z, a, b, c):
         a, b, c: vector.
     """
     i, j, k = y * c - z * b, z * a - x * c, x * b - y * a
-    return (
-        a + 2 * (w * i + y * k - z * j),
-        b + 2 * (w * j + z * i - x * k),
-        c + 2 * (w * k + x * j - y * i),
-    )
+    return (a + 2 * (w * i + y * k - z * j), b + 2 * (w * j + z * i - x * k), c + 2 * (w * k + x * j - y * i))

@@ -46,11 +46,7 @@ def wrench_rmse(chi_hat: np.ndarray, chi: np.ndarray) -> dict[str, float]:
 def solve_times_ms(seconds: np.ndarray) -> dict[str, float]:
     """Return median, p95 and max of solve times given in [s], in [ms]."""
     ms = 1e3 * np.asarray(seconds, float)
-    return {
-        "median": float(np.median(ms)),
-        "p95": float(np.quantile(ms, 0.95)),
-        "max": float(np.max(ms)),
-    }
+    return {"median": float(np.median(ms)), "p95": float(np.quantile(ms, 0.95)), "max": float(np.max(ms))}
 
 
 FLOOR = 0.02  # peaks below it are noise and residual motion of the vehicle, no swing [m]

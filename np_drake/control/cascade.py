@@ -78,11 +78,7 @@ def cascade(
     al += np.multiply(gains.rate, target[W] - x[10:13])
     J_w = vehicle.J @ x[10:13]
     w = x[10:13].tolist()
-    gyro = [
-        w[1] * J_w[2] - w[2] * J_w[1],
-        w[2] * J_w[0] - w[0] * J_w[2],
-        w[0] * J_w[1] - w[1] * J_w[0],
-    ]
+    gyro = [w[1] * J_w[2] - w[2] * J_w[1], w[2] * J_w[0] - w[0] * J_w[2], w[0] * J_w[1] - w[1] * J_w[0]]
     return vehicle.saturate(np.concatenate([[max(f, 0.0)], vehicle.J @ al + gyro])), np.concatenate(
         [moved, turned]
     )

@@ -80,12 +80,7 @@ class Limits:
 
 
 def limits_for(
-    vehicle: Vehicle,
-    explanations: Sequence[Explanation],
-    *,
-    box: Sequence[float],
-    speed: float,
-    tilt: float,
+    vehicle: Vehicle, explanations: Sequence[Explanation], *, box: Sequence[float], speed: float, tilt: float
 ) -> Limits:
     """Return the limits of a flight in a room under any of the explanations.
 

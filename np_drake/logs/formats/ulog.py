@@ -95,11 +95,7 @@ def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Re
             raise LogError(f"{path}: must hold rows of {name}; it has none. Name another stream in the map.")
         streams[name], told = _stream(path, name, parts, columns, log)
         said.append(told)
-    notes = [
-        *_damage(log, guarded),
-        *_timing(said),
-        *(note for s in said for note in s.notes),
-    ]
+    notes = [*_damage(log, guarded), *_timing(said), *(note for s in said for note in s.notes)]
     return Recording(str(path), streams, _facts(log), tuple(notes))
 
 

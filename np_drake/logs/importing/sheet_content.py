@@ -68,22 +68,13 @@ def unanswerable(log: FlightLog) -> dict[str, list[str]]:
 
 def _described(name: str, signal: Signal, log_map: LogMap) -> dict[str, Any]:
     source = getattr(log_map, name)
-    unit = source.unit or next(iter(UNITS[name]))
-    options = {
-        "unit": unit,
-        "scale": source.scale,
-        "axes": source.axes,
-        "kind": source.kind,
-        "late": source.late,
-    }
+    keys = ["scale", "axes", "kind", "late"]
     if name == "attitude" and len(source.columns) == 4:
-        options |= {"order": source.order, "direction": source.direction}
-    shown = {
-        key: value
-        for key, value in options.items()
-        if value not in ("", 0.0) and (key, value) != ("scale", 1.0)
-    }
-    return {"from": list(source.columns), "rate": f"{1 / signal.step:.4g} Hz", **shown}
+        keys += ["order", "direction"]
+    usual = {"scale": 1.0, "late": 0.0}
+    shown = {key: getattr(source, key) for key in keys if getattr(source, key) not in ("", usual.get(key))}
+    unit = source.unit or next(iter(UNITS[name]))
+    return {"from": list(source.columns), "rate": f"{1 / signal.step:.4g} Hz", "unit": unit, **shown}
 
 
 def _conventions_text(verdict: Verdict) -> str:
