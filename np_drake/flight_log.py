@@ -1,6 +1,7 @@
 """In-memory flight log that every reader returns and every method takes."""
 
 import dataclasses as dc
+from typing import Any
 
 import numpy as np
 
@@ -56,5 +57,7 @@ class FlightLog:
         Args:
             start, stop: its first row, and the one after its last.
         """
-        cut = {name: value[start:stop] for name, value in vars(self).items() if isinstance(value, np.ndarray)}
+        cut: dict[str, Any] = {
+            name: value[start:stop] for name, value in vars(self).items() if isinstance(value, np.ndarray)
+        }
         return dc.replace(self, **cut, notes=list(self.notes))

@@ -251,10 +251,10 @@ def write_mcap(path: str | Path, channels: Iterable[Channel]) -> None:
         writer = Writer(stream)
         writer.start(library="np_drake")
         streams = []
-        for channel in channels:
-            schema = writer.register_schema(channel.schema["title"], "jsonschema", _encoded(channel.schema))
-            number = writer.register_channel(channel.topic, "json", schema)
-            streams.append([(when, number, content) for when, content in channel.messages])
+        for one in channels:
+            schema = writer.register_schema(one.schema["title"], "jsonschema", _encoded(one.schema))
+            number = writer.register_channel(one.topic, "json", schema)
+            streams.append([(when, number, content) for when, content in one.messages])
         sequence: dict[int, int] = {}
         for when, channel, content in heapq.merge(*streams, key=lambda message: message[0]):
             sequence[channel] = sequence.get(channel, -1) + 1

@@ -71,7 +71,8 @@ class Ros1(MappedBag):
         self._found[number] = topic, normalize_msgtype(kind), "MSG", definition
 
     def _channel(self, number: int) -> Channel:
-        return Channel(number, *self._found[number], self._counts[number])
+        topic, kind, language, definition = self._found[number]
+        return Channel(number, topic, kind, language, definition, self._counts[number])
 
     def _chunk(self, record: Record) -> tuple[str, int, int, int, int] | None:
         _, fields, at, end = record
