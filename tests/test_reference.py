@@ -4,13 +4,14 @@ import dataclasses as dc
 import importlib.util
 import re
 from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 import pytest
 from pydrake.systems.analysis import SimulatorConfig
 
 from diagrams.loop.flight import FlightConfig
-from np_drake.effects.library import LIBRARY, effects_for
+from np_drake.effects.library import LIBRARY, effects_for, in_scenarios
 from np_drake.files.yaml_file import fields_of
 from np_drake.logs.columns import NAMES
 from np_drake.logs.importing.log_map import UNITS, LogMap, Source, load_map
@@ -18,6 +19,15 @@ from np_drake.vehicle import Vehicle
 
 ROOT = Path(__file__).parents[1]
 REFERENCE = ROOT / "docs" / "reference"
+ACTS_ON = r"^\| [^|]* \| (`[^|]*) \| (`\w+`)[^|]* \|$"  # names of effects, keyword that takes them
+PLACES = {
+    "`wrench_effects`": "wrench",
+    "`payload`": "wrench",
+    "`actuator_effects`": "actuator",
+    "`mass_effects`": "mass",
+    "`add_sensor_rig`": "measurement",
+    "`shift_state`": "measurement",
+}
 
 
 def sections(page: Path) -> dict[str, str]:
@@ -82,18 +92,33 @@ def test_the_page_of_the_flight_log_names_every_column():
     assert [name for name in NAMES if name not in documented] == []
 
 
-def test_the_page_of_the_commands_is_what_the_script_writes():
-    spec = importlib.util.spec_from_file_location("make_commands", ROOT / "docs" / "make_commands.py")
+def script(name: str) -> ModuleType:
+    """Script of docs/ as a module."""
+    spec = importlib.util.spec_from_file_location(name, ROOT / "docs" / f"{name}.py")
     assert spec is not None
     assert spec.loader is not None
-    script = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(script)
-    assert script.PAGE.read_text(encoding="utf-8") == script.page(), "run `make docs` and commit the page"
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
 
 
-def test_the_page_of_the_effects_names_every_effect_with_its_parameters():
-    text = (REFERENCE / "effects.md").read_text(encoding="utf-8").replace("−", "-")
-    ranges = text[text.index("## Range and prior") :]
+def test_the_page_of_the_commands_is_what_the_script_writes():
+    commands = script("make_commands")
+    assert commands.PAGE.read_text(encoding="utf-8") == commands.page(), "run `make docs` and commit the page"
+
+
+def test_the_page_of_the_effects_lists_every_effect_by_the_place_where_it_acts():
+    text = (REFERENCE / "effects.md").read_text(encoding="utf-8")
+    table = {keyword: re.findall(r"`(\w+)`", names) for names, keyword in re.findall(ACTS_ON, text, re.M)}
+    places = {name: place for keyword, place in PLACES.items() for name in table[keyword]}
+    assert places == {identifier: effect.place for identifier, effect in LIBRARY.items()}
+    assert f"The library holds {len(LIBRARY)} effects." in text
+
+
+def test_the_built_page_of_the_effects_states_every_effect_with_its_parameters():
+    text = script("effects_page").page((REFERENCE / "effects.md").read_text(encoding="utf-8"))
+    assert re.findall(r"^### `(\w+)`$", text, re.M) == list(in_scenarios())
+    ranges = text[text.index("## Range and prior") :].replace("−", "-")
     rows = re.findall(r"^\| `(\w+)` \| (.*?) \| (.*?) \| (.*?) \| (.*?) to (.*?) \| (.*?) \|$", ranges, re.M)
     stated = {
         (effect, name): (unit, *map(float, figures))
@@ -105,7 +130,6 @@ def test_the_page_of_the_effects_names_every_effect_with_its_parameters():
         for effect, kind in effects_for("rotor_speed").items()
         for p in kind.parameters
     }
-    assert f"The library holds {len(LIBRARY)} effects." in text
 
 
 LOG_MAP = [("log-map.md", "Top level", LogMap()), ("log-map.md", "A quantity", Source())]
