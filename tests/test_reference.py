@@ -116,7 +116,7 @@ def test_the_page_of_the_effects_lists_every_effect_by_the_place_where_it_acts()
 
 
 def test_the_built_page_of_the_effects_states_every_effect_with_its_parameters():
-    text = script("effects_page").page((REFERENCE / "effects.md").read_text(encoding="utf-8"))
+    text = script("generated_tables").page((REFERENCE / "effects.md").read_text(encoding="utf-8"))
     assert re.findall(r"^### `(\w+)`$", text, re.M) == list(in_scenarios())
     ranges = text[text.index("## Range and prior") :].replace("−", "-")
     rows = re.findall(r"^\| `(\w+)` \| (.*?) \| (.*?) \| (.*?) \| (.*?) to (.*?) \| (.*?) \|$", ranges, re.M)
@@ -130,6 +130,13 @@ def test_the_built_page_of_the_effects_states_every_effect_with_its_parameters()
         for effect, kind in effects_for("rotor_speed").items()
         for p in kind.parameters
     }
+
+
+@pytest.mark.parametrize("mark", ["effects", "parameters", "exports"])
+def test_what_the_code_says_is_on_one_page_of_the_site(mark):
+    marked = [page for page in (ROOT / "docs").rglob("*.md") if f"<!-- {mark} -->" in page.read_text()]
+    assert len(marked) == 1
+    assert "<!--" not in script("generated_tables").page(marked[0].read_text(encoding="utf-8"))
 
 
 LOG_MAP = [("log-map.md", "Top level", LogMap()), ("log-map.md", "A quantity", Source())]

@@ -1,19 +1,18 @@
-"""Hook of mkdocs: writes each effect and its parameters into docs/reference/effects.md, from the effects' own classes.
+"""Hook of mkdocs: writes into the pages what the code itself says, in place of marks such as `<!-- effects -->`.
 
-In the repository the page has a mark in their place; `page(text)` returns it as the built site has it.
+`page(text)` returns the text of a page as the built site has it.
 """
 
 import inspect
 import re
-from collections.abc import Iterator
 from itertools import groupby
 from typing import Any
 
+from diagrams.exports.coverage import coverage_markdown
 from np_drake.effects.base import Effect
 from np_drake.effects.library import MEASURED_ROTORS, effects_for, in_scenarios
 from np_drake.effects.parameter import Parameter
 
-EFFECTS, PARAMETERS = "<!-- effects -->", "<!-- parameters -->"
 ROTORS_ONLY = "The diagnosis tries it on logs of measured rotor speed only."
 
 
@@ -23,9 +22,24 @@ def on_page_markdown(markdown: str, **given: Any) -> str:
 
 
 def page(text: str) -> str:
-    """Return the text of a page with each effect and each parameter in place of the marks."""
-    sections = "\n\n".join(_section(effect) for effect in in_scenarios().values())
-    return text.replace(EFFECTS, sections).replace(PARAMETERS, "\n".join(_table()))
+    """Return the text of a page with what the code says in place of each mark."""
+    written = {"effects": effects, "parameters": parameters, "exports": coverage_markdown}
+    return re.sub(r"<!-- (\w+) -->", lambda mark: written[mark[1]](), text)
+
+
+def effects() -> str:
+    """Return a section for every effect."""
+    return "\n\n".join(_section(effect) for effect in in_scenarios().values())
+
+
+def parameters() -> str:
+    """Return the table of all parameters; equal ones of an effect share a row."""
+    rows = [
+        f"| `{identifier}` | {', '.join(f'`{p.name}`' for p in alike)} | {figures} |"
+        for identifier, effect in effects_for("rotor_speed").items()
+        for figures, alike in groupby(effect.parameters, _figures)
+    ]
+    return "\n".join(["| effect | parameter | unit | neutral | range | typical |", "|---|---|---|---|---|---|", *rows])
 
 
 def _section(effect: type[Effect]) -> str:
@@ -35,14 +49,6 @@ def _section(effect: type[Effect]) -> str:
     texts += [ROTORS_ONLY] if effect.identifier in MEASURED_ROTORS else []
     seen = "; ".join(f"*{name}*: {_plain(fact)}" for name, fact in facts.items() if fact)
     return "\n\n".join([f"### `{effect.identifier}`", *map(_plain, texts), *([seen] if seen else [])])
-
-
-def _table() -> Iterator[str]:
-    """Yield the rows of the table of parameters; equal ones of an effect share a row."""
-    yield "| effect | parameter | unit | neutral | range | typical |\n|---|---|---|---|---|---|"
-    for identifier, effect in effects_for("rotor_speed").items():
-        for figures, alike in groupby(effect.parameters, _figures):
-            yield f"| `{identifier}` | {', '.join(f'`{p.name}`' for p in alike)} | {figures} |"
 
 
 def _figures(p: Parameter) -> str:
