@@ -15,7 +15,7 @@ from np_drake.effects.library import LIBRARY, effects_for, in_scenarios
 from np_drake.files.yaml_file import fields_of
 from np_drake.logs.columns import NAMES
 from np_drake.logs.importing.log_map import UNITS, LogMap, Source, load_map
-from np_drake.vehicle import Vehicle
+from np_drake.vehicle import MeasurementNoise, Vehicle
 
 ROOT = Path(__file__).parents[1]
 REFERENCE = ROOT / "docs" / "reference"
@@ -54,7 +54,9 @@ def nested(config: object, name: str) -> dict[str, object]:
 
 
 SCENARIO = [
-    ("scenario-file.md", name, config) for name, config in nested(FlightConfig(), "Top level").items()
+    ("scenario-file.md", name, config)
+    for name, config in nested(FlightConfig(), "Top level").items()
+    if not isinstance(config, MeasurementNoise)  # whose table is that of the vehicle file
 ]
 VEHICLE = [("vehicle-file.md", name, config) for name, config in nested(Vehicle(), "Fields").items()]
 
@@ -82,6 +84,14 @@ def test_a_table_states_every_default(page, name, config):
             assert np.array_equal(eval(text), value), field
         else:
             assert float(text) == value, field
+
+
+def test_the_noise_of_a_scenario_is_that_of_a_vehicle_file_but_for_what_the_page_says():
+    noise, usual = dc.asdict(FlightConfig().reality.noise), dc.asdict(MeasurementNoise())
+    assert {name for name in noise if noise[name] != usual[name]} == {"attitude"}
+    text = " ".join(sections(REFERENCE / "scenario-file.md")["reality.noise"].split())
+    link = "[`measurement_noise`](vehicle-file.md#measurement_noise)"
+    assert f"the fields of {link}, with `attitude` {noise['attitude']:g} rad by default." in text
 
 
 def test_the_page_of_the_flight_log_names_every_column():
