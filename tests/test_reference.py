@@ -19,14 +19,14 @@ from np_drake.vehicle import MeasurementNoise, Vehicle
 
 ROOT = Path(__file__).parents[1]
 REFERENCE = ROOT / "docs" / "reference"
-ACTS_ON = r"^\| [^|]* \| (`[^|]*) \| (`\w+`)[^|]* \|$"  # names of effects, keyword that takes them
+ACTS_ON = r"^\| ([^|]*) \| (`[^|]*) \| [^|]* \|$"  # row of a place, names of its effects
 PLACES = {
-    "`wrench_effects`": "wrench",
-    "`payload`": "wrench",
-    "`actuator_effects`": "actuator",
-    "`mass_effects`": "mass",
-    "`add_sensor_rig`": "measurement",
-    "`shift_state`": "measurement",
+    "body, air": "wrench",
+    "body, through a tether": "wrench",
+    "thrust, after the command": "actuator",
+    "mass, inertia": "mass",
+    "sensors": "measurement",
+    "the written log": "measurement",
 }
 
 
@@ -119,8 +119,8 @@ def test_the_page_of_the_commands_is_what_the_script_writes():
 
 def test_the_page_of_the_effects_lists_every_effect_by_the_place_where_it_acts():
     text = (REFERENCE / "effects.md").read_text(encoding="utf-8")
-    table = {keyword: re.findall(r"`(\w+)`", names) for names, keyword in re.findall(ACTS_ON, text, re.M)}
-    places = {name: place for keyword, place in PLACES.items() for name in table[keyword]}
+    rows = {row: re.findall(r"`(\w+)`", names) for row, names in re.findall(ACTS_ON, text, re.M)}
+    places = {name: place for row, place in PLACES.items() for name in rows[row]}
     assert places == {identifier: effect.place for identifier, effect in LIBRARY.items()}
     assert f"The library holds {len(LIBRARY)} effects." in text
 
