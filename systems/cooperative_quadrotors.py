@@ -11,8 +11,7 @@ from np_drake.effects.base import ActuatorEffect, WrenchEffect
 from np_drake.effects.combine import mass_properties
 from np_drake.vehicle import Vehicle
 from systems.cable import Cable
-from systems.free_body import add_free_body, sphere
-from systems.mass_properties import spatial_inertia
+from systems.free_body import add_free_body, spatial_inertia, sphere
 from systems.payload_config import PayloadConfig
 from systems.plant_readings import BodyAcceleration, VehicleState
 from systems.rotors import add_propellers, add_rotor_chain

@@ -1,15 +1,16 @@
 """Initial states and mass properties in a context of the plant: hover, formation, impulse, added mass."""
 
+import dataclasses as dc
+
 import numpy as np
 from pydrake.math import RigidTransform
 from pydrake.multibody.math import SpatialVelocity
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import SpatialInertia, UnitInertia
 from pydrake.systems.framework import Context
 
 from np_drake.effects.base import MassProperties
 from np_drake.references.formation import payload_drop
-from systems.mass_properties import spatial_inertia
+from systems.free_body import spatial_inertia, sphere
 from systems.payload_config import PayloadConfig
 
 
@@ -73,5 +74,5 @@ def set_payload_mass(plant: MultibodyPlant, context: Context, payload: PayloadCo
     """
     if not mass > 0:
         raise ValueError(f"set_payload_mass: mass must be positive [kg]; got {mass}.")
-    inertia = SpatialInertia(mass, np.zeros(3), UnitInertia.SolidSphere(payload.radius))
+    inertia = sphere(dc.replace(payload, mass=mass))
     plant.GetBodyByName("payload").SetSpatialInertiaInBodyFrame(context, inertia)

@@ -35,7 +35,7 @@ class PayloadFilter:
 
     Memory: of the bank; x (13,) and acting (4,) command at the last sample; labels (2, 3) the last two of force and
     variance (3,) of their noise; steady (3,) torque that nothing here explains, shift (3,) of the hook and what
-    `hook_shift` needs for both; now (9,) what moves the tether; seen: samples so far.
+    `next_shift` needs for both; now (9,) what moves the tether; seen: samples so far.
     A sample without label, or with a NaN in it, moves the bank without correction; without a state it waits.
     """
 
@@ -52,8 +52,8 @@ class PayloadFilter:
         )
         self.bank = PendulumBank(options, step=model.step, gravity=model.gravity)
         self._noise_share = self.step / (NOISE_TIME * model.unit.clock)
-        self._reach = model.unit.length
-        self._pace = self.step / model.unit.time  # step at the pace of the paper's vehicle [s]
+        self._length_unit = model.unit.length
+        self._unit_step = self.step / model.unit.time  # step in the time unit of the paper's vehicle [s]
         self._hook = np.asarray(model.hook, float)
         self._cross = attitude.skew(self._hook)
         self._rate_torque = np.asarray(model.rate_torque, float)
@@ -77,7 +77,7 @@ class PayloadFilter:
             "acting": np.array([self.model.mass * self.model.gravity, 0.0, 0.0, 0.0]),
             "labels": np.full((2, 3), np.nan),
             "variance": np.full(3, FIRST_NOISE**2),
-            **initial_shift(self._pace),
+            **initial_shift(self._unit_step),
             "now": np.zeros(9),
             "seen": np.zeros(1),
         }
@@ -114,8 +114,9 @@ class PayloadFilter:
         pull, spread = self._pull_moments(memory)
         turn = self.model.mass * attitude.rotation_matrix(memory["x"][Q])
         pull, spread = pull @ turn, turn.T @ spread @ turn
-        doubt = torque_doubt(spread, self._cross, reach=self._reach)
-        return next_shift(memory, torque - self._cross @ pull, pull, doubt, self._pace, reach=self._reach)
+        doubt = torque_doubt(spread, self._cross, self._length_unit)
+        rest = torque - self._cross @ pull
+        return next_shift(memory, rest, pull, doubt, self._unit_step, length_unit=self._length_unit)
 
     def pull(self, memory: Memory) -> np.ndarray:
         """Return the pull of the tether on the vehicle at the last sample, mean of all members, in W (3,) [N]."""

@@ -163,9 +163,9 @@ def _torque(
     The hook has a prior around Bo, and so has the point at which drag acts. What the flights do not show is zero.
     """
     noise = np.mean(np.concatenate([torque_steps(samples) for samples in flights]) ** 2) / 2
-    reach, drag = HOOK * model.unit.length, DEFAULT_BANK.drag.deviation / model.unit.time
+    hook, drag = HOOK * model.unit.length, DEFAULT_BANK.drag.deviation / model.unit.time
     deviation = np.full(COLUMNS, np.inf)
-    deviation[:3], deviation[9:11] = reach, reach * model.mass * drag
+    deviation[:3], deviation[9:11] = hook, hook * model.mass * drag
     found = np.linalg.lstsq(gram + np.diag(noise / deviation**2), right, rcond=None)[0]
     return found[:3], found[6:9], found[9:11]
 
