@@ -118,11 +118,7 @@ class FlightForecasts:
     def at(
         self, horizons: list[int], origins: np.ndarray, zeta: np.ndarray, *, zeta_known: bool
     ) -> np.ndarray:
-        """Return chi_hat of the forecasts at `origins`, (o, len(horizons), 6) [N, N·m].
-
-        Args: horizons: [steps].   origins: (o,) sample indices.   zeta: (n, 6) of the whole flight.   zeta_known: use
-        the coming zeta, else hold that of the origin.
-        """
+        """Return chi_hat of the forecasts at `origins`, see `FlightCourse`, (o, len(horizons), 6) [N, N·m]."""
         z, offset, now = self.z[origins - self.first], self.offset[origins - self.first], zeta[origins]
         chi_hat = np.empty((len(origins), len(horizons), 6))
         markov: list[np.ndarray] = []
@@ -153,7 +149,14 @@ class FlightCourse(Protocol):
     def at(
         self, horizons: list[int], origins: np.ndarray, zeta: np.ndarray, *, zeta_known: bool
     ) -> np.ndarray:
-        """Return chi_hat (o, len(horizons), 6), see `FlightForecasts`."""
+        """Return chi_hat (o, len(horizons), 6) [N, N·m].
+
+        Args:
+            horizons: [steps].
+            origins: (o,) sample indices.
+            zeta: (n, 6) of the whole flight.
+            zeta_known: use the coming zeta, else hold that of the origin.
+        """
         ...
 
 
@@ -162,7 +165,12 @@ class ForecastsWholeFlights(Protocol):
     """A residual model that can forecast all samples of a flight at once, with the results of one by one."""
 
     def along(self, chi: np.ndarray, zeta: np.ndarray) -> FlightCourse | None:
-        """Return the forecasts for chi, zeta (n, 6) without gaps; None where this model cannot."""
+        """Return the forecasts of a flight without gaps; None where this model cannot.
+
+        Args:
+            chi: (n, 6) labels [N, N·m].
+            zeta: (n, 6) [m/s, rad/s].
+        """
         ...
 
 
@@ -185,7 +193,14 @@ class ReadsPlan(Protocol):
     """A residual model that forecasts the wrench along an intended motion."""
 
     def forecast_along(self, memory: Memory, plan: Plan, *, horizon: int, stride: int) -> WrenchForecast:
-        """Return the forecast over `horizon` steps of `stride * self.step` seconds, at best where `plan` is flown."""
+        """Return the forecast that is best where a plan is flown.
+
+        Args:
+            memory: with the sample of now.
+            plan: at the steps of the forecast.
+            horizon: N [1].
+            stride: model steps in one step of the forecast [1].
+        """
         ...
 
 
@@ -210,16 +225,30 @@ class ResidualModel(Protocol):
         """Return the memory after one more sample.
 
         A sample with NaN must leave a usable memory.
+        Args:
+            memory: before the sample; it stays as it is.
+            sample: of now.
         """
         ...
 
     def forecast(self, memory: Memory, *, horizon: int, stride: int) -> WrenchForecast:
-        """Return the forecast over `horizon` steps of `stride * self.step` seconds each."""
+        """Return the forecast over the horizon.
+
+        Args:
+            memory: with the sample of now.
+            horizon: N [1].
+            stride: model steps in one step of the forecast [1].
+        """
         ...
 
 
 def constant_forecast(chi: np.ndarray, horizon: int) -> WrenchForecast:
-    """Return a forecast that holds `chi` (6,) over the horizon, or follows a given trajectory (horizon, 6)."""
+    """Return a forecast that holds one wrench over the horizon, or follows a given trajectory.
+
+    Args:
+        chi: (6,) or (horizon, 6) [N, N·m].
+        horizon: N [1].
+    """
     offset = np.broadcast_to(np.asarray(chi, float), (horizon, 6))
     return WrenchForecast(np.zeros((0, 0)), np.zeros((0, 6)), np.zeros((6, 0)), np.zeros(0), offset)
 

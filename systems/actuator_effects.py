@@ -74,7 +74,12 @@ class ActuatorEffects(LeafSystem):
         return np.concatenate(states) if states else np.zeros(0)
 
     def rest_at(self, context, thrust: np.ndarray) -> None:
-        """Set the state at which a constant command `thrust` (4,) [N] rests; `context` is the system's own."""
+        """Set the state at which a constant command rests.
+
+        Args:
+            context: the system's own.
+            thrust: (4,) command [N].
+        """
         context.SetContinuousState(self._resting_state(thrust))
 
     def _passed(

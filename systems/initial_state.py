@@ -49,7 +49,13 @@ def set_formation(plant: MultibodyPlant, context: Context, payload: PayloadConfi
 
 
 def apply_impulse(plant: MultibodyPlant, context: Context, impulse) -> None:
-    """Add dv = J / m to the payload of a cable; `impulse` (3,) in W [N·s]."""
+    """Add dv = J / m to the payload of a cable.
+
+    Args:
+        plant: with a free body `payload`.
+        context: the plant's own.
+        impulse: (3,) J in W [N·s].
+    """
     P = plant.GetBodyByName("payload")
     V = plant.EvalBodySpatialVelocityInWorld(context, P)
     dv = np.asarray(impulse, float) / P.get_mass(context)

@@ -122,7 +122,15 @@ def _dead_times(chain: Sequence[ActuatorEffect], onsets: Onsets) -> list[tuple[f
 def add_propellers(
     builder: DiagramBuilder, plant: MultibodyPlant, vehicle: Vehicle, thrust: OutputPort, *, body: str
 ) -> Propeller:
-    """Add propellers with `thrust` (4,) [N] to the plant's `body`, with body poses and forces left to connect."""
+    """Add propellers to a body of the plant, with body poses and forces left to connect.
+
+    Args:
+        builder: of the diagram with the plant.
+        plant: finalized.
+        vehicle: places and coefficients of the rotors.
+        thrust: port (4,) [N].
+        body: name of the vehicle's body.
+    """
     kappa = vehicle.torque_coefficient / vehicle.thrust_coefficient
     index = plant.GetBodyByName(body).index()
     info = [

@@ -143,8 +143,11 @@ class MpcSolver(Protocol):
     name: str
 
     def solve(self, problem: MpcProblem, warm_start: MpcSolution | None = None) -> MpcSolution:
-        """Solve one problem, from a warm start where one is given.
+        """Solve one problem.
 
+        Args:
+            problem: of this instant.
+            warm_start: an earlier plan, shifted to now; None: there is none.
         Raises: SolverFailure: if no usable answer was found.
         """
         ...

@@ -37,6 +37,9 @@ class PayloadFilter:
     variance (3,) of their noise; steady (3,) torque that nothing here explains, shift (3,) of the hook and what
     `next_shift` needs for both; now (9,) what moves the tether; seen: samples so far.
     A sample without label, or with a NaN in it, moves the bank without correction; without a state it waits.
+    Args:
+        model: the trained vehicle.
+        options: what is believed of payload and air, for the paper's vehicle.
     """
 
     name = PAYLOAD_FILTER
@@ -103,7 +106,9 @@ class PayloadFilter:
         new = {**memory, **bank, "x": x.copy(), "acting": acting, "now": now}
         if finite(chi):
             new |= self._noise(memory, force)
-            new |= self._hook_and_level(new, chi[3:] - self._motion_torque(x))
+            new |= self._hook_and_level(
+                new, chi[3:] - motion_torque(x, self._rate_torque, self._speed_torque)
+            )
         return new
 
     def _hook_and_level(self, memory: Memory, torque: np.ndarray) -> Memory:
@@ -128,10 +133,6 @@ class PayloadFilter:
         centre, covariance = np.empty(3), np.empty((3, 3))
         kernel.pull_moments(memory["mean"], memory["weight"], memory["now"], centre, covariance)
         return centre, covariance
-
-    def _motion_torque(self, x: np.ndarray) -> np.ndarray:
-        """Return the torque (3,) of body rates and velocity in a state x (13,) [N·m]."""
-        return motion_torque(x, self._rate_torque, self._speed_torque)
 
     def _noise(self, memory: Memory, force: np.ndarray) -> Memory:
         """Return the labels and the variance of their noise: a sixth of that of second differences."""

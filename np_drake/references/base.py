@@ -38,7 +38,12 @@ class Hover:
 
 
 class Paced:
-    """Reference motion p(factor t); a `factor` below 1 is slower."""
+    """Reference motion p(factor t).
+
+    Args:
+        reference: p(t).
+        factor: below 1 is slower [1].
+    """
 
     def __init__(self, reference: Reference, factor: float):
         self.reference, self.factor = reference, factor

@@ -9,9 +9,12 @@ from np_drake.references.ramp import rest_to_rest
 
 
 class Spline:
-    """Spline of degree 7 through `points` (k, 3) [m] at `times` (k,) [s], at rest at both ends and beyond them.
+    """Spline of degree 7 through points, at rest at both ends and beyond them.
 
     Three derivatives vanish at the ends, so that body rates begin at zero.
+    Args:
+        points: (k, 3) [m].
+        times: (k,) [s].
     """
 
     def __init__(self, points: np.ndarray, times: np.ndarray):

@@ -76,10 +76,8 @@ class GaussianProcessConfig:
 
     samples: int = 100  # evenly spaced in time over the flights [1]
     restarts: int = 1  # of the search for hyperparameters, beside the one from unit lengths [1]
-    length_bounds: tuple[float, float] = (
-        0.5,
-        100.0,
-    )  # below, noise is learnt [RMS of the inputs about their mean]
+    # Of the kernel's lengths; below, noise is learnt [RMS of the inputs about their mean]
+    length_bounds: tuple[float, float] = (0.5, 100.0)
     noise_bounds: tuple[float, float] = (1e-6, 1.0)  # variance of the labels' noise [variance of the labels]
     seed: int = 0  # of the restarts
 
@@ -89,6 +87,9 @@ def fit_gaussian_process(
 ) -> GaussianProcess:
     """Fit the process to the flights' smoothed labels by largest marginal likelihood.
 
+    Args:
+        segments: uninterrupted flights.
+        config: of the fit.
     Raises: ValueError: if the segments are unusable.
     """
     checked = check_segments(list(segments), 1)
@@ -99,7 +100,13 @@ def fit_gaussian_process(
 
 
 def regressors(zeta: np.ndarray, chi: np.ndarray, config: GaussianProcessConfig) -> list[Any]:
-    """Return one fitted scikit-learn process for each component of chi (n, 6), of scaled zeta (n, 6)."""
+    """Return one fitted scikit-learn process for each component of chi.
+
+    Args:
+        zeta: (n, 6), scaled.
+        chi: (n, 6) [N, N·m].
+        config: of the fit.
+    """
     from sklearn.exceptions import ConvergenceWarning
     from sklearn.gaussian_process import GaussianProcessRegressor
     from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
@@ -119,7 +126,12 @@ def regressors(zeta: np.ndarray, chi: np.ndarray, config: GaussianProcessConfig)
 
 
 def closed_form(processes: Sequence[Any], scale: np.ndarray) -> GaussianProcess:
-    """Return the mean of scikit-learn's processes, whose inputs are zeta / scale (6,), in physical units."""
+    """Return the mean of scikit-learn's processes, in physical units.
+
+    Args:
+        processes: one for each component of chi, of zeta / scale.
+        scale: (6,) [m/s, rad/s].
+    """
     smooth = [process.kernel_.k1 for process in processes]  # the sum without the labels' noise
     weight = [
         process.alpha_ * process._y_train_std * kernel.k1.constant_value

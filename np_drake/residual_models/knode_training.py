@@ -50,6 +50,9 @@ def flown_pieces(log: FlightLog, vehicle: Vehicle) -> list[Piece]:
     """Return the pieces of a log between rows that hold a NaN.
 
     Their command is the one that acts by the vehicle's rotor lag.
+    Args:
+        log: of the flight.
+        vehicle: that flew it.
     """
     x, u = log.x, acting_command(log, vehicle)
     good = np.isfinite(np.hstack([x, u])).all(axis=1)
@@ -67,6 +70,11 @@ def fit_knode(
     """Return the trained network and the loss after each epoch; deterministic by `config.seed`.
 
     A loss of 1 is that of the nominal model.
+    Args:
+        pieces: of flight, at one step.
+        vehicle: nominal.
+        config: of the training.
+        on_epoch: called with (epoch, total, loss).
     Raises: ValueError: if no piece is longer than a window, or the steps differ.
     """
     x, u, step = _windows(pieces, config)

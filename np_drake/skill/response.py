@@ -45,9 +45,9 @@ def jerk(s: np.ndarray, w: np.ndarray, step: float) -> np.ndarray:
     return np.linalg.norm(rate + np.cross(w, s), axis=1)
 
 
-def aggressive(jerk: np.ndarray, share: float = SHARE) -> np.ndarray:
-    """Return whether each sample (n,) is in the top `share` of jerk within its flight."""
-    return jerk >= np.quantile(jerk, 1.0 - share)
+def aggressive(jerk: np.ndarray) -> np.ndarray:
+    """Return whether each sample (n,) is in the top `SHARE` of jerk within its flight."""
+    return jerk >= np.quantile(jerk, 1.0 - SHARE)
 
 
 def lag(prediction: np.ndarray, label: np.ndarray, rows: np.ndarray, *, reach: int) -> Lag:

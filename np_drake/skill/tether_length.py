@@ -61,9 +61,8 @@ def pendulum_length(segments: list[Segment], *, gravity: float = GRAVITY, seed: 
         seed=seed,
     )
     trained = train(driven, config).model.system
-    system = dc.replace(
-        trained, B=trained.B * [1.0, 1.0, 1.0, 0.0, 0.0, 0.0]
-    )  # the body rates were never there
+    # Training saw no body rates
+    system = dc.replace(trained, B=trained.B * [1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
     mode = pendulum_mode(system)
     if mode is None:
         return Pendulum(np.nan, None, 0.0, "no oscillating mode answers the horizontal velocity.", system)

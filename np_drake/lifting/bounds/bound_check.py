@@ -64,7 +64,7 @@ def check_flight(
     """Compute bounds and errors after every `spacing`-th sample of one uninterrupted flight.
 
     Args: chi, zeta: (n, 6) each [N, N·m; m/s, rad/s].   alpha: (alpha_chi, alpha_zeta); None for the flight's own
-    largest changes, under which the premise holds.   horizon, refit, gamma: as in `bound`.
+    largest changes, under which the premise holds.   horizon, refit, gamma: as of `TheoremBound`.
     Raises: ValueError: if the flight is too short for one window.
     """
     alpha = largest_changes(model, chi, zeta, horizon) if alpha is None else alpha
@@ -129,9 +129,8 @@ def _premise(model: LiftedModel, change: Change, samples: np.ndarray, origins: n
         for values, allowed in ((chi, change.chi), (zeta, change.zeta)):
             moved = np.linalg.norm(values[j:] - values[:-j], axis=1)
             good[:-j] &= moved <= allowed[j - 1] * (1 + ROUNDING)
-    span = (
-        2 if isinstance(model.encoder, Phi) else model.window + 1
-    )  # samples from which the proof counts changes
+    # Samples from which the proof counts changes
+    span = 2 if isinstance(model.encoder, Phi) else model.window + 1
     return sliding_window_view(good, span)[origins - span + 1].all(axis=1)
 
 

@@ -8,7 +8,7 @@ import dataclasses as dc
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from np_drake.lifting.bounds.power_bound import spectral_norms
+from np_drake.lifting.bounds.powers import spectral_norms
 from np_drake.lifting.model.encoders import Phi
 from np_drake.lifting.model.lifted_model import LiftedModel
 
@@ -51,6 +51,9 @@ def encoder_reach(model: LiftedModel, change: Change) -> EncoderReach:
 
     Phi: L |dchi|, L the product of the layers' spectral norms.   Delay encoder: sum over lags d of |E_d| |dx|, where
     the sample at lag d has moved for n - d steps only since now.
+    Args:
+        model: with an encoder that is linear in its window.
+        change: of chi and zeta that is allowed.
     """
     if isinstance(model.encoder, Phi):
         L = model.encoder.lipschitz_bound
@@ -68,7 +71,13 @@ def encoder_reach(model: LiftedModel, change: Change) -> EncoderReach:
 
 
 def standing_still(model: LiftedModel, window: np.ndarray, horizon: int) -> np.ndarray:
-    """Return z_n (horizon, K) for n = 1 …, if chi and zeta kept the values of the window's last row."""
+    """Return z_n (horizon, K) for n = 1 …, if chi and zeta kept the values of the window's last row.
+
+    Args:
+        model: whose encoder lifts.
+        window: (W, 12) last [chi, zeta], oldest first.
+        horizon: number of steps [1].
+    """
     W = model.window
     if isinstance(model.encoder, Phi):
         return np.broadcast_to(model.lift(window), (horizon, model.system.K))

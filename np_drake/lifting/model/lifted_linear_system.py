@@ -72,6 +72,7 @@ class LiftedLinearSystem:
             raise ValueError(f"LiftedLinearSystem: stride must be a positive whole number; got {stride}.")
         if stride == 1:
             return self
+        # [[A, B], [0, 1]]^m = [[A^m, sum_(i<m) A^i B], [0, 1]], as zeta is held
         augmented = np.eye(self.K + 6)
         augmented[: self.K] = np.hstack([self.A, self.B])
         power = np.linalg.matrix_power(augmented, int(stride))

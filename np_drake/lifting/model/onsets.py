@@ -92,6 +92,7 @@ class Onsets:
         )
         cost = self.cost.reshape(V, *[1] * len(outer), R)
         e = np.log(self.odds) + np.minimum(0.5 * np.einsum("...q,...q->...", seen, seen) - cost, LARGEST)
+        # p_r = exp(e_r) / (1 + sum exp(e_s)), less the largest exponent, so that nothing overflows
         top = np.maximum(e.max(axis=-1, keepdims=True), 0.0)
         likely = np.exp(e - top)
         return seen, likely / (np.exp(-top) + likely.sum(axis=-1, keepdims=True))

@@ -67,7 +67,12 @@ class Trust:
         }  # fmt: skip
 
     def observe(self, memory: Memory, chi: np.ndarray) -> Memory:
-        """Return the memory after one more label chi (6,), with the forecasts that it verifies added to the sums."""
+        """Return the memory after one more label, with the forecasts that it verifies added to the sums.
+
+        Args:
+            memory: of the trust.
+            chi: (6,) [N, N·m].
+        """
         memory = {**memory, "total": memory["total"] + chi, "seen": memory["seen"] + 1.0}
         due = np.flatnonzero(self.horizons <= memory["lifted"][0])
         if len(due):
@@ -82,7 +87,13 @@ class Trust:
         return memory
 
     def correct(self, memory: Memory, z: np.ndarray, chi: np.ndarray) -> tuple[Memory, np.ndarray]:
-        """Return (memory, corrected z) for z (K,) beside its label chi (6,), which `observe` has taken in before."""
+        """Return (memory, corrected z (K,)).
+
+        Args:
+            memory: of the trust, after `observe` took the label in.
+            z: (K,) of now.
+            chi: (6,) label of now [N, N·m].
+        """
         mean = self._mean(memory["total"], memory["seen"][0])
         forecast = self.readout @ z
         base, p, q = _regressors(forecast, chi, mean)
@@ -128,6 +139,7 @@ class Trust:
         pull = (self.evidence + h) * power[0]
         pp, pq, qq = sums[0] + pull + 1e-12, sums[1], sums[2] + self.caution * power[1] + 1e-12
         pa, qa = sums[3] + pull * prior, sums[4]
+        # Normal equations [[pp, pq], [pq, qq]] [a b]' = [pa qa]' by Cramer's rule, b first and a for the b that is kept
         b = np.clip((pp * qa - pq * pa) / np.maximum(pp * qq - pq**2, 1e-300), 0.0, 1.0)
         return np.clip((pa - pq * b) / pp, 0.0, 1.0), b
 

@@ -74,6 +74,7 @@ def compress(
     noise = regularisation.label_noise * white_noise([labels for labels, _, _ in pieces])
     noise = np.maximum(noise, regularisation.smallest_label_noise)
     _add_pseudo_data(S, noise, (m, p), delay, horizons, weights, regularisation)
+    # S = [[LL', LF], [F'L', F'F + R'R]]: F are the rows along the histories, R (a Schur complement) those beside them
     L = np.linalg.cholesky(S[:nh, :nh])
     free = np.linalg.solve(L, S[:nh, nh:])
     rest = S[nh:, nh:] - free.T @ free
