@@ -1,7 +1,7 @@
 """Bank of pendulums of different lengths under a vehicle: priors, one filter step, and their weights.
 
 Each member tracks a tether that it takes to be of its own length, or a vehicle that carries nothing, in one of three
-conditions: calm, gusty air, or a payload that is being pushed (`pendulum_kernel`). Conditions change, so that members
+conditions: calm, gusty air, or a payload that is being pushed (`kernel`). Conditions change, so that members
 of one length interact; lengths do not, and their weights are those of Bayes with a small chance of a change. Where no
 member explains a sample, the payload was attached, lost or snapped taut: what is known of it is then forgotten.
 """
@@ -195,7 +195,7 @@ class PendulumBank:
     ) -> Memory:
         """Return the memory after one step and one label; it starts anew where numbers overflow.
 
-        Args: drive, now: (9,) as of `pendulum_kernel.filter_bank`.   label: (3,) force per mass, NaN where there is
+        Args: drive, now: (9,) as of `kernel.filter_bank`.   label: (3,) force per mass, NaN where there is
         none [m/s²].   variance: (3,) of its noise [m²/s⁴].
         """
         mean, covariance, weight = (np.empty_like(memory[name]) for name in ("mean", "covariance", "weight"))

@@ -11,7 +11,7 @@ from np_drake.payload_filter.kernel import DAMPING, DRAG, LOG_LENGTH, MASS, PUSH
 
 @compiled
 def drives(before, x, hook, over_step, now, step, drive, end):
-    """Write what moves a pendulum over a step (9,) and at its end (9,), as of `pendulum_kernel.filter_bank`.
+    """Write what moves a pendulum over a step (9,) and at its end (9,), as of `kernel.filter_bank`.
 
     Args: before, x: (13,) states at both ends.   hook: (3,) p_BoTo_B [m].   over_step, now: mean collective thrust of
     the step and that at its end, per mass [m/s²].   step: [s].

@@ -42,14 +42,14 @@ def train_payload_filter(
     logs = [(with_accelerations(require_torque(log)), vehicle) for log, vehicle in flights]
     vehicle = logs[0][1]
     if any(other != vehicle for _, other in logs):
-        raise ValueError("pendulum: all flights must be of one vehicle; give them one --vehicle FILE.")
+        raise ValueError("payload_filter: all flights must be of one vehicle; give them one --vehicle FILE.")
     delays = [step * part / FINE for part in range(LONGEST_DELAY * FINE + 1)]
     lag, delay = learned_timing(logs, delays)
     samples = [flight_samples(log, vehicle, lag, step, delay) for log, _ in logs]
     for (log, _), flight in zip(logs, samples, strict=True):
         if not len(torque_steps(flight)):
             raise ValueError(
-                f"pendulum: flight {log.name} must have torque labels at neighbouring samples (command and angular "
+                f"payload_filter: flight {log.name} must have torque labels at neighbouring samples (command and angular "
                 "acceleration in the same rows); got none."
             )
     hook = np.zeros(3)
@@ -73,7 +73,7 @@ def opened_logs(flights: Sequence[Flight]) -> Flights:
     logs = [(flight.data, flight.vehicle) for flight in flights if isinstance(flight.data, FlightLog)]
     if len(logs) < len(flights):
         raise ValueError(
-            "pendulum: must have flight logs, with attitude and command; got arrays of wrenches."
+            "payload_filter: must have flight logs, with attitude and command; got arrays of wrenches."
         )
     return logs
 
