@@ -49,8 +49,8 @@ def train_payload_filter(
     for (log, _), flight in zip(logs, samples, strict=True):
         if not len(torque_steps(flight)):
             raise ValueError(
-                f"payload_filter: flight {log.name} must have torque labels at neighbouring samples (command and angular "
-                "acceleration in the same rows); got none."
+                f"payload_filter: flight {log.name} must have torque labels at neighbouring samples (command and "
+                "angular acceleration in the same rows); got none."
             )
     hook = np.zeros(3)
     for done in (1, 2):
