@@ -16,26 +16,19 @@ Memory = dict[str, np.ndarray]
 
 @dc.dataclass(frozen=True)
 class Sample:
-    """Measurement, command and label of one sampling instant.
+    """Measurement, command and label of one sampling instant."""
 
-    x: (13,) measured state.   u: (4,) command that acted up to now [N, N·m].
-    chi: (6,) wrench label [N, N·m]; NaN where there is none.
-    """
-
-    x: np.ndarray
-    u: np.ndarray
-    chi: np.ndarray
+    x: np.ndarray  # (13,) measured state
+    u: np.ndarray  # (4,) command that acted up to now [N, N·m]
+    chi: np.ndarray  # (6,) wrench label [N, N·m]; NaN where there is none
 
 
 @dc.dataclass(frozen=True)
 class Plan:
-    """Motion that is intended from now on, at the step of the forecast.
+    """Motion that is intended from now on, at the step of the forecast."""
 
-    x: (N+1, 13) states.   u: (N, 4) commands [N, N·m].
-    """
-
-    x: np.ndarray
-    u: np.ndarray
+    x: np.ndarray  # (N+1, 13) states
+    u: np.ndarray  # (N, 4) commands [N, N·m]
 
 
 class Reaction(Protocol):
@@ -59,17 +52,16 @@ class WrenchForecast:
     chi_i acts from t_(k+i) to t_(k+i+1); zeta_i is the predicted [v_WB, w_WB_B] at t_(k+i). A model without
     feedback from the motion has K = 0 and uses `offset` alone.
 
-    A: (K, K)   B: (K, 6) per [m/s, rad/s]   C: (6, K)   z: (K,) lifted state now   offset: (N, 6) [N, N·m].
-    reaction: g, None for zero.   zeta: (6,) measured now; used by g alone [m/s, rad/s].
-    start: (13,) state at t_k where that lies ahead, as commands are on their way until then; None: t_k is now.
+    zeta: (6,) measured now; used by g alone [m/s, rad/s].   start: (13,) state at t_k where that lies ahead, as
+    commands are on their way until then; None: t_k is now.
     """
 
-    A: np.ndarray
-    B: np.ndarray
-    C: np.ndarray
-    z: np.ndarray
-    offset: np.ndarray
-    reaction: Reaction | None = None
+    A: np.ndarray  # (K, K)
+    B: np.ndarray  # (K, 6) per [m/s, rad/s]
+    C: np.ndarray  # (6, K)
+    z: np.ndarray  # (K,) lifted state now
+    offset: np.ndarray  # (N, 6) [N, N·m]
+    reaction: Reaction | None = None  # g, None for zero
     zeta: np.ndarray = dc.field(default_factory=lambda: np.zeros(6))
     start: np.ndarray | None = None
 
@@ -103,17 +95,14 @@ def _advance(A, z):
 
 @dc.dataclass
 class FlightForecasts:
-    """Forecasts at every sample of a flight from `first` on, with common A, B and C.
-
-    A: (K, K)   B: (K, 6)   C: (6, K)   z: (o, K), one a sample   offset: (o, 6) held over the horizon [N, N·m].
-    """
+    """Forecasts at every sample of a flight from `first` on, with common A, B and C."""
 
     first: int
-    A: np.ndarray
-    B: np.ndarray
-    C: np.ndarray
-    z: np.ndarray
-    offset: np.ndarray
+    A: np.ndarray  # (K, K)
+    B: np.ndarray  # (K, 6)
+    C: np.ndarray  # (6, K)
+    z: np.ndarray  # (o, K), one a sample
+    offset: np.ndarray  # (o, 6) held over the horizon [N, N·m]
 
     def at(
         self, horizons: list[int], origins: np.ndarray, zeta: np.ndarray, *, zeta_known: bool

@@ -124,16 +124,13 @@ class ActuatorEffects(LeafSystem):
 
 
 class Stage(NamedTuple):
-    """An effect in its chain.
-
-    place: in the chain.   where: its part of the state.   begin, end: when it acts [s].
-    """
+    """An effect in its chain."""
 
     effect: ActuatorEffect
-    place: int
-    where: slice
-    begin: float
-    end: float
+    place: int  # in the chain
+    where: slice  # its part of the state
+    begin: float  # from then on it acts [s]
+    end: float  # until then [s]
 
     def acts(self, t: float) -> bool:
         """Return whether it acts at time t [s]."""

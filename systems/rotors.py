@@ -18,14 +18,11 @@ from systems.command_buffer import SOONEST, CommandBuffer
 
 
 class RotorPorts(NamedTuple):
-    """Output ports of the rotors.
+    """Output ports of the rotors."""
 
-    thrust, nominal_thrust: actual and nominal (4,) [N].   rate: of rotor speed (4,) [rad/s²], None for zero.
-    """
-
-    thrust: OutputPort
-    nominal_thrust: OutputPort
-    rate: OutputPort | None
+    thrust: OutputPort  # actual (4,) [N]
+    nominal_thrust: OutputPort  # of nominal rotors at this speed (4,) [N]
+    rate: OutputPort | None  # of rotor speed (4,) [rad/s²], None for zero
 
 
 def add_rotors(

@@ -30,19 +30,17 @@ _PART = 10  # stages that are weighed at once; the later ones depend on more inp
 class Trajectory:
     """Rollout of the rotor thrusts and its cost.
 
-    T: (N, 4) [N].   u: (N, 4) [N, N·m].   x: (N+1, 13).   chi: (N, 6) [N, N·m].   cost: [1].
     excess: over the soft sets of `objective` (4N+1,), slacks: that it needs (3,) [in each set's unit].
-    merit: cost plus penalty [1].
     """
 
-    T: np.ndarray
-    u: np.ndarray
-    x: np.ndarray
-    chi: np.ndarray
-    cost: float
+    T: np.ndarray  # (N, 4) [N]
+    u: np.ndarray  # (N, 4) [N, N·m]
+    x: np.ndarray  # (N+1, 13)
+    chi: np.ndarray  # (N, 6) [N, N·m]
+    cost: float  # [1]
     excess: np.ndarray
     slacks: np.ndarray
-    merit: float
+    merit: float  # cost plus penalty [1]
 
     @property
     def finite(self) -> bool:
@@ -73,12 +71,11 @@ class LocalModel:
     """Quadratic model of the merit around a trajectory, d'Hd/2 + g'd + const with soft rows.
 
     The decision d (n,) is the change of T.ravel() [N].
-    curvature: H (n, n).   gradient: (n,).   rows: SoftRows with n columns.
     """
 
-    curvature: Curvature
-    gradient: np.ndarray
-    rows: SoftRows
+    curvature: Curvature  # H (n, n)
+    gradient: np.ndarray  # (n,)
+    rows: SoftRows  # with n columns
 
 
 class Condensed:

@@ -14,15 +14,12 @@ from np_drake.vehicle import Vehicle
 
 @dc.dataclass(frozen=True)
 class ControllerMemory:
-    """Last plan of the controller.
+    """Last plan of the controller."""
 
-    u: (N, 4) [N, N·m].   x: (N+1, 13).   chi: (N, 6) [N, N·m].   flags: [status, solve time [s], 1 if there is a plan].
-    """
-
-    u: np.ndarray
-    x: np.ndarray
-    chi: np.ndarray
-    flags: np.ndarray
+    u: np.ndarray  # (N, 4) [N, N·m]
+    x: np.ndarray  # (N+1, 13)
+    chi: np.ndarray  # (N, 6) [N, N·m]
+    flags: np.ndarray  # [status, solve time [s], 1 if there is a plan]
 
 
 class MpcController:

@@ -89,18 +89,16 @@ def _solve(mass, gravity, J, step, Q, R) -> tuple[np.ndarray, np.ndarray]:
 class Horizon:
     """Problem data as the solvers read them; N stages.
 
-    x0: (13,) unit quaternion.   x_ref: (N+1, 13) on the hemisphere of x0.   u_ref: (N, 4) [N, N·m].
-    P: (13, 13) terminal weight of this problem's last reference attitude.   P_root: (13, 13), F with F'F = P.
-    free: (N, 6) wrench with zeta = 0.   markov: (6, 6(N-1)) = [C A^(N-2) B … C B]; with the predicted zeta
-    chi_i = free_i + markov[:, -6i:] @ [zeta_0 … zeta_(i-1)] + reaction(zeta_i).
+    markov: (6, 6(N-1)) = [C A^(N-2) B … C B]; with the predicted zeta chi_i = free_i + markov[:, -6i:] @ [zeta_0 …
+    zeta_(i-1)] + reaction(zeta_i).
     """
 
-    x0: np.ndarray
-    x_ref: np.ndarray
-    u_ref: np.ndarray
-    P: np.ndarray
-    P_root: np.ndarray
-    free: np.ndarray
+    x0: np.ndarray  # (13,) unit quaternion
+    x_ref: np.ndarray  # (N+1, 13) on the hemisphere of x0
+    u_ref: np.ndarray  # (N, 4) [N, N·m]
+    P: np.ndarray  # (13, 13) terminal weight of this problem's last reference attitude
+    P_root: np.ndarray  # (13, 13), F with F'F = P
+    free: np.ndarray  # (N, 6) wrench with zeta = 0
     markov: np.ndarray
     reaction: Reaction | None = None
 

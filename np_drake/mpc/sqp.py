@@ -20,16 +20,13 @@ _SETTLED = 1e-3  # of the tolerance: further steps would change nothing
 
 @dc.dataclass(frozen=True)
 class Prepared:
-    """Problem linearised around a trajectory; valid until its solver prepares or solves the next.
-
-    sensitivities: (N, 13, 4N) of x_1 … x_N over the rotor thrusts [1/N].   cold: whether no plan was at hand.
-    """
+    """Problem linearised around a trajectory; valid until its solver prepares or solves the next."""
 
     horizon: Horizon
     trajectory: Trajectory
-    sensitivities: np.ndarray
+    sensitivities: np.ndarray  # (N, 13, 4N) of x_1 … x_N over the rotor thrusts [1/N]
     curvature: Curvature
-    cold: bool = False
+    cold: bool = False  # whether no plan was at hand
 
 
 class SqpSolver:

@@ -26,31 +26,25 @@ VECTORS = {"hook": (3, "m"), "rate_torque": (3, "N·m·s"), "speed_torque": (2, 
 class PayloadFilterModel:
     """Vehicle under which the pendulum hangs, as the training flight shows it.
 
-    step: between samples [s].   mass: that the labels assume [kg].   gravity: [m/s²].
-    rotor_lag: time constant of the rotors behind the command [s].   delay: of the command before it [s].
-    thrust_error: actual over commanded thrust, less one, and its standard deviation [1].
-    drag: of the vehicle over its mass, and its standard deviation [1/s].
-    hook: (3,) p_BoTo_B [m].   rate_torque: (3,) torque about the body axes over the body rates [N·m·s].
-    speed_torque: (2,) torque about body x over the velocity along y, and about y over that along x, as of flapping
-    blades and of drag beside Bo [N·s].
-    arm: mean distance of the rotors from Bo, the unit of length in which payloads and swings are looked for [m].
-    summary: key figures and origin of the training.
+    rate_torque: (3,) torque about the body axes over the body rates [N·m·s].   speed_torque: (2,) torque about body x
+    over the velocity along y, and about y over that along x, as of flapping blades and of drag beside Bo [N·s].   arm:
+    mean distance of the rotors from Bo, the unit of length in which payloads and swings are looked for [m].
     """
 
-    step: float
-    mass: float
-    gravity: float
-    rotor_lag: float
-    thrust_error: float
-    thrust_error_deviation: float
-    drag: float
-    drag_deviation: float
-    hook: np.ndarray
+    step: float  # between samples [s]
+    mass: float  # that the labels assume [kg]
+    gravity: float  # [m/s²]
+    rotor_lag: float  # time constant of the rotors behind the command [s]
+    thrust_error: float  # actual over commanded thrust, less one [1]
+    thrust_error_deviation: float  # its standard deviation [1]
+    drag: float  # of the vehicle over its mass [1/s]
+    drag_deviation: float  # its standard deviation [1/s]
+    hook: np.ndarray  # (3,) p_BoTo_B [m]
     rate_torque: np.ndarray = dc.field(default_factory=lambda: np.zeros(3))
     speed_torque: np.ndarray = dc.field(default_factory=lambda: np.zeros(2))
-    delay: float = 0.0
+    delay: float = 0.0  # of the command before it [s]
     arm: float = dc.field(kw_only=True)
-    summary: dict[str, Any] = dc.field(default_factory=dict)
+    summary: dict[str, Any] = dc.field(default_factory=dict)  # key figures and origin of the training
 
     def __post_init__(self):
         for name in ("step", "mass", "gravity", "thrust_error_deviation", "drag_deviation", "arm"):

@@ -18,15 +18,12 @@ class GaussianProcess:
 
     Source: Rasmussen, Williams 2006, eq. (2.25), with the RBF kernel of Jin et al. 2025.
     Away from the data the mean falls back to that of the labels.
-
-    X: (n, 6) training inputs [m/s, rad/s].   weight: (n, 6) [N, N·m].   length: (6, 6), component by input.
-    mean: (6,) [N, N·m].
     """
 
-    X: np.ndarray
-    weight: np.ndarray
-    length: np.ndarray
-    mean: np.ndarray
+    X: np.ndarray  # (n, 6) training inputs [m/s, rad/s]
+    weight: np.ndarray  # (n, 6) [N, N·m]
+    length: np.ndarray  # (6, 6), component by input
+    mean: np.ndarray  # (6,) [N, N·m]
 
     def __post_init__(self):
         n = len(self.X)

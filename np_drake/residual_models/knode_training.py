@@ -21,14 +21,11 @@ from np_drake.vehicle import Vehicle
 
 @dc.dataclass(frozen=True)
 class Piece:
-    """One uninterrupted piece of flight.
+    """One uninterrupted piece of flight."""
 
-    x: (n, 13).   u: (n, 4) acting from each row to the next [N, N·m].   step: [s].
-    """
-
-    x: np.ndarray
-    u: np.ndarray
-    step: float
+    x: np.ndarray  # (n, 13)
+    u: np.ndarray  # (n, 4) acting from each row to the next [N, N·m]
+    step: float  # [s]
 
 
 @dc.dataclass(frozen=True)

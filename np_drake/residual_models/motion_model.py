@@ -26,14 +26,12 @@ class MotionModel:
 
     It uses no label in flight, so that it cannot follow a change of the wrench at equal motion.
     Source: Torrente et al. 2021 (gp), Chee et al. 2022 (knode).
-
-    name: gp | knode.   reaction: g.   step: time between samples [s].   summary: key figures of the training.
     """
 
-    name: str
-    reaction: GaussianProcess | WrenchNetwork
-    step: float
-    summary: dict[str, Any] = dc.field(default_factory=dict)
+    name: str  # gp | knode
+    reaction: GaussianProcess | WrenchNetwork  # g
+    step: float  # time between samples [s]
+    summary: dict[str, Any] = dc.field(default_factory=dict)  # key figures of the training
 
     def __post_init__(self):
         if self.name not in REACTIONS or not isinstance(self.reaction, REACTIONS[self.name]):
@@ -91,13 +89,10 @@ class MotionModel:
 
 @dc.dataclass
 class MotionForecasts:
-    """Forecasts of a `MotionModel` over a whole flight.
+    """Forecasts of a `MotionModel` over a whole flight."""
 
-    first: first sample.   course: (n, 6) chi at each sample's own motion [N, N·m].
-    """
-
-    first: int
-    course: np.ndarray
+    first: int  # first sample
+    course: np.ndarray  # (n, 6) chi at each sample's own motion [N, N·m]
 
     def at(
         self, horizons: list[int], origins: np.ndarray, zeta: np.ndarray, *, zeta_known: bool

@@ -28,12 +28,9 @@ class PredictorOptions:
 
 @dc.dataclass
 class RefitForecasts(FlightForecasts):
-    """Forecasts at every sample of a flight, each sample with its own A (o, K, K) and B (o, K, 6).
+    """Forecasts at every sample of a flight, each sample with its own A (o, K, K) and B (o, K, 6)."""
 
-    before: (o,) spectral radius of each refit A before it was made stable [1].
-    """
-
-    before: np.ndarray
+    before: np.ndarray  # (o,) spectral radius of each refit A before it was made stable [1]
 
     def at(
         self, horizons: list[int], origins: np.ndarray, zeta: np.ndarray, *, zeta_known: bool

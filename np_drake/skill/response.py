@@ -19,13 +19,10 @@ FLOOR = 0.2  # correlation below which there is no lag to speak of [1]
 
 @dc.dataclass(frozen=True)
 class Lag:
-    """Lag of a prediction behind its label.
+    """Lag of a prediction behind its label."""
 
-    steps: lag, NaN where there is none [steps].   correlation: at that lag [1].
-    """
-
-    steps: float
-    correlation: float
+    steps: float  # NaN where there is none [steps]
+    correlation: float  # at that lag [1]
 
 
 def jerk(s: np.ndarray, w: np.ndarray, step: float) -> np.ndarray:

@@ -17,13 +17,12 @@ CHUNK = 4000  # windows at a time, for memory [1]
 class WindowStability:
     """Counts of unstable windows of one flight.
 
-    windows: of the flight.   unstable: of these, with a spectral radius of A above 1.   largest: of all radii [1].
     pulled: windows whose least-squares A lay outside and was made stable before use (0 without a refit).
     """
 
-    windows: int
-    unstable: int
-    largest: float
+    windows: int  # of the flight
+    unstable: int  # of these, with a spectral radius of A above 1
+    largest: float  # of all radii [1]
     pulled: int
 
 

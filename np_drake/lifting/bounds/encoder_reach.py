@@ -31,14 +31,12 @@ class Change:
 class EncoderReach:
     """Bounds on how far z moves within n = 1 … N steps.
 
-    lipschitz: constant of the encoder in scaled coordinates, of chi (Phi) or of the window [1].
     radius: (N,) bound on the distance of z_n from where it would be if chi and zeta stood still from now on.
-    travel: (N,) bound on the distance of z_(k+n) from z_k.
     """
 
-    lipschitz: float
+    lipschitz: float  # constant of the encoder in scaled coordinates, of chi (Phi) or of the window [1]
     radius: np.ndarray
-    travel: np.ndarray
+    travel: np.ndarray  # (N,) bound on the distance of z_(k+n) from z_k
 
 
 def chi_scale(model: LiftedModel) -> np.ndarray:

@@ -34,26 +34,19 @@ class Assumption:
 
 @dc.dataclass(frozen=True)
 class ErrorBound:
-    """Bounds after one window for the next N steps; norms of chi are of chi / scale.
+    """Bounds after one window for the next N steps; norms of chi are of chi / scale."""
 
-    c: upper bound on |z_1 - A z_0 - B zeta_0|, the first local error.   operator: (N,) sum_i |A^i| c_(n-1-i), the
-    paper's form, c_0 = c.   z: (N,) at most that, the bound on |E_n|, with the true zeta in the rollout.
-    z_held: (N,) the same for a rollout that holds zeta_0.   chi, chi_held: (N,) the same for chi_n - C z_hat_n,
-    predicted channels.   residual: |z_0 - A z_-1 - B zeta_-1| of the window's own fit.   scale: (6,) of chi [N,
-    N·m].   system: A, B, C that fly.   zeta_scale: (6,) [m/s, rad/s].   assumptions: each with what was found.
-    """
-
-    c: float
-    residual: float
-    operator: np.ndarray
-    z: np.ndarray
-    z_held: np.ndarray
-    chi: np.ndarray
-    chi_held: np.ndarray
-    scale: np.ndarray
-    zeta_scale: np.ndarray
-    system: LiftedLinearSystem
-    assumptions: tuple[Assumption, ...]
+    c: float  # upper bound on |z_1 - A z_0 - B zeta_0|, the first local error
+    residual: float  # |z_0 - A z_-1 - B zeta_-1| of the window's own fit
+    operator: np.ndarray  # (N,) sum_i |A^i| c_(n-1-i), the paper's form, c_0 = c
+    z: np.ndarray  # (N,) at most that, the bound on |E_n|, with the true zeta in the rollout
+    z_held: np.ndarray  # (N,) the same for a rollout that holds zeta_0
+    chi: np.ndarray  # (N,) the same for chi_n - C z_hat_n, predicted channels
+    chi_held: np.ndarray  # (N,) the same for chi_n - C z_hat_n, predicted channels
+    scale: np.ndarray  # (6,) of chi [N, N·m]
+    zeta_scale: np.ndarray  # (6,) [m/s, rad/s]
+    system: LiftedLinearSystem  # A, B, C that fly
+    assumptions: tuple[Assumption, ...]  # each with what was found
 
     @property
     def violated(self) -> tuple[str, ...]:

@@ -25,23 +25,16 @@ Memory = dict[str, np.ndarray]
 
 @dc.dataclass(frozen=True)
 class Trust:
-    """Constants of the correction of forecasts in flight.
+    """Constants of the correction of forecasts in flight."""
 
-    horizons: (H,) whole numbers from 1 on [steps].   readout: (H, 6, K) forecast of each horizon from z, zeta held.
-    projector: (K, H, 6) amplitudes of a predicted trajectory.   mean: (6,) of chi in training [N, N·m].
-    half: horizon at which half of a departure is believed before any evidence [steps].
-    evidence: samples that weigh as much as the prior, beside h itself [1].   caution: the same for b [1].
-    settle: the same for the mean so far [1].
-    """
-
-    horizons: np.ndarray
-    readout: np.ndarray
-    projector: np.ndarray
-    mean: np.ndarray
-    half: float = 400.0
-    evidence: float = 100.0
-    caution: float = 3000.0
-    settle: float = 800.0
+    horizons: np.ndarray  # (H,) whole numbers from 1 on [steps]
+    readout: np.ndarray  # (H, 6, K) forecast of each horizon from z, zeta held
+    projector: np.ndarray  # (K, H, 6) amplitudes of a predicted trajectory
+    mean: np.ndarray  # (6,) of chi in training [N, N·m]
+    half: float = 400.0  # horizon at which half of a departure is believed before any evidence [steps]
+    evidence: float = 100.0  # samples that weigh as much as the prior, beside h itself [1]
+    caution: float = 3000.0  # the same for b [1]
+    settle: float = 800.0  # the same for the mean so far [1]
 
     @property
     def longest(self) -> int:

@@ -25,18 +25,16 @@ THRESHOLD = 4.0  # motion this many times its noise is half trusted [1]
 class Excitation:
     """Excitation of each direction of zeta in a flight.
 
-    noise: (6,) motion too small to learn from: averaged noise of zeta and 1 % of the group's motion [m/s, rad/s].
-    directions: (6, 6) rows of unit length in zeta / noise, strongest first.   deviation: (6,) standard deviation of
-    zeta / noise along them; 1 is pure noise.   gain: (6,) trust in each direction, 0 … 1.
-    line_frequency: strongest spectral line [Hz].   line_share: its share of the motion's power [1]; near 1 for a single
-    circle, which cannot show modes at other frequencies.
+    noise: (6,) motion too small to learn from: averaged noise of zeta and 1 % of the group's motion [m/s,
+    rad/s].   line_share: its share of the motion's power [1]; near 1 for a single circle, which cannot show modes at
+    other frequencies.
     """
 
     noise: np.ndarray
-    directions: np.ndarray
-    deviation: np.ndarray
-    gain: np.ndarray
-    line_frequency: float
+    directions: np.ndarray  # (6, 6) rows of unit length in zeta / noise, strongest first
+    deviation: np.ndarray  # (6,) standard deviation of zeta / noise along them; 1 is pure noise
+    gain: np.ndarray  # (6,) trust in each direction, 0 … 1
+    line_frequency: float  # strongest spectral line [Hz]
     line_share: float
 
     @property

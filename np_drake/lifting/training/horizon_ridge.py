@@ -25,14 +25,13 @@ class Moments:
     """Second moments of one flight, scaled.
 
     The last of the p features is the constant 1.
-    gram: (p, p) of the features.   cross: (p, H, 6) of features and goals.   square: (H, 6) of the goals.
     power: (H, 2) squared error of the better naive row: mean squared change of force and of torque over the horizon, or
     their variance where that is less.
     """
 
-    gram: np.ndarray
-    cross: np.ndarray
-    square: np.ndarray
+    gram: np.ndarray  # (p, p) of the features
+    cross: np.ndarray  # (p, H, 6) of features and goals
+    square: np.ndarray  # (H, 6) of the goals
     power: np.ndarray
 
 

@@ -22,12 +22,9 @@ from np_drake.lifting.training.horizon_ridge import GROUPS, TURNS, symmetrised
 
 @dc.dataclass(frozen=True)
 class ModeDictionary:
-    """Decaying modes of each channel of chi.
+    """Decaying modes of each channel of chi."""
 
-    poles: six arrays, one a channel of chi, each lambda in (0, 1) [1].
-    """
-
-    poles: tuple[np.ndarray, ...]
+    poles: tuple[np.ndarray, ...]  # six arrays, one a channel of chi, each lambda in (0, 1) [1]
 
     def __post_init__(self):
         if len(self.poles) != 6 or any(np.any(p <= 0) or np.any(p >= 1) for p in self.poles):
