@@ -214,6 +214,7 @@ class ResidualModel(Protocol):
         """Return the memory after one more sample.
 
         A sample with NaN must leave a usable memory.
+
         Args:
             memory: before the sample; it stays as it is.
             sample: of now.

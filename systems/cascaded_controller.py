@@ -28,6 +28,7 @@ class CascadedController(LeafSystem):
     Discrete state: u (4), integrals (6) of the errors [m·s, rad·s], time of the last update (1) [s].
     Event: periodic every `period` [s] and, for loops with instants of their own, forced. A state with NaN leaves
     command and integrals as they were.
+
     Args:
         vehicle: nominal.
         gains: None: the usual ones.

@@ -51,6 +51,7 @@ def make_cooperative_quadrotors(
     | x_i, acceleration_i, rotor_thrust_i, nominal_rotor_thrust_i | 13, 6, 4, 4 | true state, … | |
     | tether_wrench_i | 6 | true wrench of cable i on its vehicle, chi order | N, N·m |
     | plant_state | 26 (count + 1) / 2 | Drake's own: vehicles in their order, then the payload | |
+
     Args:
         vehicle: each of them.
         payload: that they share, on a cable each.

@@ -115,6 +115,7 @@ class RodWrench(LeafSystem):
     | reaction_forces | list | the plant's F on the child at the joint, in the joint's frame on the child | |
     | body_poses | list | the plant's X_WB of every body | |
     | tether_wrench | 6 | chi order: [force on B in W, moment about Bo in B] | N, N·m |
+
     Args:
         plant: finalized.
         joint: name of the rod's joint.

@@ -103,6 +103,7 @@ def make_sensor_model(vehicle: Vehicle, effects: Sequence[MeasurementEffect], *,
 
     The noise is drawn by the diagram's random seed, which `diagram.SetRandomContext(context, RandomGenerator(seed))`
     sets.
+
     Args:
         vehicle: whose thrust coefficient turns thrust into rotor speed.
         effects: from the true motion to the reading, in this order.

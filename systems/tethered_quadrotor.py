@@ -33,6 +33,7 @@ def make_plant(
     """Return a continuous MultibodyPlant with the bodies `quadrotor` and, unless there is no tether, `payload`.
 
     The air brakes a payload on a cable by the damping of its floating joint.
+
     Args:
         vehicle: as its file says.
         payload: what hangs under it, and how.

@@ -31,6 +31,7 @@ class WrenchEstimator(MemorySystem):
     | last_label | 6 | chi as of the last event | N, N·m |
 
     State: the filter's memory, then last_label (6). Event: periodic, every `step`.
+
     Args:
         vehicle: nominal.
         config: low-pass of the labels.

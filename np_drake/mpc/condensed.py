@@ -82,6 +82,7 @@ class Condensed:
     """Problem reduced to the rotor thrusts.
 
     The members are constants and workspaces that every call overwrites wholly.
+
     Args:
         vehicle: nominal.
         config: weights, sets and horizon.

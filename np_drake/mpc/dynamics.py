@@ -32,6 +32,7 @@ class DiscreteDynamics:
 
     Source: Jin et al. 2025, eq. (1); classical Runge-Kutta, own choice. The quaternion is not renormalised:
     its drift over a horizon is of the integrator's order, and every solver shares it.
+
     Args:
         vehicle: nominal.
         step: [s].

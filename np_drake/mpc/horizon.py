@@ -24,6 +24,7 @@ class TerminalWeight:
 
     `riccati`: the hover solution holds in the frame of the reference: position and velocity errors are turned
     into its heading, the attitude error is q_ref^* (q - q_ref); its vector part is among the controllable states.
+
     Args:
         vehicle: nominal.
         config: with the kind of terminal weight.
@@ -52,6 +53,7 @@ def hover_solution(vehicle: Vehicle, config: MpcConfig) -> tuple[np.ndarray, np.
     """Return the Riccati cost-to-go (13, 13) and the feedback (4, 13) at hover with heading 0.
 
     The feedback acts as u = u_ref - feedback @ e_x.
+
     Args:
         vehicle: nominal.
         config: weights and step.

@@ -35,6 +35,7 @@ class IpoptCondensedSolver:
     Past `time_limit` [s], and where sets are active on which SQP does better, the SQP answer is used
     (SQP_FALLBACK). Rows that turn out violated are added and the problem is solved again; on the iteration
     limit it is preconditioned anew. With `time_limit` = inf the answer does not depend on the machine.
+
     Args:
         vehicle: nominal.
         config: weights, sets and horizon.
@@ -121,6 +122,7 @@ class Preconditioned:
 
     The Hessian over w starts as the identity, which is the start of IPOPT's limited memory. Slacks are scaled to unit
     curvature too, and only come in where a soft row is near activity.
+
     Args:
         condensed: the reduced problem.
         h: the problem made ready.

@@ -159,6 +159,7 @@ class IpoptMultipleShootingSolver:
     """Solver by multiple shooting with IPOPT.
 
     Decision y: physical values [u, x_1 … x_N, chi, slacks] = centre + scale * y.
+
     Args:
         vehicle: nominal.
         config: weights, sets and horizon.

@@ -94,6 +94,7 @@ class Objective:
         """Return by how much x_1 … x_N leave the sets, (4N+1,): 3N velocities, N tilts, the terminal ellipsoid.
 
         The measured x_0 is left out.
+
         Args:
             h: the problem made ready.
             x: (N+1, 13).
@@ -123,6 +124,7 @@ class Objective:
         """Return all set rows at x, linearised.
 
         The velocity box has one row a component, on the side where the velocity lies.
+
         Args:
             h: the problem made ready.
             x: (N+1, 13).

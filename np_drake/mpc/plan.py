@@ -33,6 +33,7 @@ def shift(plan: MpcSolution, *, elapsed: float, step: float) -> MpcSolution:
     Inputs and wrenches are held over a stage, so a new stage takes their time average over its own span:
     exact for whole steps, and within the input set for any, which is convex. States are interpolated
     (quaternions normalised). Beyond its end the plan holds its last input and state.
+
     Args:
         plan: at its beginning.
         elapsed: time since then [s].

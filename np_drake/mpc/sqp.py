@@ -38,6 +38,7 @@ class SqpSolver:
 
     `solve` answers a problem that is known now. `prepare` and `feedback` are its two halves: the first linearises
     around the state that is predicted, before the measurement; the second takes one step from what was measured.
+
     Args:
         vehicle: nominal.
         config: weights, sets and horizon.
@@ -94,6 +95,7 @@ class SqpSolver:
         Measurement, references and the forecast's z and offset are those of the problem, and its A, B and C enter what
         the wrench does without feedback. What the planned motion makes of the wrench is as prepared. A cold start needs
         more than one step: it is solved in full.
+
         Args:
             prepared: of `prepare`.
             problem: as it was measured.

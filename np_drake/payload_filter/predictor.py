@@ -37,6 +37,7 @@ class PayloadFilter:
     variance (3,) of their noise; steady (3,) torque that nothing here explains, shift (3,) of the hook and what
     `next_shift` needs for both; now (9,) what moves the tether; seen: samples so far.
     A sample without label, or with a NaN in it, moves the bank without correction; without a state it waits.
+
     Args:
         model: the trained vehicle.
         options: what is believed of payload and air, for the paper's vehicle.

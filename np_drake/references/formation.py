@@ -9,6 +9,7 @@ def polygon(count: int, spacing: float) -> np.ndarray:
     """Return the corners of a level regular polygon about the origin, (count, 3) [m].
 
     Two corners lie on the x axis, as does the first of more; a single one lies at the origin.
+
     Args:
         count: of corners [1].
         spacing: between neighbours [m].

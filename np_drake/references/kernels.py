@@ -48,6 +48,7 @@ def compose(path, phase, out):
     """Write the time derivatives of path(phase(t)).
 
     Source: Faà di Bruno's formula up to the fourth derivative.
+
     Args:
         path: (5, n, 3) derivatives by phase.
         phase: (5, n) derivatives by time.

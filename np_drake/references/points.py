@@ -12,6 +12,7 @@ class Spline:
     """Spline of degree 7 through points, at rest at both ends and beyond them.
 
     Three derivatives vanish at the ends, so that body rates begin at zero.
+
     Args:
         points: (k, 3) [m].
         times: (k,) [s].

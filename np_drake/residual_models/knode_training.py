@@ -47,6 +47,7 @@ def flown_pieces(log: FlightLog, vehicle: Vehicle) -> list[Piece]:
     """Return the pieces of a log between rows that hold a NaN.
 
     Their command is the one that acts by the vehicle's rotor lag.
+
     Args:
         log: of the flight.
         vehicle: that flew it.
@@ -67,6 +68,7 @@ def fit_knode(
     """Return the trained network and the loss after each epoch; deterministic by `config.seed`.
 
     A loss of 1 is that of the nominal model.
+
     Args:
         pieces: of flight, at one step.
         vehicle: nominal.

@@ -58,6 +58,7 @@ class LinearBaseline(Windowed):
     """Lifted linear system without stabilisation, z = E w;  z+ = A z + B zeta,  chi = C z.
 
     Source: Proctor, Brunton, Kutz 2016 (DMDc), delays as states.
+
     Args:
         name: of its row in a table.
         system: as fitted.
@@ -137,6 +138,7 @@ def fit_dmdc(segments: Sequence[Segment], *, delays: int = 1) -> LinearBaseline:
     """Fit chi+ = A chi + B zeta by least squares.
 
     z = [chi now, chi before, …, zeta before, …]; the coming zeta is the input.
+
     Args:
         segments: at one step.
         delays: samples of chi and zeta that the system sees [1].

@@ -61,6 +61,7 @@ class NeuralPredictor:
     Until `count` reaches W the forecast holds `lowpass`. A missing label is
     filled with the model's own prediction, a missing state with the last zeta; after W samples in a row
     without, the window starts afresh.   Source: Jin et al. 2025, eq. (nmpc).
+
     Args:
         model: of any configuration.
         options: of its flight.

@@ -110,6 +110,7 @@ def label_distances(models: Mapping[str, Model], flights: Sequence[Flight]) -> l
     """Return how far labels without low-pass lie from the targets, force [N] and torque [N·m], RMS by flight.
 
     What a low-pass takes from the target counts as the error of labels that have one.
+
     Args:
         models: by name; those that forecast labels without low-pass count.
         flights: as of `score_flights`.

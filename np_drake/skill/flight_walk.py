@@ -34,6 +34,7 @@ def held_plan(x: np.ndarray, u: np.ndarray, *, steps: int, step: float) -> Plan:
     """Return the motion x (13,) continued: velocity, attitude and command stay, and the body rates are zero.
 
     Own choice: a constant rate would turn the vehicle over within a second.
+
     Args:
         x: (13,) state now.
         u: (4,) command that goes on [N, N·m].
@@ -59,6 +60,7 @@ def flight_forecasts(
     """Return the forecasts of labels 'horizons' steps ahead from sample `first` on, (n - first, H, 6) [N, N·m].
 
     NaN where the flight ends before.
+
     Args:
         model: of any kind.
         flight: as the model sees it.

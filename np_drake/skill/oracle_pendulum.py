@@ -112,6 +112,7 @@ def oracle_pendulum(
     """Return the pendulum of a flight whose payload was measured.
 
     Only the direction of the tether is taken from the position; its length is that of `payload`.
+
     Args:
         flight: as a predictor sees it.
         vehicle: believed.

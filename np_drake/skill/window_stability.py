@@ -45,6 +45,7 @@ def walked_stability(model: ResidualModel, flight: SampledFlight) -> WindowStabi
     """Return the counts over every sample of a flight, of a model that makes its A anew at each.
 
     A pendulum without damping lies on the unit circle, so that rounding does not count.
+
     Args:
         model: that forecasts.
         flight: as the model sees it.

@@ -8,8 +8,15 @@ import dataclasses as dc
 
 import numpy as np
 
-from np_drake.lifting.bounds.encoder_reach import Change, chi_scale, encoder_reach, standing_still
-from np_drake.lifting.bounds.powers import contracts, powers, spectral_norms
+from np_drake.lifting.bounds.encoder_reach import (
+    Change,
+    chi_scale,
+    contracts,
+    encoder_reach,
+    powers,
+    spectral_norms,
+    standing_still,
+)
 from np_drake.lifting.model.encoders import Phi
 from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
 from np_drake.lifting.model.lifted_model import LiftedModel

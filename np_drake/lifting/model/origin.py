@@ -58,6 +58,7 @@ def require_origin(model: Trained, origin: dict[str, Any]) -> None:
     """Check that the model was trained on labels like those that it will be fed.
 
     An origin that is unknown passes.
+
     Args:
         model: of any kind.
         origin: of what it will be fed, or a part of it.

@@ -16,6 +16,7 @@ def stabilized(A: np.ndarray, radius: float = 1.0) -> np.ndarray:
     Eigenvalues outside are pulled radially onto the circle and keep their eigenvectors, so that stable modes
     stay as learned; where the eigenvectors are too ill-conditioned for that, all of A is scaled. Own choice:
     the nearest stable matrix in the Frobenius norm is a non-convex problem, too slow for a flight.
+
     Args:
         A: (K, K).
         radius: [1].

@@ -19,6 +19,7 @@ class WindowRefit:
     (median rank 15 on real flights): the prior decides along the directions that they do not determine. Zeta is scaled
     as in training. The normal matrix is at least `ridge` times the identity, so its Cholesky factor is well
     conditioned. Source: Jin et al. 2025, Algorithm 1; the ridge is an own choice.
+
     Args:
         model: with the encoder Phi.
         ridge: weight of the offline matrices [samples of unit size].

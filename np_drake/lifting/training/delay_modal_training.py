@@ -71,6 +71,7 @@ def train_delay_modal(
 
     Finished descents are in the checkpoint; a resumed run repeats the others, which draw from seeds of their
     own, and so ends where an uninterrupted one does.
+
     Args:
         segments: uninterrupted flights at one step.
         config: of the training.

@@ -18,6 +18,7 @@ def fit_dmdc_system(segments: Sequence[Segment], delays: int = 1) -> tuple[Lifte
     """Fit the system of z = [chi now, chi before, …, zeta before, …] over the last `delays` samples.
 
     The coming zeta is the input.
+
     Args:
         segments: at one step.
         delays: samples that the system sees [1].

@@ -34,6 +34,7 @@ class ModalBlock:
 
     The last `outputs` modes are levels: real, almost integrators, not driven by zeta. All others die out within a few
     horizons of the loss, so that a forecast beyond what was trained fades into a constant.
+
     Args:
         regression: compressed loss.
         size: lifted states [1].

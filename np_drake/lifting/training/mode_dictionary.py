@@ -81,6 +81,7 @@ def time_constants(force: tuple[float, ...], torque: tuple[float, ...], level: f
     """Return the modes of given time constants [steps].
 
     The total force of a flight has a level that lasts (thrust in excess of hover); torque has none.
+
     Args:
         force: of the modes of force, beside its level.
         torque: of the modes of torque.

@@ -68,6 +68,7 @@ def train_mode_dictionary(
 
     The loss is the mean square of the held forecast's error over that of the better naive row [1]. The checkpoint is
     not used: there is nothing to resume.
+
     Args:
         segments: uninterrupted flights at one step.
         config: of the training.

@@ -195,6 +195,7 @@ def course_register(horizon: int, step: float) -> LiftedLinearSystem:
 
     A shifts it by one step and holds it at its end, and B = 0. Any forecast that does not depend on the coming motion
     is such a lifted linear system, exactly.
+
     Args:
         horizon: H [steps].
         step: [s].

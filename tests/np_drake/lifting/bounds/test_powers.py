@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from np_drake.lifting.bounds.powers import contracts, powers, spectral_norms
+from np_drake.lifting.bounds.encoder_reach import contracts, powers, spectral_norms
 
 
 @given(st.integers(0, 10_000), st.floats(0.0, 0.99))
