@@ -72,13 +72,8 @@ def _six_rows(M, at, S, size, out):
     """Add M[:, at:at+6] times dzeta/dT, rows 7 … 12 of S, to out (6, …)."""
     for row in range(6):
         a, b, c, d, e, f = (
-            M[row, at],
-            M[row, at + 1],
-            M[row, at + 2],
-            M[row, at + 3],
-            M[row, at + 4],
-            M[row, at + 5],
-        )
+            M[row, at], M[row, at + 1], M[row, at + 2], M[row, at + 3], M[row, at + 4], M[row, at + 5],
+        )  # fmt: skip
         for col in range(size):
             out[row, col] += (
                 a * S[7, col]

@@ -200,15 +200,9 @@ class PendulumBank:
         """
         mean, covariance, weight = (np.empty_like(memory[name]) for name in ("mean", "covariance", "weight"))
         mix_bank(
-            memory["mean"],
-            memory["covariance"],
-            memory["weight"],
-            self._transition,
-            self._rise,
-            mean,
-            covariance,
-            weight,
-        )
+            memory["mean"], memory["covariance"], memory["weight"], self._transition, self._rise, mean,
+            covariance, weight,
+        )  # fmt: skip
         predicted, spread = np.empty_like(mean), np.empty_like(covariance)
         updated, narrowed = np.empty_like(mean), np.empty_like(covariance)
         likelihood, distance = np.empty_like(weight), np.empty_like(weight)

@@ -36,23 +36,9 @@ TINY = 1e-12  # least pivot of a covariance [units of the error, squared]
 
 @compiled
 def filter_bank(
-    mean,
-    covariance,
-    drive,
-    now,
-    step,
-    prior,
-    keep,
-    noise,
-    label,
-    label_variance,
-    predicted,
-    predicted_covariance,
-    updated,
-    updated_covariance,
-    likelihood,
-    distance,
-):
+    mean, covariance, drive, now, step, prior, keep, noise, label, label_variance, predicted,
+    predicted_covariance, updated, updated_covariance, likelihood, distance,
+):  # fmt: skip
     """Predict k pendulums over a step and take in one label.
 
     Args:
@@ -67,25 +53,13 @@ def filter_bank(
     """
     for i in range(len(mean)):
         _predict(
-            mean[i],
-            covariance[i],
-            drive,
-            step,
-            prior[i],
-            keep[i],
-            noise[i],
-            predicted[i],
+            mean[i], covariance[i], drive, step, prior[i], keep[i], noise[i], predicted[i],
             predicted_covariance[i],
-        )
+        )  # fmt: skip
         likelihood[i], distance[i] = _update(
-            predicted[i],
-            predicted_covariance[i],
-            now,
-            label,
-            label_variance,
-            updated[i],
+            predicted[i], predicted_covariance[i], now, label, label_variance, updated[i],
             updated_covariance[i],
-        )
+        )  # fmt: skip
 
 
 @compiled

@@ -96,17 +96,9 @@ def _untrained(vehicle: Vehicle, rotor_lag: float, step: float, hook: np.ndarray
     bank = DEFAULT_BANK.scaled(ratios(vehicle))
     thrust, drag = bank.thrust_error, bank.drag
     return PayloadFilterModel(
-        step,
-        vehicle.mass,
-        vehicle.gravity,
-        rotor_lag,
-        thrust.mean,
-        thrust.deviation,
-        drag.mean,
-        drag.deviation,
-        hook,
-        arm=scales(vehicle).length,
-    )
+        step, vehicle.mass, vehicle.gravity, rotor_lag, thrust.mean, thrust.deviation, drag.mean,
+        drag.deviation, hook, arm=scales(vehicle).length,
+    )  # fmt: skip
 
 
 def _refined(model: PayloadFilterModel, flights: Sequence[list[Sample]]) -> PayloadFilterModel:

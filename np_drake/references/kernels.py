@@ -133,11 +133,6 @@ def rates(flat, gravity, w):
     """
     for i in range(flat.shape[1]):
         found = _attitude_and_rate(
-            flat[2, i, 0],
-            flat[2, i, 1],
-            flat[2, i, 2] + gravity,
-            flat[3, i, 0],
-            flat[3, i, 1],
-            flat[3, i, 2],
-        )
+            flat[2, i, 0], flat[2, i, 1], flat[2, i, 2] + gravity, flat[3, i, 0], flat[3, i, 1], flat[3, i, 2],
+        )  # fmt: skip
         w[i, 0], w[i, 1], w[i, 2] = found[4], found[5], found[6]
