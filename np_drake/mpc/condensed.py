@@ -161,16 +161,6 @@ class Condensed:
         condensing.sensitivities(model.Fx, Fu, h.markov, np.ascontiguousarray(own), S, workspace)
         return S
 
-    def local_model(self, h: Horizon, t: Trajectory) -> LocalModel:
-        """Return the Gauss-Newton Hessian and exact gradient of the cost at t, with the rows linearised.
-
-        Args:
-            h: the problem made ready.
-            t: trajectory around which it holds.
-        """
-        S = self.sensitivities(h, t)
-        return self.model(h, t, S, Curvature(self.hessian(h, S)))
-
     def model(self, h: Horizon, t: Trajectory, S: np.ndarray, curvature: Curvature) -> LocalModel:
         """Return the local model at t of a given curvature.
 
