@@ -13,13 +13,13 @@ from np_drake.effects.sensor_noise import SensorNoise
 from np_drake.metrics import tracking_errors
 from np_drake.references.base import Reference
 from np_drake.references.formation import closest_approach, fly_at, polygon
-from np_drake.references.stops import Stops
+from np_drake.references.points import Stops
 from np_drake.vehicle import Vehicle
 from systems.cooperative_quadrotors import make_cooperative_quadrotors
 from systems.initial_state import set_formation
 from systems.payload_config import PayloadConfig
 from systems.recorder import Recorder, add_recorder
-from systems.sensor_rig import make_sensor_rig
+from systems.sensor_model import make_sensor_model
 
 VEHICLE, PAYLOAD = Vehicle(), PayloadConfig(mass=0.5, length=1.2)
 CORNERS = polygon(3, 0.9)  # of the formation about its centre [m]
@@ -42,7 +42,7 @@ def make_pilot(config: ControllerConfig, reference: Reference, number: int) -> D
         number: of the vehicle, for the name.
     """
     builder = DiagramBuilder()
-    rig = builder.AddSystem(make_sensor_rig(VEHICLE, [SensorNoise()], period=PERIOD))
+    rig = builder.AddSystem(make_sensor_model(VEHICLE, [SensorNoise()], period=PERIOD))
     ports = add_controller(builder, config, VEHICLE, reference, rig)
     for name, port in (("x", "x_true"), ("acceleration", "acceleration_true")):
         builder.ExportInput(rig.GetInputPort(port), name)

@@ -16,26 +16,19 @@ Memory = dict[str, np.ndarray]
 
 @dc.dataclass(frozen=True)
 class Sample:
-    """Measurement, command and label of one sampling instant.
+    """Measurement, command and label of one sampling instant."""
 
-    x: (13,) measured state.   u: (4,) command that acted up to now [N, N·m].
-    chi: (6,) wrench label [N, N·m]; NaN where there is none.
-    """
-
-    x: np.ndarray
-    u: np.ndarray
-    chi: np.ndarray
+    x: np.ndarray  # (13,) measured state
+    u: np.ndarray  # (4,) command that acted up to now [N, N·m]
+    chi: np.ndarray  # (6,) wrench label [N, N·m]; NaN where there is none
 
 
 @dc.dataclass(frozen=True)
 class Plan:
-    """Motion that is intended from now on, at the step of the forecast.
+    """Motion that is intended from now on, at the step of the forecast."""
 
-    x: (N+1, 13) states.   u: (N, 4) commands [N, N·m].
-    """
-
-    x: np.ndarray
-    u: np.ndarray
+    x: np.ndarray  # (N+1, 13) states
+    u: np.ndarray  # (N, 4) commands [N, N·m]
 
 
 class Reaction(Protocol):
@@ -59,17 +52,16 @@ class WrenchForecast:
     chi_i acts from t_(k+i) to t_(k+i+1); zeta_i is the predicted [v_WB, w_WB_B] at t_(k+i). A model without
     feedback from the motion has K = 0 and uses `offset` alone.
 
-    A: (K, K)   B: (K, 6) per [m/s, rad/s]   C: (6, K)   z: (K,) lifted state now   offset: (N, 6) [N, N·m].
-    reaction: g, None for zero.   zeta: (6,) measured now; used by g alone [m/s, rad/s].
-    start: (13,) state at t_k where that lies ahead, as commands are on their way until then; None: t_k is now.
+    zeta: (6,) measured now; used by g alone [m/s, rad/s].   start: (13,) state at t_k where that lies ahead, as
+    commands are on their way until then; None: t_k is now.
     """
 
-    A: np.ndarray
-    B: np.ndarray
-    C: np.ndarray
-    z: np.ndarray
-    offset: np.ndarray
-    reaction: Reaction | None = None
+    A: np.ndarray  # (K, K)
+    B: np.ndarray  # (K, 6) per [m/s, rad/s]
+    C: np.ndarray  # (6, K)
+    z: np.ndarray  # (K,) lifted state now
+    offset: np.ndarray  # (N, 6) [N, N·m]
+    reaction: Reaction | None = None  # g, None for zero
     zeta: np.ndarray = dc.field(default_factory=lambda: np.zeros(6))
     start: np.ndarray | None = None
 
@@ -103,29 +95,19 @@ def _advance(A, z):
 
 @dc.dataclass
 class FlightForecasts:
-    """Forecasts at every sample of a flight from `first` on, with common A, B and C.
-
-    A: (K, K)   B: (K, 6)   C: (6, K)   z: (o, K), one a sample   offset: (o, 6) held over the horizon [N, N·m].
-    """
+    """Forecasts at every sample of a flight from `first` on, with common A, B and C."""
 
     first: int
-    A: np.ndarray
-    B: np.ndarray
-    C: np.ndarray
-    z: np.ndarray
-    offset: np.ndarray
+    A: np.ndarray  # (K, K)
+    B: np.ndarray  # (K, 6)
+    C: np.ndarray  # (6, K)
+    z: np.ndarray  # (o, K), one a sample
+    offset: np.ndarray  # (o, 6) held over the horizon [N, N·m]
 
     def at(
         self, horizons: list[int], origins: np.ndarray, zeta: np.ndarray, *, zeta_known: bool
     ) -> np.ndarray:
-        """Return chi_hat of the forecasts at some samples, (o, len(horizons), 6) [N, N·m].
-
-        Args:
-            horizons: [steps].
-            origins: (o,) sample indices.
-            zeta: (n, 6) of the whole flight.
-            zeta_known: use the coming zeta, else hold that of the origin.
-        """
+        """Return chi_hat of the forecasts at `origins`, see `FlightCourse`, (o, len(horizons), 6) [N, N·m]."""
         z, offset, now = self.z[origins - self.first], self.offset[origins - self.first], zeta[origins]
         chi_hat = np.empty((len(origins), len(horizons), 6))
         markov: list[np.ndarray] = []
@@ -156,9 +138,13 @@ class FlightCourse(Protocol):
     def at(
         self, horizons: list[int], origins: np.ndarray, zeta: np.ndarray, *, zeta_known: bool
     ) -> np.ndarray:
-        """Return chi_hat (o, len(horizons), 6).
+        """Return chi_hat (o, len(horizons), 6) [N, N·m].
 
-        Args: as `FlightForecasts.at`.
+        Args:
+            horizons: [steps].
+            origins: (o,) sample indices.
+            zeta: (n, 6) of the whole flight.
+            zeta_known: use the coming zeta, else hold that of the origin.
         """
         ...
 
@@ -168,11 +154,11 @@ class ForecastsWholeFlights(Protocol):
     """A residual model that can forecast all samples of a flight at once, with the results of one by one."""
 
     def along(self, chi: np.ndarray, zeta: np.ndarray) -> FlightCourse | None:
-        """Return the forecasts of a flight; None where this model cannot.
+        """Return the forecasts of a flight without gaps; None where this model cannot.
 
         Args:
-            chi: (n, 6) labels without gaps [N, N·m].
-            zeta: (n, 6) motion without gaps [m/s, rad/s].
+            chi: (n, 6) labels [N, N·m].
+            zeta: (n, 6) [m/s, rad/s].
         """
         ...
 
@@ -196,13 +182,13 @@ class ReadsPlan(Protocol):
     """A residual model that forecasts the wrench along an intended motion."""
 
     def forecast_along(self, memory: Memory, plan: Plan, *, horizon: int, stride: int) -> WrenchForecast:
-        """Return the forecast, at best where the plan is flown.
+        """Return the forecast that is best where a plan is flown.
 
         Args:
-            memory: of the samples until now.
-            plan: intended motion.
-            horizon: number of steps.
-            stride: samples of `self.step` seconds in a step.
+            memory: with the sample of now.
+            plan: at the steps of the forecast.
+            horizon: N [1].
+            stride: model steps in one step of the forecast [1].
         """
         ...
 
@@ -230,28 +216,28 @@ class ResidualModel(Protocol):
         A sample with NaN must leave a usable memory.
 
         Args:
-            memory: of the samples before.
+            memory: before the sample; it stays as it is.
             sample: of now.
         """
         ...
 
     def forecast(self, memory: Memory, *, horizon: int, stride: int) -> WrenchForecast:
-        """Return the forecast from the memory.
+        """Return the forecast over the horizon.
 
         Args:
-            memory: of the samples until now.
-            horizon: number of steps.
-            stride: samples of `self.step` seconds in a step.
+            memory: with the sample of now.
+            horizon: N [1].
+            stride: model steps in one step of the forecast [1].
         """
         ...
 
 
 def constant_forecast(chi: np.ndarray, horizon: int) -> WrenchForecast:
-    """Return a forecast that holds a wrench, or follows a given trajectory.
+    """Return a forecast that holds one wrench over the horizon, or follows a given trajectory.
 
     Args:
-        chi: (6,), or (horizon, 6) [N, N·m].
-        horizon: number of steps.
+        chi: (6,) or (horizon, 6) [N, N·m].
+        horizon: N [1].
     """
     offset = np.broadcast_to(np.asarray(chi, float), (horizon, 6))
     return WrenchForecast(np.zeros((0, 0)), np.zeros((0, 6)), np.zeros((6, 0)), np.zeros(0), offset)

@@ -8,7 +8,7 @@ from np_drake.lazy_names import lazy_names
 NAMES = {
     "PayloadConfig": "systems.payload_config",
     "make_tethered_quadrotor": "systems.tethered_quadrotor",
-    "add_sensor_rig": "systems.sensor_rig",
+    "add_sensor_model": "systems.sensor_model",
     "add_recorder": "systems.recorder",
     "set_hover": "systems.initial_state",
     "NeuralPredictor": "systems.neural_predictor",

@@ -74,7 +74,12 @@ class ActuatorEffects(LeafSystem):
         return np.concatenate(states) if states else np.zeros(0)
 
     def rest_at(self, context, thrust: np.ndarray) -> None:
-        """Set the state at which a constant command `thrust` (4,) [N] rests; `context` is the system's own."""
+        """Set the state at which a constant command rests.
+
+        Args:
+            context: the system's own.
+            thrust: (4,) command [N].
+        """
         context.SetContinuousState(self._resting_state(thrust))
 
     def _passed(
@@ -119,16 +124,13 @@ class ActuatorEffects(LeafSystem):
 
 
 class Stage(NamedTuple):
-    """An effect in its chain.
-
-    place: in the chain.   where: its part of the state.   begin, end: when it acts [s].
-    """
+    """An effect in its chain."""
 
     effect: ActuatorEffect
-    place: int
-    where: slice
-    begin: float
-    end: float
+    place: int  # in the chain
+    where: slice  # its part of the state
+    begin: float  # from then on it acts [s]
+    end: float  # until then [s]
 
     def acts(self, t: float) -> bool:
         """Return whether it acts at time t [s]."""

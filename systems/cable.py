@@ -7,7 +7,7 @@ from pydrake.systems.framework import LeafSystem
 
 from np_drake import attitude
 from np_drake.compiled import compiled, turned
-from systems.plant_events import declare_event_at
+from systems.plant_events import declare_event_at, setting
 
 
 class Cable(LeafSystem):
@@ -62,15 +62,8 @@ class Cable(LeafSystem):
         prerequisites = {self._state_port.ticket(), self.xd_ticket()}
         self.DeclareVectorOutputPort("generalized_force", 12, self._calc_force, prerequisites)
         self.DeclareVectorOutputPort("tether_wrench", 6, self._calc_wrench, prerequisites)
-        declare_event_at(self, tied_at, self._set_holds(1.0))
-        declare_event_at(self, cut_at, self._set_holds(0.0))
-
-    @staticmethod
-    def _set_holds(holds: float):
-        def update(context, state) -> None:
-            state.get_mutable_discrete_state(0).SetAtIndex(0, holds)
-
-        return update
+        declare_event_at(self, tied_at, setting(1.0))
+        declare_event_at(self, cut_at, setting(0.0))
 
     def _pull(self, context) -> np.ndarray:
         """Return the generalized force (12,)."""

@@ -28,6 +28,11 @@ class CascadedController(LeafSystem):
     Discrete state: u (4), integrals (6) of the errors [m·s, rad·s], time of the last update (1) [s].
     Event: periodic every `period` [s] and, for loops with instants of their own, forced. A state with NaN leaves
     command and integrals as they were.
+
+    Args:
+        vehicle: nominal.
+        gains: None: the usual ones.
+        period: of the updates [s]; None: forced ones alone.
     """
 
     def __init__(self, vehicle: Vehicle, gains: CascadeGains | None = None, *, period: float | None = 0.01):

@@ -11,8 +11,7 @@ from np_drake.effects.base import ActuatorEffect, WrenchEffect
 from np_drake.effects.combine import mass_properties
 from np_drake.vehicle import Vehicle
 from systems.cable import Cable
-from systems.free_body import add_free_body, sphere
-from systems.mass_properties import spatial_inertia
+from systems.free_body import add_free_body, spatial_inertia, sphere
 from systems.payload_config import PayloadConfig
 from systems.plant_readings import BodyAcceleration, VehicleState
 from systems.rotors import add_propellers, add_rotor_chain
@@ -21,7 +20,7 @@ from systems.wrench_effects import WrenchEffects
 PORTS = ("x", "acceleration", "rotor_thrust", "nominal_rotor_thrust", "tether_wrench")  # of every vehicle
 
 
-def make_cooperative_plant(vehicle: Vehicle, payload: PayloadConfig, count: int) -> MultibodyPlant:
+def _make_cooperative_plant(vehicle: Vehicle, payload: PayloadConfig, count: int) -> MultibodyPlant:
     """Return a continuous MultibodyPlant with the free bodies `quadrotor_0` … and `payload`."""
     plant = MultibodyPlant(time_step=0.0)
     plant.set_name("plant")
@@ -53,6 +52,13 @@ def make_cooperative_quadrotors(
     | tether_wrench_i | 6 | true wrench of cable i on its vehicle, chi order | N, N·m |
     | plant_state | 26 (count + 1) / 2 | Drake's own: vehicles in their order, then the payload | |
 
+    Args:
+        vehicle: each of them.
+        payload: that they share, on a cable each.
+        count: of vehicles [1].
+        wrench_effects: on every vehicle.
+        actuator_effects: on every vehicle.
+        command_period: as of `make_tethered_quadrotor` [s].
     Raises: ValueError: if there is no vehicle, or the payload is impossible or does not hang on cables.
     """
     payload.check()
@@ -63,7 +69,7 @@ def make_cooperative_quadrotors(
             f"make_cooperative_quadrotors: several vehicles share a payload on cables; got a {payload.tether}."
         )
     builder = DiagramBuilder()
-    plant = builder.AddSystem(make_cooperative_plant(vehicle, payload, count))
+    plant = builder.AddSystem(_make_cooperative_plant(vehicle, payload, count))
     total = builder.AddNamedSystem("forces", Adder(count, plant.num_velocities()))
     propellers = builder.AddNamedSystem("propellers", ExternallyAppliedSpatialForceMultiplexer(count))
     builder.Connect(total.get_output_port(), plant.get_applied_generalized_force_input_port())

@@ -1,15 +1,16 @@
 """Initial states and mass properties in a context of the plant: hover, formation, impulse, added mass."""
 
+import dataclasses as dc
+
 import numpy as np
 from pydrake.math import RigidTransform
 from pydrake.multibody.math import SpatialVelocity
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import SpatialInertia, UnitInertia
 from pydrake.systems.framework import Context
 
 from np_drake.effects.base import MassProperties
 from np_drake.references.formation import payload_drop
-from systems.mass_properties import spatial_inertia
+from systems.free_body import spatial_inertia, sphere
 from systems.payload_config import PayloadConfig
 
 
@@ -48,7 +49,13 @@ def set_formation(plant: MultibodyPlant, context: Context, payload: PayloadConfi
 
 
 def apply_impulse(plant: MultibodyPlant, context: Context, impulse) -> None:
-    """Add dv = J / m to the payload of a cable; `impulse` (3,) in W [N·s]."""
+    """Add dv = J / m to the payload of a cable.
+
+    Args:
+        plant: with a free body `payload`.
+        context: the plant's own.
+        impulse: (3,) J in W [N·s].
+    """
     P = plant.GetBodyByName("payload")
     V = plant.EvalBodySpatialVelocityInWorld(context, P)
     dv = np.asarray(impulse, float) / P.get_mass(context)
@@ -73,5 +80,5 @@ def set_payload_mass(plant: MultibodyPlant, context: Context, payload: PayloadCo
     """
     if not mass > 0:
         raise ValueError(f"set_payload_mass: mass must be positive [kg]; got {mass}.")
-    inertia = SpatialInertia(mass, np.zeros(3), UnitInertia.SolidSphere(payload.radius))
+    inertia = sphere(dc.replace(payload, mass=mass))
     plant.GetBodyByName("payload").SetSpatialInertiaInBodyFrame(context, inertia)

@@ -9,12 +9,11 @@ from pydrake.systems.framework import Context, LeafSystem
 
 from np_drake import attitude
 from np_drake.vehicle import Vehicle
-from systems.plant_events import declare_event_at
+from systems.plant_events import declare_event_at, setting
 from systems.wrench_effects import generalized_force
 
-Change = tuple[
-    float, Callable[[MultibodyPlant, Context], None]
-]  # time [s]; sets mass properties in a context
+# Time [s], and what sets the mass properties in a context
+Change = tuple[float, Callable[[MultibodyPlant, Context], None]]
 
 
 class MassChange(LeafSystem):
@@ -66,14 +65,7 @@ class MassChange(LeafSystem):
         for count, (time, change) in enumerate(changes, start=1):
             self._contexts.append(self._contexts[-1].Clone())
             change(plant, self._contexts[-1])
-            declare_event_at(self, time, self._set_count(count))
-
-    @staticmethod
-    def _set_count(count: int):
-        def update(context, state) -> None:
-            state.get_mutable_discrete_state(0).SetAtIndex(0, float(count))
-
-        return update
+            declare_event_at(self, time, setting(float(count)))
 
     def _calc_force(self, context, output) -> None:
         force, count = self._force_port.Eval(context), int(context.get_discrete_state(0).GetAtIndex(0))
@@ -83,6 +75,7 @@ class MassChange(LeafSystem):
             own, now = self._contexts[0], self._contexts[count]
             for workspace in (own, now):
                 self._plant.SetPositionsAndVelocities(workspace, state)
+            # dv/dt = M_now^-1 (tau - b_now); the plant moves so under M dv/dt + b
             bias = self._inverse_dynamics(now, np.zeros(len(force)))
             rates = np.linalg.solve(self._plant.CalcMassMatrix(now), force + rotors - bias)
             force = self._inverse_dynamics(own, rates) - rotors

@@ -37,6 +37,10 @@ class NeuralPredictor(ResidualPredictor):
     `context.get_discrete_state(predictor.z_index).value()`; likewise, sorted by name, what else the model keeps (see
     its class): counters, A, B and rows of a refit, the groups of a trust; then chi_hat (6).
     Event: periodic, every `model.step`. Before the window is full, on NaN and on dropped samples: see the model.
+
+    Args:
+        model: of any configuration.
+        horizon, stride, vehicle: as of `ResidualPredictor`.
     """
 
     def __init__(

@@ -45,12 +45,12 @@ class PayloadConfig:
         return self
 
 
-def payload_config(effect: SuspendedPayload | None, *, tether: str = "cable") -> PayloadConfig:
+def payload_config(effect: SuspendedPayload | None) -> PayloadConfig:
     """Return the body that the effect stands for; no tether where there is no payload or it weighs nothing."""
     if effect is None or effect.mass == 0.0:
         return PayloadConfig(tether="none")
     hook = [effect.hook_x, effect.hook_y, effect.hook_z]
-    return PayloadConfig(tether, effect.mass, effect.length, hook, air_damping=effect.damping).check()
+    return PayloadConfig("cable", effect.mass, effect.length, hook, air_damping=effect.damping).check()
 
 
 def as_light(payload: PayloadConfig) -> PayloadConfig:

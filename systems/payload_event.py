@@ -40,12 +40,22 @@ class PayloadEvent:
 
 
 def attach(time: float, mass: float) -> PayloadEvent:
-    """Return the event that `mass` [kg] more is hung on the payload at `time` [s]."""
+    """Return the event that more is hung on the payload.
+
+    Args:
+        time: at which it happens [s].
+        mass: that is added [kg].
+    """
     return PayloadEvent("attach", time, mass=mass)
 
 
 def push(time: float, impulse: Sequence[float]) -> PayloadEvent:
-    """Return the event that the payload gets an impulse (3,) in W [N·s] at `time` [s]."""
+    """Return the event that the payload is pushed.
+
+    Args:
+        time: at which it happens [s].
+        impulse: (3,) in W [N·s].
+    """
     return PayloadEvent("impulse", time, impulse=[float(value) for value in impulse])
 
 

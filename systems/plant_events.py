@@ -27,8 +27,22 @@ def declare_event_at(system: LeafSystem, time: float, update: Update) -> None:
         system.DeclarePeriodicUnrestrictedUpdateEvent(period_sec=_ONCE, offset_sec=time, update=update)
 
 
+def setting(value: float) -> Update:
+    """Return the update that sets the first discrete state of a system to a value."""
+
+    def update(context: Context, state: State) -> None:
+        state.get_mutable_discrete_state(0).SetAtIndex(0, value)
+
+    return update
+
+
 def declare_step_end(system: LeafSystem, time: float) -> None:
-    """Let a step of the integrator end at `time` [s], where a force begins that knows the time itself."""
+    """Let a step of the integrator end at a time, where a force begins that knows the time itself.
+
+    Args:
+        system: on which the event is declared.
+        time: [s].
+    """
     declare_event_at(system, time, lambda context, state: None)
 
 

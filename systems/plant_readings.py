@@ -11,7 +11,7 @@ from np_drake.compiled import compiled, turned
 
 
 @compiled
-def vehicle_state(s, q_start, v_start, out):
+def _vehicle_state(s, q_start, v_start, out):
     """Write x (13,) from the plant's state, in which the body's pose and velocity start at these places."""
     for k in range(3):
         out[k], out[7 + k] = s[q_start + 4 + k], s[v_start + 3 + k]
@@ -48,12 +48,12 @@ class VehicleState(LeafSystem):
 
     def _calc_x(self, context, output) -> None:
         x = np.empty(13)
-        vehicle_state(self._state_port.Eval(context), *self._starts, x)
+        _vehicle_state(self._state_port.Eval(context), *self._starts, x)
         output.SetFromVector(x)
 
 
 @compiled
-def body_acceleration(s, q_start, rates, v_start, out):
+def _body_acceleration(s, q_start, rates, v_start, out):
     """Write [a in W, al in B] (6,) from the plant's state and rates of its velocities; places as there."""
     for k in range(3):
         out[k] = rates[v_start + 3 + k]
@@ -94,7 +94,7 @@ class BodyAcceleration(LeafSystem):
     def _calc_acceleration(self, context, output) -> None:
         (q_start, v_start), value = self._starts, np.empty(6)
         state, rates = self._state_port.Eval(context), self._rates_port.Eval(context)
-        body_acceleration(state, q_start, rates, v_start, value)
+        _body_acceleration(state, q_start, rates, v_start, value)
         output.SetFromVector(value)
 
 
@@ -115,6 +115,10 @@ class RodWrench(LeafSystem):
     | reaction_forces | list | the plant's F on the child at the joint, in the joint's frame on the child | |
     | body_poses | list | the plant's X_WB of every body | |
     | tether_wrench | 6 | chi order: [force on B in W, moment about Bo in B] | N, N·m |
+
+    Args:
+        plant: finalized.
+        joint: name of the rod's joint.
     """
 
     def __init__(self, plant: MultibodyPlant, joint: str):

@@ -32,8 +32,12 @@ class Push(LeafSystem):
         self.DeclareVectorOutputPort("generalized_force", num_velocities, self._calc_force, prerequisites)
 
     def set_force(self, context, vehicle: np.ndarray, payload: np.ndarray) -> None:
-        """Set the forces (3,) in W [N], between two AdvanceTo; `context` is the push's own.
+        """Set the forces between two AdvanceTo.
 
+        Args:
+            context: the push's own.
+            vehicle: (3,) force at Bo in W [N].
+            payload: (3,) force at Po in W [N].
         Raises: ValueError: on a force on a payload that there is not.
         """
         if np.any(payload) and not self._payload:

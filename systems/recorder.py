@@ -49,7 +49,13 @@ class Recorder(LeafSystem):
 
 
 def add_recorder(builder: DiagramBuilder, signals: dict[str, OutputPort], *, period: float) -> Recorder:
-    """Add one log of all `signals` (vector ports), sampled every `period` [s], and return its subsystem `recorder`."""
+    """Add one log of signals and return its subsystem `recorder`.
+
+    Args:
+        builder: of the diagram that is recorded.
+        signals: vector ports by name.
+        period: between samples [s].
+    """
     sizes = {name: port.size() for name, port in signals.items()}
     recorder = builder.AddNamedSystem("recorder", Recorder(sizes, period=period))
     hold = builder.AddNamedSystem("recorder_hold", ZeroOrderHold(period, sum(sizes.values()), _AFTER))

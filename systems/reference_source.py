@@ -23,6 +23,11 @@ class ReferenceSource(LeafSystem):
     | lead | 1 | time after which the next command acts; unconnected: 0 | s |
     | flat | 15 (N+1) | (5, N+1, 3) p, v, a, jerk, snap, flattened | m … m/s⁴ |
     | position | 3 | p now | m |
+
+    Args:
+        reference: motion.
+        horizon: N [1].
+        step: between samples [s].
     """
 
     def __init__(self, reference: Reference, *, horizon: int, step: float):

@@ -18,14 +18,11 @@ from systems.command_buffer import SOONEST, CommandBuffer
 
 
 class RotorPorts(NamedTuple):
-    """Output ports of the rotors.
+    """Output ports of the rotors."""
 
-    thrust, nominal_thrust: actual and nominal (4,) [N].   rate: of rotor speed (4,) [rad/s²], None for zero.
-    """
-
-    thrust: OutputPort
-    nominal_thrust: OutputPort
-    rate: OutputPort | None
+    thrust: OutputPort  # actual (4,) [N]
+    nominal_thrust: OutputPort  # of nominal rotors at this speed (4,) [N]
+    rate: OutputPort | None  # of rotor speed (4,) [rad/s²], None for zero
 
 
 def add_rotors(
@@ -122,7 +119,15 @@ def _dead_times(chain: Sequence[ActuatorEffect], onsets: Onsets) -> list[tuple[f
 def add_propellers(
     builder: DiagramBuilder, plant: MultibodyPlant, vehicle: Vehicle, thrust: OutputPort, *, body: str
 ) -> Propeller:
-    """Add propellers with `thrust` (4,) [N] to the plant's `body`, with body poses and forces left to connect."""
+    """Add propellers to a body of the plant, with body poses and forces left to connect.
+
+    Args:
+        builder: of the diagram with the plant.
+        plant: finalized.
+        vehicle: places and coefficients of the rotors.
+        thrust: port (4,) [N].
+        body: name of the vehicle's body.
+    """
     kappa = vehicle.torque_coefficient / vehicle.thrust_coefficient
     index = plant.GetBodyByName(body).index()
     info = [

@@ -96,13 +96,13 @@ class SensorFaults(LeafSystem):
 
 
 def add_sensor_faults(
-    builder: DiagramBuilder, rig: Diagram, faults: Sequence[MeasurementFault], *, period: float
+    builder: DiagramBuilder, sensors: Diagram, faults: Sequence[MeasurementFault], *, period: float
 ) -> SensorFaults:
-    """Add the faults behind the sensors (`make_sensor_rig`), whose ports they have.
+    """Add the faults behind the sensors (`make_sensor_model`), whose ports they have.
 
     Args: period: between samples [s].
     """
     system = builder.AddNamedSystem("sensor_faults", SensorFaults(faults, period=period))
     for name in READING:
-        builder.Connect(rig.GetOutputPort(name), system.GetInputPort(name))
+        builder.Connect(sensors.GetOutputPort(name), system.GetInputPort(name))
     return system

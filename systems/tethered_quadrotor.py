@@ -15,10 +15,9 @@ from np_drake.effects.combine import NO_ONSETS, Onsets, acting, mass_properties
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.vehicle import Vehicle
 from systems.cable import Cable
-from systems.free_body import add_free_body, sphere
+from systems.free_body import add_free_body, spatial_inertia, sphere
 from systems.initial_state import set_payload_mass, set_vehicle_mass
 from systems.mass_change import Change, MassChange
-from systems.mass_properties import spatial_inertia
 from systems.payload_config import PayloadConfig
 from systems.payload_event import PayloadEvent
 from systems.plant_events import declare_hanging, declare_impulse, declare_step_end
@@ -34,6 +33,11 @@ def make_plant(
     """Return a continuous MultibodyPlant with the bodies `quadrotor` and, unless there is no tether, `payload`.
 
     The air brakes a payload on a cable by the damping of its floating joint.
+
+    Args:
+        vehicle: as its file says.
+        payload: what hangs under it, and how.
+        mass_effects: that act from the start.
     """
     plant = MultibodyPlant(time_step=0.0)
     plant.set_name("plant")

@@ -22,6 +22,10 @@ class TrackingObservation(LeafSystem):
     |---|---|---|---|
     | x | 13 | state as read | |
     | observation | 18 + 3 n | see `observe`, for n times ahead | m … rad/s |
+
+    Args:
+        reference: motion that is tracked.
+        task: times ahead that are observed.
     """
 
     def __init__(self, reference: Reference, task: TrackingTask):

@@ -77,6 +77,12 @@ class WrenchEffects(LeafSystem):
 
 @compiled
 def generalized_force(x, chi, out):
-    """Write [moment in W, force in W] of chi (6,), at the attitude of the state x (13,), to out[:6]."""
+    """Write [moment in W, force in W] of a wrench to out[:6].
+
+    Args:
+        x: (13,) state, whose attitude counts.
+        chi: (6,) [N, N·m].
+        out: at least six.
+    """
     out[0], out[1], out[2] = turned(x[3], x[4], x[5], x[6], chi[3], chi[4], chi[5])
     out[3], out[4], out[5] = chi[0], chi[1], chi[2]

@@ -31,6 +31,11 @@ class WrenchEstimator(MemorySystem):
     | last_label | 6 | chi as of the last event | N, N·m |
 
     State: the filter's memory, then last_label (6). Event: periodic, every `step`.
+
+    Args:
+        vehicle: nominal.
+        config: low-pass of the labels.
+        step: between samples [s].
     """
 
     def __init__(self, vehicle: Vehicle, config: LabelConfig, *, step: float):

@@ -17,7 +17,7 @@ from np_drake.references.base import Reference
 from np_drake.references.config import make_reference
 from systems.cascade_target import CascadeTarget
 from systems.cascaded_controller import CascadedController
-from systems.sensor_rig import add_sensor_rig
+from systems.sensor_model import add_sensor_model
 from systems.tracking_observation import TrackingObservation
 
 BASES = ("hover", "cascade")  # commands that an action is added to
@@ -55,7 +55,7 @@ def make_tracking_diagram(config: FlightConfig, task: TrackingTask, action: Acti
     reference, tick = make_reference(config.reference), cascade_period(config)
     vehicle = builder.AddSystem(make_real_vehicle(config.vehicle, config.reality, command_period=tick))
     noise = [SensorNoise(config.reality.noise)]
-    rig = add_sensor_rig(builder, vehicle, config.vehicle, noise, period=config.controller.period)
+    rig = add_sensor_model(builder, vehicle, config.vehicle, noise, period=config.controller.period)
     x = rig.GetOutputPort("x")
     span = action.authority * command_span(config.vehicle)
     scale = builder.AddNamedSystem("action", MatrixGain(np.diag(span)))

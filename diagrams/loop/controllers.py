@@ -22,10 +22,9 @@ from np_drake.payload_filter.predictor import PayloadFilter
 from np_drake.references.base import Reference
 from np_drake.residual_model import KnowsDelay, ReadsPlan, ResidualModel
 from np_drake.residual_models.disturbance_observer import DisturbanceObserver
-from np_drake.residual_models.hold import Hold
+from np_drake.residual_models.hold import Constant, Hold
 from np_drake.residual_models.motion_model import REACTIONS, MotionModel
 from np_drake.residual_models.neural_predictor import NeuralPredictor as NeuralPredictorModel
-from np_drake.residual_models.no_residual import NoResidual
 from np_drake.residual_models.oracle import TrueModel
 from np_drake.scaling import ratios
 from np_drake.vehicle import Vehicle
@@ -234,7 +233,7 @@ def add_controller(
         oracle = _add_oracle(builder, true_model, config, truth, mpc)
         _connect_delay(builder, delay, oracle, rig)
     elif model is not None or delay is not None:
-        model = model or NoResidual(step=period)
+        model = model or Constant(np.zeros(6), step=period, name="nominal")
         system = _make_predictor(model, config, believed if delay else None)
         predictor = _add_predictor(builder, system, model, acting, rig=rig, estimator=estimator, mpc=mpc)
         _connect_delay(builder, delay, predictor)

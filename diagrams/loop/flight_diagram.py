@@ -21,7 +21,7 @@ from np_drake.faults.solver import SolverFault
 from np_drake.references.config import make_reference
 from systems.recorder import add_recorder
 from systems.sensor_faults import add_sensor_faults
-from systems.sensor_rig import add_sensor_rig
+from systems.sensor_model import add_sensor_model
 
 RECORDER = "recorder"  # its name as a subsystem of a flight
 
@@ -59,7 +59,7 @@ def make_flight_diagram(
         REAL_VEHICLE,
         real.make(config.vehicle, config.reality, command_period=period, pushed=pushed, events=config.events),
     )
-    rig = add_sensor_rig(builder, vehicle, config.vehicle, config.reality.sensor_effects(), period=period)
+    rig = add_sensor_model(builder, vehicle, config.vehicle, config.reality.sensor_effects(), period=period)
     if faults.measurement and not knows:
         rig = add_sensor_faults(builder, rig, faults.measurement, period=period)
     ports = add_controller(

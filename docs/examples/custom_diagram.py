@@ -1,6 +1,6 @@
 """Wires a Drake diagram of its own: vehicle, sensors, controller, recorder.
 
-Shows: `make_tethered_quadrotor` with effects that the controller does not know, `add_sensor_rig`, `add_controller`, and
+Shows: `make_tethered_quadrotor` with effects that the controller does not know, `add_sensor_model`, `add_controller`, and
 how the recorded signals are read after the simulation.
 """
 
@@ -10,7 +10,7 @@ from pydrake.systems.framework import Diagram, DiagramBuilder
 
 from diagrams import ControllerConfig, add_controller
 from np_drake import Vehicle, effects, lemniscate, tracking_errors
-from systems import PayloadConfig, add_recorder, add_sensor_rig, make_tethered_quadrotor, set_hover
+from systems import PayloadConfig, add_recorder, add_sensor_model, make_tethered_quadrotor, set_hover
 from systems.recorder import Recorder
 
 VEHICLE, PAYLOAD = Vehicle(), PayloadConfig(mass=0.3, length=0.7)
@@ -23,7 +23,7 @@ def make_diagram(kind: str) -> tuple[Diagram, Recorder]:
     builder = DiagramBuilder()
     acting = [effects.LinearDrag(0.3, 0.3, 0.2), effects.ConstantWind(1.0, 0.0, 0.0)]
     quadrotor = builder.AddSystem(make_tethered_quadrotor(VEHICLE, PAYLOAD, wrench_effects=acting))
-    sensors = add_sensor_rig(builder, quadrotor, VEHICLE, [effects.SensorNoise()], period=PERIOD)
+    sensors = add_sensor_model(builder, quadrotor, VEHICLE, [effects.SensorNoise()], period=PERIOD)
     config = ControllerConfig(kind=kind, period=PERIOD)
     ports = add_controller(builder, config, VEHICLE, TRACK, sensors)
     builder.Connect(ports["u"], quadrotor.GetInputPort("u"))

@@ -12,9 +12,9 @@ import numpy as np
 from scipy.linalg import lapack
 from scipy.linalg.blas import dsyrk
 
+from np_drake.mpc import condensing
 from np_drake.mpc.dynamics import DiscreteDynamics
 from np_drake.mpc.horizon import Horizon, Preparation, hover_solution
-from np_drake.mpc.kernels import condensing
 from np_drake.mpc.objective import LATERAL, Objective, SoftRows, lateral_response, penalty
 from np_drake.mpc.problem import MpcConfig, MpcProblem, MpcSolution, SolverFailure
 from np_drake.residual_model import Reaction
@@ -30,19 +30,17 @@ _PART = 10  # stages that are weighed at once; the later ones depend on more inp
 class Trajectory:
     """Rollout of the rotor thrusts and its cost.
 
-    T: (N, 4) [N].   u: (N, 4) [N, N·m].   x: (N+1, 13).   chi: (N, 6) [N, N·m].   cost: [1].
     excess: over the soft sets of `objective` (4N+1,), slacks: that it needs (3,) [in each set's unit].
-    merit: cost plus penalty [1].
     """
 
-    T: np.ndarray
-    u: np.ndarray
-    x: np.ndarray
-    chi: np.ndarray
-    cost: float
+    T: np.ndarray  # (N, 4) [N]
+    u: np.ndarray  # (N, 4) [N, N·m]
+    x: np.ndarray  # (N+1, 13)
+    chi: np.ndarray  # (N, 6) [N, N·m]
+    cost: float  # [1]
     excess: np.ndarray
     slacks: np.ndarray
-    merit: float
+    merit: float  # cost plus penalty [1]
 
     @property
     def finite(self) -> bool:
@@ -73,18 +71,21 @@ class LocalModel:
     """Quadratic model of the merit around a trajectory, d'Hd/2 + g'd + const with soft rows.
 
     The decision d (n,) is the change of T.ravel() [N].
-    curvature: H (n, n).   gradient: (n,).   rows: SoftRows with n columns.
     """
 
-    curvature: Curvature
-    gradient: np.ndarray
-    rows: SoftRows
+    curvature: Curvature  # H (n, n)
+    gradient: np.ndarray  # (n,)
+    rows: SoftRows  # with n columns
 
 
 class Condensed:
     """Problem reduced to the rotor thrusts.
 
     The members are constants and workspaces that every call overwrites wholly.
+
+    Args:
+        vehicle: nominal.
+        config: weights, sets and horizon.
     """
 
     def __init__(self, vehicle: Vehicle, config: MpcConfig):
@@ -105,7 +106,12 @@ class Condensed:
         ]
 
     def prepare(self, problem: MpcProblem, markov: np.ndarray | None = None) -> Horizon:
-        """Return the problem made ready for a solver, see `horizon.Preparation`."""
+        """Return the problem made ready for a solver.
+
+        Args:
+            problem: of this instant.
+            markov: as of `horizon.Preparation`.
+        """
         return self._prepare(problem, markov)
 
     def clip(self, T: np.ndarray) -> np.ndarray:
@@ -113,7 +119,12 @@ class Condensed:
         return np.minimum(np.maximum(T, 0.0), self.vehicle.max_rotor_thrust)
 
     def rollout(self, h: Horizon, T: np.ndarray) -> Trajectory:
-        """Return the trajectory under the thrusts T (N, 4) [N] from h.x0."""
+        """Return the trajectory from h.x0.
+
+        Args:
+            h: the problem made ready.
+            T: (N, 4) rotor thrusts [N].
+        """
         u = np.ascontiguousarray(T @ self.vehicle.mixer.T)
         chi, x = h.free.copy(), np.empty((self.config.horizon + 1, STATE_SIZE))
         x[0] = h.x0
@@ -150,17 +161,25 @@ class Condensed:
         condensing.sensitivities(model.Fx, Fu, h.markov, np.ascontiguousarray(own), S, workspace)
         return S
 
-    def local_model(self, h: Horizon, t: Trajectory) -> LocalModel:
-        """Return the Gauss-Newton Hessian and exact gradient of the cost at t, with the rows linearised."""
-        S = self.sensitivities(h, t)
-        return self.model(h, t, S, Curvature(self.hessian(h, S)))
-
     def model(self, h: Horizon, t: Trajectory, S: np.ndarray, curvature: Curvature) -> LocalModel:
-        """Return the local model at t of a given curvature and sensitivities S (N, 13, 4N)."""
+        """Return the local model at t of a given curvature.
+
+        Args:
+            h: the problem made ready.
+            t: trajectory around which it holds.
+            S: (N, 13, 4N) sensitivities at t [1/N].
+            curvature: of the cost.
+        """
         return LocalModel(curvature, self.gradient(h, t, S), self.objective.rows(h, t.x, S))
 
     def hessian(self, h: Horizon, S: np.ndarray) -> np.ndarray:
-        """Return the Gauss-Newton Hessian over T by the sensitivities S, (4N, 4N), lower triangle [1/N²]."""
+        """Return the Gauss-Newton Hessian over T, (4N, 4N), lower triangle [1/N²].
+
+        Args:
+            h: the problem made ready.
+            S: (N, 13, 4N) sensitivities [1/N].
+        """
+        # Gauss-Newton: H / 2 = U'RU + sum_i S_i'Q S_i + S_N'P S_N, as one product of the stacked roots of the weights
         hessian = self._inputs
         for k, (first, part) in enumerate(reversed(self._parts)):
             condensing.weigh(S, self._Q_root, first, part)
@@ -176,7 +195,14 @@ class Condensed:
         return hessian
 
     def gradient(self, h: Horizon, t: Trajectory, S: np.ndarray) -> np.ndarray:
-        """Return the gradient of the cost over T by the sensitivities S, (4N,) [1/N]."""
+        """Return the gradient of the cost over T, (4N,) [1/N].
+
+        Args:
+            h: the problem made ready.
+            t: trajectory at which it holds.
+            S: (N, 13, 4N) sensitivities at t [1/N].
+        """
+        # g / 2 = U'R (u - u_ref) + sum_i S_i'Q (x_i - x_ref,i) + S_N'P (x_N - x_ref,N)
         gradient = np.empty(self.size)
         condensing.gradient(t.x, h.x_ref, t.u, h.u_ref, self._Q, self._R, h.P, self._mixer, S, gradient)
         if self.config.weight_swing > 0:
@@ -194,7 +220,10 @@ def initial_trajectory(
 ) -> tuple[Trajectory, bool]:
     """Return the initial trajectory and whether it is a cold start.
 
-    A warm start without a finite rollout is discarded.
+    Args:
+        condensed: the reduced problem.
+        h: the problem made ready.
+        warm_start: an earlier plan, shifted to now; one without a finite rollout is discarded.
     Raises: SolverFailure: if there is no finite rollout from this state.
     """
     if warm_start is not None and np.shape(warm_start.u) == h.u_ref.shape:
@@ -202,13 +231,13 @@ def initial_trajectory(
         t = condensed.rollout(h, T)
         if t.finite:
             return t, False
-    t = condensed.rollout(h, feedback_thrusts(condensed, h))
+    t = condensed.rollout(h, _feedback_thrusts(condensed, h))
     if not t.finite:
         raise SolverFailure("MPC: no finite prediction from this state; check the forecast and the state.")
     return t, True
 
 
-def feedback_thrusts(condensed: Condensed, h: Horizon) -> np.ndarray:
+def _feedback_thrusts(condensed: Condensed, h: Horizon) -> np.ndarray:
     """Return rotor thrusts (N, 4) of the hover feedback on saturated errors [N].
 
     The wrench is that before any planned motion.

@@ -14,15 +14,12 @@ from np_drake.vehicle import Vehicle
 
 @dc.dataclass(frozen=True)
 class ControllerMemory:
-    """Last plan of the controller.
+    """Last plan of the controller."""
 
-    u: (N, 4) [N, N·m].   x: (N+1, 13).   chi: (N, 6) [N, N·m].   flags: [status, solve time [s], 1 if there is a plan].
-    """
-
-    u: np.ndarray
-    x: np.ndarray
-    chi: np.ndarray
-    flags: np.ndarray
+    u: np.ndarray  # (N, 4) [N, N·m]
+    x: np.ndarray  # (N+1, 13)
+    chi: np.ndarray  # (N, 6) [N, N·m]
+    flags: np.ndarray  # [status, solve time [s], 1 if there is a plan]
 
 
 class MpcController:
@@ -34,7 +31,6 @@ class MpcController:
         vehicle: parameters that the controller assumes.   period: time between solves [s].
         deadline: a solve that takes longer [s] is discarded as late; inf accepts every answer, so that a
             simulation does not depend on the machine it runs on.
-        target_shift: move the attitude and input references with chi_hat.
     """
 
     def __init__(
@@ -45,10 +41,9 @@ class MpcController:
         *,
         period: float = 0.02,
         deadline: float = np.inf,
-        target_shift: bool = True,
     ):
         self.vehicle, self.config, self.solver = vehicle, config.check(), solver
-        self.period, self.deadline, self._target_shift = period, deadline, target_shift
+        self.period, self.deadline = period, deadline
 
     def initial_memory(self) -> ControllerMemory:
         """Return the memory before the first plan: hover at the origin."""
@@ -72,10 +67,9 @@ class MpcController:
         forecast = forecast or no_forecast(N)
         x = x if forecast.start is None else forecast.start
         chi = np.zeros((N + 1, 6))
-        if self._target_shift:
-            w_ref = body_rates(self.vehicle, flat[:, :N])
-            chi[:N] = forecast.rollout(np.concatenate([flat[1, :N], w_ref], axis=1))
-            chi[N] = chi[N - 1]
+        w_ref = body_rates(self.vehicle, flat[:, :N])
+        chi[:N] = forecast.rollout(np.concatenate([flat[1, :N], w_ref], axis=1))
+        chi[N] = chi[N - 1]
         x_ref, u_ref = targets(self.vehicle, flat, chi)
         return MpcProblem(x0=x, x_ref=x_ref, u_ref=self.vehicle.saturate(u_ref[:N]), forecast=forecast, t=t)
 

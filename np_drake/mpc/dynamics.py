@@ -1,13 +1,21 @@
-"""Discrete nominal dynamics inside the MPC, and their Jacobians for all stages at once; the loops are compiled."""
+"""Discrete nominal dynamics inside the MPC, and their Jacobians for all stages at once; the loops are compiled.
+
+Rotation r = (q, w) drives translation and not the other way round, and its rate is a homogeneous quadratic of r plus
+J^-1 tau; so q' depends on q and w, w' on w alone, and p', v' on the body z axis of the stages of Runge and Kutta.
+"""
 
 import dataclasses as dc
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from np_drake.mpc.kernels import dynamics as kernel
+from np_drake.compiled import compiled
 from np_drake.rigid_body import STATE_SIZE
 from np_drake.vehicle import Vehicle
+
+_AHEAD = (0.5, 0.5, 1.0, 0.0)  # of a step, from one stage of Runge and Kutta to the next [1]
+_WEIGHT_V = (1.0, 2.0, 2.0, 1.0)  # of the stages in the velocity, over 6 [1]
+_WEIGHT_P = (1.0, 1.0, 1.0, 0.0)  # of the stages in the position, over 6 [1]
 
 
 @dc.dataclass(frozen=True)
@@ -24,6 +32,10 @@ class DiscreteDynamics:
 
     Source: Jin et al. 2025, eq. (1); classical Runge-Kutta, own choice. The quaternion is not renormalised:
     its drift over a horizon is of the integrator's order, and every solver shares it.
+
+    Args:
+        vehicle: nominal.
+        step: [s].
     """
 
     def __init__(self, vehicle: Vehicle, step: float):
@@ -41,7 +53,7 @@ class DiscreteDynamics:
             np.empty((n, STATE_SIZE)), np.zeros((n, STATE_SIZE, 19)), np.zeros((n, STATE_SIZE, 4))
         )
         x, u, chi = (np.ascontiguousarray(value, float) for value in (x, u, chi))
-        kernel.linearise(x, u, chi, *self._body, result.x_next, result.Fx, result.Fu)
+        _linearise(x, u, chi, *self._body, result.x_next, result.Fx, result.Fu)
         return result
 
     def advance(self, x: ArrayLike, u: ArrayLike, chi: ArrayLike) -> np.ndarray:
@@ -50,7 +62,7 @@ class DiscreteDynamics:
         Args: x: (13,).   u: (4,) [N, N·m].   chi: (6,) [N, N·m].
         """
         after = np.empty(STATE_SIZE)
-        kernel.advance(*(np.asarray(value, float) for value in (x, u, chi)), *self._body, after)
+        _advance(*(np.asarray(value, float) for value in (x, u, chi)), *self._body, after)
         return after
 
     def rollout(self, x: np.ndarray, u: np.ndarray, chi: np.ndarray, markov: np.ndarray) -> None:
@@ -58,4 +70,191 @@ class DiscreteDynamics:
 
         Args: u: (N, 4) [N, N·m].   markov: (6, 6(N-1)) of `Horizon`, or (6, 0).
         """
-        kernel.rollout(x, u, chi, markov, *self._body)
+        _rollout(x, u, chi, markov, *self._body)
+
+
+@compiled
+def _advance(x, u, chi, step, mass, gravity, J, J_inv, out):
+    """Write the state (13,) after one step of Runge and Kutta into `out`; u (4,) [N, N·m], chi (6,) [N, N·m]."""
+    w, i, j, k, a, b, c = x[3], x[4], x[5], x[6], x[10], x[11], x[12]
+    tau_x, tau_y, tau_z = u[1] + chi[3], u[2] + chi[4], u[3] + chi[5]
+    vx = vy = vz = px = py = pz = 0.0
+    sw = si = sj = sk = sa = sb = sc = 0.0
+    for stage in range(4):
+        weight, in_p = _WEIGHT_V[stage], _WEIGHT_P[stage]
+        zx, zy, zz = 2 * (i * k + w * j), 2 * (j * k - w * i), w * w - i * i - j * j + k * k
+        hx = J[0, 0] * a + J[0, 1] * b + J[0, 2] * c
+        hy = J[1, 0] * a + J[1, 1] * b + J[1, 2] * c
+        hz = J[2, 0] * a + J[2, 1] * b + J[2, 2] * c
+        tx, ty, tz = tau_x - b * hz + c * hy, tau_y - c * hx + a * hz, tau_z - a * hy + b * hx
+        da = J_inv[0, 0] * tx + J_inv[0, 1] * ty + J_inv[0, 2] * tz
+        db = J_inv[1, 0] * tx + J_inv[1, 1] * ty + J_inv[1, 2] * tz
+        dc = J_inv[2, 0] * tx + J_inv[2, 1] * ty + J_inv[2, 2] * tz
+        dw, di = 0.5 * (-i * a - j * b - k * c), 0.5 * (w * a + j * c - k * b)
+        dj, dk = 0.5 * (w * b + k * a - i * c), 0.5 * (w * c + i * b - j * a)
+        vx, vy, vz = vx + weight * zx, vy + weight * zy, vz + weight * zz
+        px, py, pz = px + in_p * zx, py + in_p * zy, pz + in_p * zz
+        sw, si, sj, sk = sw + weight * dw, si + weight * di, sj + weight * dj, sk + weight * dk
+        sa, sb, sc = sa + weight * da, sb + weight * db, sc + weight * dc
+        h = _AHEAD[stage] * step
+        w, i, j, k = x[3] + h * dw, x[4] + h * di, x[5] + h * dj, x[6] + h * dk
+        a, b, c = x[10] + h * da, x[11] + h * db, x[12] + h * dc
+    # Runge and Kutta: x + h/6 (k_1 + 2 k_2 + 2 k_3 + k_4); for p it is h v + h²/6 (a_1 + a_2 + a_3)
+    sixth, half = step / 6, step * step / 2
+    f_v, f_p = sixth * u[0] / mass, step * sixth * u[0] / mass
+    ax, ay, az = chi[0] / mass, chi[1] / mass, chi[2] / mass - gravity
+    out[0] = x[0] + step * x[7] + f_p * px + half * ax
+    out[1] = x[1] + step * x[8] + f_p * py + half * ay
+    out[2] = x[2] + step * x[9] + f_p * pz + half * az
+    out[3], out[4] = x[3] + sixth * sw, x[4] + sixth * si
+    out[5], out[6] = x[5] + sixth * sj, x[6] + sixth * sk
+    out[7] = x[7] + f_v * vx + step * ax
+    out[8] = x[8] + f_v * vy + step * ay
+    out[9] = x[9] + f_v * vz + step * az
+    out[10], out[11], out[12] = x[10] + sixth * sa, x[11] + sixth * sb, x[12] + sixth * sc
+
+
+@compiled
+def _respond(x, markov, i, chi):
+    """Add to chi (6,) what zeta of x_0 … x_(i-1), x (N+1, 13), drives at stage i; markov: (6, 6(N-1)) of `Horizon`."""
+    a = b = c = d = e = f = 0.0
+    at = markov.shape[1] - 6 * i
+    for j in range(i):
+        for s in range(6):
+            zeta = x[j, 7 + s]
+            a, b, c = a + markov[0, at] * zeta, b + markov[1, at] * zeta, c + markov[2, at] * zeta
+            d, e, f = d + markov[3, at] * zeta, e + markov[4, at] * zeta, f + markov[5, at] * zeta
+            at += 1
+    chi[0], chi[1], chi[2] = chi[0] + a, chi[1] + b, chi[2] + c
+    chi[3], chi[4], chi[5] = chi[3] + d, chi[4] + e, chi[5] + f
+
+
+@compiled
+def _rollout(x, u, chi, markov, step, mass, gravity, J, J_inv):
+    """Write x_1 … x_N of the states x (N+1, 13) under u (N, 4), and add to chi (N, 6) what the motion drives."""
+    n, known = len(u), markov.shape[1]
+    for i in range(n):
+        if known:
+            _respond(x, markov, i, chi[i])
+        _advance(x[i], u[i], chi[i], step, mass, gravity, J, J_inv, x[i + 1])
+
+
+@compiled
+def _linearise(x, u, chi, step, mass, gravity, J, J_inv, x_next, Fx, Fu):
+    """Write value (N, 13) and Jacobians over [x, chi] (N, 13, 19) and u (N, 13, 4) of a step from each x (N, 13).
+
+    The Jacobians come zeroed.
+    """
+    D = np.zeros((7, 10))  # d(q, w) of the current stage over (q, w, tau) at its start
+    rate, total = np.zeros((7, 10)), np.zeros((7, 10))
+    M, turn = np.zeros((7, 7)), np.zeros((3, 3))
+    z, in_v, in_p = np.zeros((3, 10)), np.zeros((3, 10)), np.zeros((3, 10))
+    sixth = step / 6
+    for n in range(len(x)):
+        _advance(x[n], u[n], chi[n], step, mass, gravity, J, J_inv, x_next[n])
+        r = np.zeros(7)
+        r[:4], r[4:] = x[n, 3:7], x[n, 10:13]
+        start = r.copy()
+        D[:], total[:], in_v[:], in_p[:] = 0.0, 0.0, 0.0, 0.0
+        axis_v, axis_p = np.zeros(3), np.zeros(3)
+        for c in range(7):
+            D[c, c] = 1.0
+        for stage in range(4):
+            w, i, j, k, a, b, c_ = r[0], r[1], r[2], r[3], r[4], r[5], r[6]
+            _rotation_jacobian(r, J, J_inv, M, turn)
+            for row in range(7):
+                for col in range(10):
+                    rate[row, col] = 0.0
+                for s in range(7) if row < 4 else range(4, 7):
+                    for col in range(10):
+                        rate[row, col] += M[row, s] * D[s, col]
+            for row in range(3):
+                for col in range(3):
+                    rate[4 + row, 7 + col] += J_inv[row, col]
+            axis = (2 * (i * k + w * j), 2 * (j * k - w * i), w * w - i * i - j * j + k * k)
+            for col in range(10):
+                dw, di, dj, dk = D[0, col], D[1, col], D[2, col], D[3, col]
+                z[0, col] = 2 * (j * dw + k * di + w * dj + i * dk)
+                z[1, col] = 2 * (-i * dw - w * di + k * dj + j * dk)
+                z[2, col] = 2 * (w * dw - i * di - j * dj + k * dk)
+            weight, weight_p, ahead = _WEIGHT_V[stage], _WEIGHT_P[stage], _AHEAD[stage] * step
+            for row in range(3):
+                axis_v[row] += weight * axis[row]
+                axis_p[row] += weight_p * axis[row]
+                for col in range(10):
+                    in_v[row, col] += weight * z[row, col]
+                    in_p[row, col] += weight_p * z[row, col]
+            hx = J[0, 0] * a + J[0, 1] * b + J[0, 2] * c_
+            hy = J[1, 0] * a + J[1, 1] * b + J[1, 2] * c_
+            hz = J[2, 0] * a + J[2, 1] * b + J[2, 2] * c_
+            tx = u[n, 1] + chi[n, 3] - b * hz + c_ * hy
+            ty = u[n, 2] + chi[n, 4] - c_ * hx + a * hz
+            tz = u[n, 3] + chi[n, 5] - a * hy + b * hx
+            r[0] = start[0] + ahead * 0.5 * (-i * a - j * b - k * c_)
+            r[1] = start[1] + ahead * 0.5 * (w * a + j * c_ - k * b)
+            r[2] = start[2] + ahead * 0.5 * (w * b + k * a - i * c_)
+            r[3] = start[3] + ahead * 0.5 * (w * c_ + i * b - j * a)
+            for row in range(3):
+                r[4 + row] = start[4 + row] + ahead * (
+                    J_inv[row, 0] * tx + J_inv[row, 1] * ty + J_inv[row, 2] * tz
+                )
+            for row in range(7):
+                for col in range(10):
+                    total[row, col] += weight * rate[row, col]
+                    D[row, col] = ahead * rate[row, col]
+                D[row, row] += 1.0
+        push_v, push_p = sixth * u[n, 0] / mass, step * sixth * u[n, 0] / mass
+        for row in range(3):
+            Fx[n, row, row], Fx[n, row, 7 + row], Fx[n, 7 + row, 7 + row] = 1.0, step, 1.0
+            Fx[n, row, 13 + row], Fx[n, 7 + row, 13 + row] = 0.5 * step * step / mass, step / mass
+            Fu[n, row, 0], Fu[n, 7 + row, 0] = step * sixth * axis_p[row] / mass, sixth * axis_v[row] / mass
+            _place(Fx[n, row], Fu[n, row], in_p[row], push_p)
+            _place(Fx[n, 7 + row], Fu[n, 7 + row], in_v[row], push_v)
+            _place(Fx[n, 10 + row], Fu[n, 10 + row], total[4 + row], sixth)
+            Fx[n, 10 + row, 10 + row] += 1.0
+        for row in range(4):
+            _place(Fx[n, 3 + row], Fu[n, 3 + row], total[row], sixth)
+            Fx[n, 3 + row, 3 + row] += 1.0
+
+
+@compiled
+def _place(row_x, row_u, over, factor):
+    """Write `factor` times the derivatives over (q, w, tau) (10,) to a row over [x, chi] and one over u."""
+    for col in range(4):
+        row_x[3 + col] = factor * over[col]
+    for col in range(3):
+        row_x[10 + col] = factor * over[4 + col]
+        row_x[16 + col] = factor * over[7 + col]
+        row_u[1 + col] = factor * over[7 + col]
+
+
+@compiled
+def _rotation_jacobian(r, J, J_inv, M, turn):
+    """Write the Jacobian M (7, 7) of the rate of (q, w) at r (7,); `turn` (3, 3) is a workspace."""
+    w, i, j, k, a, b, c = r[0], r[1], r[2], r[3], r[4], r[5], r[6]
+    M[0, 1], M[0, 2], M[0, 3] = -0.5 * a, -0.5 * b, -0.5 * c
+    M[1, 0], M[1, 2], M[1, 3] = 0.5 * a, 0.5 * c, -0.5 * b
+    M[2, 0], M[2, 1], M[2, 3] = 0.5 * b, -0.5 * c, 0.5 * a
+    M[3, 0], M[3, 1], M[3, 2] = 0.5 * c, 0.5 * b, -0.5 * a
+    M[0, 4], M[0, 5], M[0, 6] = -0.5 * i, -0.5 * j, -0.5 * k
+    M[1, 4], M[1, 5], M[1, 6] = 0.5 * w, -0.5 * k, 0.5 * j
+    M[2, 4], M[2, 5], M[2, 6] = 0.5 * k, 0.5 * w, -0.5 * i
+    M[3, 4], M[3, 5], M[3, 6] = -0.5 * j, 0.5 * i, 0.5 * w
+    hx = J[0, 0] * a + J[0, 1] * b + J[0, 2] * c
+    hy = J[1, 0] * a + J[1, 1] * b + J[1, 2] * c
+    hz = J[2, 0] * a + J[2, 1] * b + J[2, 2] * c
+    for col in range(3):  # -(w x J - (J w) x)
+        turn[0, col] = c * J[1, col] - b * J[2, col]
+        turn[1, col] = a * J[2, col] - c * J[0, col]
+        turn[2, col] = b * J[0, col] - a * J[1, col]
+    turn[0, 1] -= hz
+    turn[0, 2] += hy
+    turn[1, 0] += hz
+    turn[1, 2] -= hx
+    turn[2, 0] -= hy
+    turn[2, 1] += hx
+    for row in range(3):
+        for col in range(3):
+            M[4 + row, 4 + col] = (
+                J_inv[row, 0] * turn[0, col] + J_inv[row, 1] * turn[1, col] + J_inv[row, 2] * turn[2, col]
+            )

@@ -7,9 +7,8 @@ from functools import lru_cache
 import numpy as np
 from scipy.linalg import solve_discrete_are
 
-from np_drake.compiled import finite
+from np_drake.compiled import compiled, finite
 from np_drake.mpc.dynamics import DiscreteDynamics
-from np_drake.mpc.kernels import horizon as kernel
 from np_drake.mpc.problem import MpcConfig, MpcProblem, SolverFailure
 from np_drake.residual_model import Reaction, WrenchForecast
 from np_drake.rigid_body import INPUT_SIZE, STATE_SIZE, WRENCH_SIZE
@@ -25,11 +24,16 @@ class TerminalWeight:
 
     `riccati`: the hover solution holds in the frame of the reference: position and velocity errors are turned
     into its heading, the attitude error is q_ref^* (q - q_ref); its vector part is among the controllable states.
+
+    Args:
+        vehicle: nominal.
+        config: with the kind of terminal weight.
     """
 
     def __init__(self, vehicle: Vehicle, config: MpcConfig):
         self._turns = config.terminal != "scaled"
         P = hover_solution(vehicle, config)[0] if self._turns else np.diag(config.P)
+        # Cholesky factor F with F'F = P, so that the terminal cost is |F e_N|²
         self._root = np.linalg.cholesky(P + _DEFINITE * P.max() * np.eye(len(P))).T
 
     def factor(self, q_ref: np.ndarray) -> np.ndarray:
@@ -49,6 +53,10 @@ def hover_solution(vehicle: Vehicle, config: MpcConfig) -> tuple[np.ndarray, np.
     """Return the Riccati cost-to-go (13, 13) and the feedback (4, 13) at hover with heading 0.
 
     The feedback acts as u = u_ref - feedback @ e_x.
+
+    Args:
+        vehicle: nominal.
+        config: weights and step.
     """
     key = (
         vehicle.mass,
@@ -72,6 +80,7 @@ def _solve(mass, gravity, J, step, Q, R) -> tuple[np.ndarray, np.ndarray]:
     A, B = model.Fx[0][np.ix_(keep, keep)], model.Fu[0][keep]
     P = np.zeros((13, 13))
     P[3, 3] = q[3]
+    # Riccati: S = Q + A'SA - A'SB (R + B'SB)^-1 B'SA is the cost-to-go of the feedback K = (R + B'SB)^-1 B'SA
     P[np.ix_(keep, keep)] = S = solve_discrete_are(A, B, np.diag(np.maximum(q[keep], _FLOOR)), r)
     feedback = np.zeros((4, 13))
     feedback[:, keep] = np.linalg.solve(r + B.T @ S @ B, B.T @ S @ A)
@@ -82,24 +91,27 @@ def _solve(mass, gravity, J, step, Q, R) -> tuple[np.ndarray, np.ndarray]:
 class Horizon:
     """Problem data as the solvers read them; N stages.
 
-    x0: (13,) unit quaternion.   x_ref: (N+1, 13) on the hemisphere of x0.   u_ref: (N, 4) [N, N·m].
-    P: (13, 13) terminal weight of this problem's last reference attitude.   P_root: (13, 13), F with F'F = P.
-    free: (N, 6) wrench with zeta = 0.   markov: (6, 6(N-1)) = [C A^(N-2) B … C B]; with the predicted zeta
-    chi_i = free_i + markov[:, -6i:] @ [zeta_0 … zeta_(i-1)] + reaction(zeta_i).
+    markov: (6, 6(N-1)) = [C A^(N-2) B … C B]; with the predicted zeta chi_i = free_i + markov[:, -6i:] @ [zeta_0 …
+    zeta_(i-1)] + reaction(zeta_i).
     """
 
-    x0: np.ndarray
-    x_ref: np.ndarray
-    u_ref: np.ndarray
-    P: np.ndarray
-    P_root: np.ndarray
-    free: np.ndarray
+    x0: np.ndarray  # (13,) unit quaternion
+    x_ref: np.ndarray  # (N+1, 13) on the hemisphere of x0
+    u_ref: np.ndarray  # (N, 4) [N, N·m]
+    P: np.ndarray  # (13, 13) terminal weight of this problem's last reference attitude
+    P_root: np.ndarray  # (13, 13), F with F'F = P
+    free: np.ndarray  # (N, 6) wrench with zeta = 0
     markov: np.ndarray
     reaction: Reaction | None = None
 
 
 class Preparation:
-    """Preparation of the problems of one vehicle and configuration."""
+    """Preparation of the problems of one vehicle and configuration.
+
+    Args:
+        vehicle: nominal.
+        config: weights and horizon.
+    """
 
     def __init__(self, vehicle: Vehicle, config: MpcConfig):
         n = config.horizon
@@ -119,7 +131,7 @@ class Preparation:
         if norm < 1e-6:
             raise SolverFailure("MPC: the quaternion of x0 must not be zero; check the state estimate.")
         x0[3:7] /= norm
-        kernel.one_hemisphere(x_ref[:, 3:7], x0[3:7])
+        _one_hemisphere(x_ref[:, 3:7], x0[3:7])
         if np.shape(f.offset) != (self._horizon, WRENCH_SIZE):
             raise SolverFailure(_wrong_shape("forecast.offset", f.offset, (self._horizon, WRENCH_SIZE)))
         free, markov = eliminate(f, markov)
@@ -141,11 +153,11 @@ def eliminate(f: WrenchForecast, markov: np.ndarray | None = None) -> tuple[np.n
     free = _checked("forecast.offset", f.offset, (n, WRENCH_SIZE))
     A, B, C, z = (_checked(f"forecast.{name}", getattr(f, name), shape) for name, shape in shapes.items())
     if markov is not None:
-        kernel.free_response(A, C, z, free)
+        _free_response(A, C, z, free)
         return free, markov
     markov = np.empty((WRENCH_SIZE, WRENCH_SIZE * (n - 1) if K else 0))
     if K:
-        kernel.eliminate(A, B, C, z, free, markov)
+        _eliminate(A, B, C, z, free, markov)
     return free, markov
 
 
@@ -164,3 +176,63 @@ def _checked(name: str, value: np.ndarray, shape: tuple[int, ...]) -> np.ndarray
 
 def _wrong_shape(name: str, value: np.ndarray, shape: tuple[int, ...]) -> str:
     return f"MPC: {name} must have shape {shape}; got {np.shape(value)}."
+
+
+@compiled
+def _one_hemisphere(q, q_near):
+    """Flip quaternions q (n, 4) in place so that each lies near its predecessor, the first near `q_near` (4,)."""
+    w, x, y, z = q_near[0], q_near[1], q_near[2], q_near[3]
+    for i in range(len(q)):
+        if q[i, 0] * w + q[i, 1] * x + q[i, 2] * y + q[i, 3] * z < 0:
+            for c in range(4):
+                q[i, c] = -q[i, c]
+        w, x, y, z = q[i, 0], q[i, 1], q[i, 2], q[i, 3]
+
+
+@compiled
+def _eliminate(A, B, C, z, free, markov):
+    """Add C A^i z to free (N, 6), and write markov (6, 6(N-1)) = [C A^(N-2) B … C B]; K > 0."""
+    K, n = len(z), len(free)
+    # chi_i = C A^i z + sum_(j<i) C A^(i-1-j) B zeta_j: the powers of A act on [B z] alone
+    powers, ahead, response = np.empty((K, 7)), np.empty((K, 7)), np.empty((6, 7))  # A^i [B z]
+    powers[:, :6], powers[:, 6] = B, z
+    for i in range(n):
+        if i:
+            _times(A, powers, ahead)
+            powers, ahead = ahead, powers
+        _times(C, powers, response)
+        at = 6 * (n - 2 - i)
+        for row in range(6):
+            free[i, row] += response[row, 6]
+            if at >= 0:
+                for col in range(6):
+                    markov[row, at + col] = response[row, col]
+
+
+@compiled
+def _times(A, B, out):
+    """Write A B with B (K, 7); sums in registers make it faster than the library at this width."""
+    for row in range(len(A)):
+        a = b = c = d = e = f = g = 0.0
+        for s in range(len(B)):
+            k = A[row, s]
+            a, b, c, d = a + k * B[s, 0], b + k * B[s, 1], c + k * B[s, 2], d + k * B[s, 3]
+            e, f, g = e + k * B[s, 4], f + k * B[s, 5], g + k * B[s, 6]
+        out[row, 0], out[row, 1], out[row, 2], out[row, 3] = a, b, c, d
+        out[row, 4], out[row, 5], out[row, 6] = e, f, g
+
+
+@compiled
+def _free_response(A, C, z, free):
+    """Add C A^i z to free (N, 6)."""
+    now, ahead = z.copy(), np.empty(len(z))
+    for i in range(len(free)):
+        for row in range(6):
+            for s in range(len(z)):
+                free[i, row] += C[row, s] * now[s]
+        for row in range(len(z)):
+            total = 0.0
+            for s in range(len(z)):
+                total += A[row, s] * now[s]
+            ahead[row] = total
+        now, ahead = ahead, now

@@ -35,6 +35,11 @@ class IpoptCondensedSolver:
     Past `time_limit` [s], and where sets are active on which SQP does better, the SQP answer is used
     (SQP_FALLBACK). Rows that turn out violated are added and the problem is solved again; on the iteration
     limit it is preconditioned anew. With `time_limit` = inf the answer does not depend on the machine.
+
+    Args:
+        vehicle: nominal.
+        config: weights, sets and horizon.
+        time_limit: of a solve [s].
     """
 
     name = "ipopt"
@@ -117,12 +122,18 @@ class Preconditioned:
 
     The Hessian over w starts as the identity, which is the start of IPOPT's limited memory. Slacks are scaled to unit
     curvature too, and only come in where a soft row is near activity.
+
+    Args:
+        condensed: the reduced problem.
+        h: the problem made ready.
+        t_0: trajectory at which the Hessian is factored.
     """
 
     def __init__(self, condensed: Condensed, h: Horizon, t_0: Trajectory):
         self._c, self._h, self._T_0 = condensed, h, t_0.T.ravel()
         S = condensed.sensitivities(h, t_0)
         hessian = condensed.hessian(h, S)
+        # T = T_0 + L^-T w with LL' = H, so that the Hessian over w is the identity at T_0
         factor, info = lapack.dpotrf(hessian, lower=1)
         factor = np.diag(np.sqrt(np.diag(hessian))) if info else factor
         self._M = lapack.dtrtri(factor, lower=1)[0].T  # L^-T

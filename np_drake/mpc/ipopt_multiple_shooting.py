@@ -65,7 +65,12 @@ class StackedStages:
         return self.evaluate(h, rng.normal(size=self.size))[1] != 0
 
     def evaluate(self, h: Horizon, values: np.ndarray) -> tuple[Any, np.ndarray]:
-        """Return the rows (26N+1,) and their Jacobian (26N+1, size), in physical units."""
+        """Return the rows (26N+1,) and their Jacobian (26N+1, size), in physical units.
+
+        Args:
+            h: the problem made ready.
+            values: (size,) in physical units.
+        """
         n = self._n
         u, chi, s = values[self.u].reshape(n, 4), values[self.chi].reshape(n, 6), values[self.s]
         x = np.vstack([h.x0, values[self.x].reshape(n, 13)])
@@ -154,6 +159,10 @@ class IpoptMultipleShootingSolver:
     """Solver by multiple shooting with IPOPT.
 
     Decision y: physical values [u, x_1 … x_N, chi, slacks] = centre + scale * y.
+
+    Args:
+        vehicle: nominal.
+        config: weights, sets and horizon.
     """
 
     name = "ipopt_multiple_shooting"

@@ -14,18 +14,24 @@ own choice.
 """
 
 import dataclasses as dc
+import math
 
 import numpy as np
 
+from np_drake.compiled import compiled
 from np_drake.mpc.horizon import Horizon
-from np_drake.mpc.kernels import condensing, merit
 from np_drake.mpc.problem import MpcConfig
 
 LATERAL = slice(0, 2)  # f_x and f_y within chi
 
 
 def swing_cost(chi: np.ndarray, weight: float) -> float:
-    """Return the cost of the lateral force in the predicted wrench chi (N, 6) [N, N·m] at `weight` [1/N²]."""
+    """Return the cost of the lateral force in a predicted wrench [1].
+
+    Args:
+        chi: (N, 6) [N, N·m].
+        weight: [1/N²].
+    """
     return float(weight * np.sum(chi[:, LATERAL] ** 2))
 
 
@@ -61,7 +67,7 @@ class SoftRows:
     def slacks(self, d: np.ndarray) -> np.ndarray:
         """Return the smallest slacks (3,) of the linearised rows at d (n,)."""
         slacks = np.empty(KINDS)
-        merit.slacks(self.excess + self.jacobian @ d, self.kind, slacks)
+        _slacks(self.excess + self.jacobian @ d, self.kind, slacks)
         return slacks
 
 
@@ -81,44 +87,132 @@ class Objective:
 
         Args: x: (N+1, 13).   u: (N, 4) [N, N·m].   chi: (N, 6) [N, N·m].
         """
-        tracking = merit.tracking_cost(x, h.x_ref, u, h.u_ref, self._Q, self._R, h.P)
+        tracking = _tracking_cost(x, h.x_ref, u, h.u_ref, self._Q, self._R, h.P)
         return float(tracking) + swing_cost(chi, self.config.weight_swing)
 
     def excess(self, h: Horizon, x: np.ndarray) -> np.ndarray:
         """Return by how much x_1 … x_N leave the sets, (4N+1,): 3N velocities, N tilts, the terminal ellipsoid.
 
         The measured x_0 is left out.
+
+        Args:
+            h: the problem made ready.
+            x: (N+1, 13).
         """
         c, excess = self.config, np.empty(4 * len(x) - 3)
         sizes = (c.max_speed, self.min_cosine, c.terminal_radius)
-        merit.excess(x, h.x_ref[-1], h.P, *sizes, self.softening, excess)
+        _excess(x, h.x_ref[-1], h.P, *sizes, self.softening, excess)
         return excess
 
     def slacks(self, excess: np.ndarray) -> np.ndarray:
         """Return the smallest slacks (3,) that an excess (4N+1,) allows."""
         slacks = np.empty(KINDS)
-        merit.slacks(excess, self.kind, slacks)
+        _slacks(excess, self.kind, slacks)
         return slacks
 
     def terminal_norm(self, h: Horizon, x_N: np.ndarray) -> float:
-        """Return sqrt(e' P_f e) with P_f = P / P_xx, smooth at zero [m]."""
+        """Return sqrt(e' P_f e) with P_f = P / P_xx, smooth at zero [m].
+
+        Args:
+            h: the problem made ready.
+            x_N: (13,) last state.
+        """
         e = x_N - h.x_ref[-1]
         return float(np.sqrt(e @ h.P @ e / h.P[0, 0] + self.softening))
 
     def rows(self, h: Horizon, x: np.ndarray, S: np.ndarray) -> SoftRows:
-        """Return all set rows at x, linearised by the sensitivities S (N, 13, n) of x_1 … x_N.
+        """Return all set rows at x, linearised.
 
         The velocity box has one row a component, on the side where the velocity lies.
+
+        Args:
+            h: the problem made ready.
+            x: (N+1, 13).
+            S: (N, 13, n) sensitivities of x_1 … x_N.
         """
         far = (x[-1] - h.x_ref[-1]) @ h.P / (h.P[0, 0] * self.terminal_norm(h, x[-1]))
         jacobian = np.zeros((len(self.kind), S.shape[2]))
-        condensing.row_jacobian(x, S, far, jacobian)
+        _row_jacobian(x, S, far, jacobian)
         return SoftRows(self.excess(h, x), jacobian, self.kind)
 
 
 def penalty(slack: np.ndarray, slack_weight: float) -> float:
-    """Return the penalty of the slacks (3,) at a weight `slack_weight` [1]."""
+    """Return the penalty of the slacks [1].
+
+    Args:
+        slack: (3,) [in each set's unit].
+        slack_weight: [1 per unit of the set].
+    """
     total = 0.0
     for s in slack.tolist():
         total += s + QUADRATIC * s * s
     return slack_weight * total
+
+
+@compiled
+def _tracking_cost(x, x_ref, u, u_ref, Q, R, P):
+    """Return the cost of errors of x (N+1, 13) and u (N, 4) with diagonal Q (13,), R (4,) and terminal P (13, 13)."""
+    cost, n = 0.0, len(u)
+    for i in range(n):
+        for c in range(13):
+            e = x[i, c] - x_ref[i, c]
+            cost += Q[c] * e * e
+        for c in range(4):
+            e = u[i, c] - u_ref[i, c]
+            cost += R[c] * e * e
+    return cost + _energy(x[n], x_ref[n], P)
+
+
+@compiled
+def _energy(x, x_ref, P):
+    energy = 0.0
+    for r in range(13):
+        for c in range(13):
+            energy += (x[r] - x_ref[r]) * P[r, c] * (x[c] - x_ref[c])
+    return energy
+
+
+@compiled
+def _excess(x, x_ref_end, P, max_speed, min_cosine, radius, softening, out):
+    """Write by how much x_1 … x_N leave velocity box (3N), tilt (N) and terminal ellipsoid to out (4N+1,)."""
+    n = len(x) - 1
+    for i in range(n):
+        for axis in range(3):
+            out[3 * i + axis] = abs(x[i + 1, 7 + axis]) - max_speed
+        w, a, b, c = x[i + 1, 3], x[i + 1, 4], x[i + 1, 5], x[i + 1, 6]
+        out[3 * n + i] = min_cosine - (w * w - a * a - b * b + c * c)
+    out[4 * n] = math.sqrt(_energy(x[n], x_ref_end, P) / P[0, 0] + softening) - radius
+
+
+@compiled
+def _slacks(excess, kind, out):
+    """Write the smallest slacks (kinds,) that an excess (m,) of the given kinds (m,) allows; NaN stays NaN."""
+    out[:] = 0.0
+    for row in range(len(excess)):
+        if not excess[row] <= out[kind[row]]:
+            out[kind[row]] = excess[row]
+
+
+@compiled
+def _row_jacobian(x, S, far, jacobian):
+    """Write the Jacobian of all soft rows (4N+1, 4N) by the sensitivities S (N, 13, 4N); columns of later inputs stay.
+
+    x: (N+1, 13).   far: (13,) gradient of the last row over x_N.
+    """
+    n = len(S)
+    for i in range(n):
+        size = 4 * i + 4
+        for axis in range(3):
+            sign = -1.0 if x[i + 1, 7 + axis] < 0 else 1.0
+            for col in range(size):
+                jacobian[3 * i + axis, col] = sign * S[i, 7 + axis, col]
+        w, a, b, c = -2 * x[i + 1, 3], 2 * x[i + 1, 4], 2 * x[i + 1, 5], -2 * x[i + 1, 6]
+        for col in range(size):
+            jacobian[3 * n + i, col] = (
+                w * S[i, 3, col] + a * S[i, 4, col] + b * S[i, 5, col] + c * S[i, 6, col]
+            )
+    for col in range(4 * n):
+        jacobian[4 * n, col] = 0.0
+    for row in range(13):
+        for col in range(4 * n):
+            jacobian[4 * n, col] += far[row] * S[n - 1, row, col]

@@ -9,7 +9,7 @@ from np_drake.mpc.problem import MpcSolution, MpcStatus
 
 
 @compiled
-def blend(values, whole, part, out):
+def _blend_rows(values, whole, part, out):
     """Write rows (n, m) as seen `whole` steps and a share `part` of one later; beyond the end the last row holds."""
     last = len(values) - 1
     for i in range(len(values)):
@@ -19,7 +19,7 @@ def blend(values, whole, part, out):
 
 
 @compiled
-def normalise_quaternions(x):
+def _normalise_quaternions(x):
     """Scale the quaternions of states x (n, 13) to unit length, in place."""
     for i in range(len(x)):
         size = math.sqrt(x[i, 3] * x[i, 3] + x[i, 4] * x[i, 4] + x[i, 5] * x[i, 5] + x[i, 6] * x[i, 6])
@@ -28,12 +28,16 @@ def normalise_quaternions(x):
 
 
 def shift(plan: MpcSolution, *, elapsed: float, step: float) -> MpcSolution:
-    """Return the plan as seen `elapsed` seconds later, on a grid of the same `step` [s].
+    """Return the plan as seen later, on the same grid.
 
     Inputs and wrenches are held over a stage, so a new stage takes their time average over its own span:
     exact for whole steps, and within the input set for any, which is convex. States are interpolated
     (quaternions normalised). Beyond its end the plan holds its last input and state.
 
+    Args:
+        plan: at its beginning.
+        elapsed: time since then [s].
+        step: of the plan [s].
     Raises: ValueError: if elapsed is negative or step is not positive.
     """
     if elapsed < 0 or step <= 0:
@@ -42,7 +46,7 @@ def shift(plan: MpcSolution, *, elapsed: float, step: float) -> MpcSolution:
         )
     whole, part = _split(elapsed / step)
     x = _blend(plan.x, whole, part)
-    normalise_quaternions(x)
+    _normalise_quaternions(x)
     return MpcSolution(
         u=_blend(plan.u, whole, part),
         x=x,
@@ -65,5 +69,5 @@ def _split(ratio: float) -> tuple[int, float]:
 
 def _blend(values: np.ndarray, whole: int, part: float) -> np.ndarray:
     out = np.empty(np.shape(values))
-    blend(np.ascontiguousarray(values, float), whole, part, out)
+    _blend_rows(np.ascontiguousarray(values, float), whole, part, out)
     return out

@@ -99,35 +99,27 @@ class MpcStatus(IntEnum):
 
 @dc.dataclass(frozen=True)
 class MpcProblem:
-    """One receding-horizon problem.
+    """One receding-horizon problem."""
 
-    x0: (13,) measured state.   x_ref: (N+1, 13), u_ref: (N, 4) references, already shifted with chi_hat.
-    forecast: the residual wrench over the horizon, at the MPC's step.   t: time of the measurement [s].
-    """
-
-    x0: np.ndarray
-    x_ref: np.ndarray
-    u_ref: np.ndarray
-    forecast: WrenchForecast
-    t: float = 0.0
+    x0: np.ndarray  # (13,) measured state
+    x_ref: np.ndarray  # (N+1, 13) reference, already shifted with chi_hat
+    u_ref: np.ndarray  # (N, 4) likewise [N, N·m]
+    forecast: WrenchForecast  # the residual wrench over the horizon, at the MPC's step
+    t: float = 0.0  # time of the measurement [s]
 
 
 @dc.dataclass(frozen=True)
 class MpcSolution:
-    """Plan of a solver over the horizon.
+    """Plan of a solver over the horizon."""
 
-    u: (N, 4) [N, N·m].   x: (N+1, 13).   chi: (N, 6) [N, N·m].   cost: [1].   violation: largest of the soft sets
-    [in each set's unit].   solve_time: [s].   iterations: of the outer method.
-    """
-
-    u: np.ndarray
-    x: np.ndarray
-    chi: np.ndarray
+    u: np.ndarray  # (N, 4) [N, N·m]
+    x: np.ndarray  # (N+1, 13)
+    chi: np.ndarray  # (N, 6) [N, N·m]
     status: MpcStatus  # origin of the answer
-    cost: float
-    violation: float
-    solve_time: float
-    iterations: int
+    cost: float  # [1]
+    violation: float  # largest of the soft sets [in each set's unit]
+    solve_time: float  # [s]
+    iterations: int  # of the outer method
 
 
 class SolverFailure(RuntimeError):
@@ -143,8 +135,11 @@ class MpcSolver(Protocol):
     name: str
 
     def solve(self, problem: MpcProblem, warm_start: MpcSolution | None = None) -> MpcSolution:
-        """Solve one problem, from a warm start where one is given.
+        """Solve one problem.
 
+        Args:
+            problem: of this instant.
+            warm_start: an earlier plan, shifted to now; None: there is none.
         Raises: SolverFailure: if no usable answer was found.
         """
         ...

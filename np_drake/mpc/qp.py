@@ -49,7 +49,13 @@ class Step:
 
 
 class QpSolver:
-    """Solver of the quadratic programs of one problem size."""
+    """Solver of the quadratic programs of one problem size.
+
+    Args:
+        size: of the step d [1].
+        rows: of the soft sets [1].
+        slack_weight: price of the slacks [1 per unit of the set].
+    """
 
     def __init__(self, size: int, rows: int, slack_weight: float):
         self._osqp, self._clarabel = OsqpSolver(), ClarabelSolver()
@@ -126,6 +132,7 @@ def active_set(
         free = np.flatnonzero(~(low | high))
         d = np.where(low, lower, np.where(high, upper, 0.0))
         if len(free):
+            # On the free set f, the others at their bounds: H_ff d_f = -(g + H d_bound)_f
             pull = (g + blas.dsymv(1.0, H, d, lower=1))[free]
             inner = Curvature(np.asfortranarray(H[np.ix_(free, free)]))
             if inner.factor is None:
@@ -151,13 +158,25 @@ class BoxProgram:
         self._box = self.prog.AddBoundingBoxConstraint(np.zeros(size), np.zeros(size), self.d).evaluator()
 
     def update(self, H: np.ndarray, g: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> None:
-        """Replace the data and keep the structure."""
+        """Replace the data and keep the structure.
+
+        Args:
+            H: (n, n).
+            g: (n,).
+            lower, upper: (n,) bounds of d [N].
+        """
         self._cost.UpdateCoefficients(H, g, 0.0, is_convex=True)
         self._box.set_bounds(lower, upper)
 
 
 class SoftProgram(BoxProgram):
-    """Quadratic program over a box with a fixed number of soft rows and one slack a kind."""
+    """Quadratic program over a box with a fixed number of soft rows and one slack a kind.
+
+    Args:
+        size: of the step d [1].
+        rows: of the soft sets [1].
+        slack_weight: price of the slacks [1 per unit of the set].
+    """
 
     def __init__(self, size: int, rows: int, slack_weight: float):
         super().__init__(size)
@@ -173,7 +192,12 @@ class SoftProgram(BoxProgram):
         self._rows = self.prog.AddLinearConstraint(self._D, self._low, np.zeros(rows), variables).evaluator()
 
     def update(self, H, g, lower, upper, rows: SoftRows | None = None) -> None:
-        """Replace the data and keep the structure, with as many rows as the program was built for."""
+        """Replace the data and keep the structure.
+
+        Args:
+            H, g, lower, upper: as of `BoxProgram`.
+            rows: as many as the program was built for.
+        """
         super().update(H, g, lower, upper)
         if rows is not None:
             self._D[:, : self._size] = rows.jacobian

@@ -20,16 +20,13 @@ _SETTLED = 1e-3  # of the tolerance: further steps would change nothing
 
 @dc.dataclass(frozen=True)
 class Prepared:
-    """Problem linearised around a trajectory; valid until its solver prepares or solves the next.
-
-    sensitivities: (N, 13, 4N) of x_1 … x_N over the rotor thrusts [1/N].   cold: whether no plan was at hand.
-    """
+    """Problem linearised around a trajectory; valid until its solver prepares or solves the next."""
 
     horizon: Horizon
     trajectory: Trajectory
-    sensitivities: np.ndarray
+    sensitivities: np.ndarray  # (N, 13, 4N) of x_1 … x_N over the rotor thrusts [1/N]
     curvature: Curvature
-    cold: bool = False
+    cold: bool = False  # whether no plan was at hand
 
 
 class SqpSolver:
@@ -41,6 +38,13 @@ class SqpSolver:
 
     `solve` answers a problem that is known now. `prepare` and `feedback` are its two halves: the first linearises
     around the state that is predicted, before the measurement; the second takes one step from what was measured.
+
+    Args:
+        vehicle: nominal.
+        config: weights, sets and horizon.
+        steps: of a solve from a warm start that meets its tolerance [1].
+        max_steps: of any solve [1].
+        time_limit: after which no step is begun [s].
     """
 
     name = "sqp"
@@ -91,6 +95,10 @@ class SqpSolver:
         Measurement, references and the forecast's z and offset are those of the problem, and its A, B and C enter what
         the wrench does without feedback. What the planned motion makes of the wrench is as prepared. A cold start needs
         more than one step: it is solved in full.
+
+        Args:
+            prepared: of `prepare`.
+            problem: as it was measured.
         Raises: SolverFailure: on NaN, wrong shapes or a forecast that overflows.
         """
         if prepared.cold:
@@ -128,6 +136,10 @@ class SqpSolver:
     def step(self, h: Horizon, t: Trajectory, time_limit: float) -> tuple[Trajectory, float]:
         """Take one step that never raises the merit.
 
+        Args:
+            h: the problem made ready.
+            t: trajectory from which the step is taken.
+            time_limit: of the quadratic program [s].
         Returns: the new trajectory, and the error of the local model's decrease against the true one.
         """
         return self._step(self._linearise(h, t), time_limit)
@@ -142,18 +154,23 @@ class SqpSolver:
         flat = t.T.ravel()
         top = self.condensed.vehicle.max_rotor_thrust
         step = self._qp.solve(model, -flat, top - flat, time_limit)
-        foretold, size = step.decrease, 1.0
+        predicted, size = step.decrease, 1.0
         for _ in range(_BACKTRACKS):
             new = self.condensed.rollout(h, self.condensed.clip(t.T + size * step.d.reshape(-1, 4)))
             if new.finite and new.merit <= t.merit:
-                return new, abs(foretold - (t.merit - new.merit))
+                return new, abs(predicted - (t.merit - new.merit))
             size *= 0.35
-        return t, max(foretold, 0.0)
+        return t, max(predicted, 0.0)
 
 
 def as_solution(t: Trajectory, status: MpcStatus, iterations: int, solve_time: float) -> MpcSolution:
     """Return a trajectory as a solution.
 
+    Args:
+        t: trajectory of the answer.
+        status: origin of the answer.
+        iterations: of the outer method [1].
+        solve_time: [s].
     Raises: SolverFailure: if the predicted motion is not finite.
     """
     if not t.finite:

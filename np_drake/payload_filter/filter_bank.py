@@ -1,7 +1,7 @@
 """Bank of pendulums of different lengths under a vehicle: priors, one filter step, and their weights.
 
 Each member tracks a tether that it takes to be of its own length, or a vehicle that carries nothing, in one of three
-conditions: calm, gusty air, or a payload that is being pushed (`pendulum_kernel`). Conditions change, so that members
+conditions: calm, gusty air, or a payload that is being pushed (`kernel`). Conditions change, so that members
 of one length interact; lengths do not, and their weights are those of Bayes with a small chance of a change. Where no
 member explains a sample, the payload was attached, lost or snapped taut: what is known of it is then forgotten.
 """
@@ -41,9 +41,8 @@ class Prior:
         return Prior(self.mean * factor, self.deviation * factor)
 
 
-NO_MASS = Prior(
-    0.0, 1e-6
-)  # of a vehicle that carries nothing; source: own choice, a deviation that divides [1]
+# Mass of a vehicle that carries nothing, over its own [1]; own choice of a deviation by which one can divide
+NO_MASS = Prior(0.0, 1e-6)
 
 
 def carries(members: int) -> np.ndarray:
@@ -63,9 +62,8 @@ class BankOptions:
 
     lengths: tuple[float, ...] = (0.3, 0.5, 0.85, 1.42, 2.4)  # of the members [m]
     log_length: float = 0.26  # deviation of a member's logarithm of length [1]
-    bare: float = (
-        1 / 6
-    )  # probability that the vehicle carries nothing: as likely as a tether of each length [1]
+    # Probability that the vehicle carries nothing: as likely as a tether of each length [1]
+    bare: float = 1 / 6
     mass: Prior = Prior(0.1, 0.15)  # of the payload, share of the vehicle's [1]
     damping: Prior = Prior(0.05, 0.1)  # drag of the payload over its mass [1/s]
     thrust_error: Prior = Prior(0.0, 0.1)  # [1]
@@ -76,11 +74,8 @@ class BankOptions:
     memory: float = 20.0  # over which parameters return to their prior [s]
     tilt: float = 0.1  # deviation of the tether from the vertical at the start [rad]
     lost_tilt: float = 0.5  # deviation after a jump [rad]
-    swing_noise: tuple[float, ...] = (
-        1e-4,
-        0.1,
-        2.0,
-    )  # power of what pushes the payload, by condition [m²/s³]
+    # Power of what pushes the payload, by condition [m²/s³]
+    swing_noise: tuple[float, ...] = (1e-4, 0.1, 2.0)
     duration: tuple[float, ...] = (20.0, 5.0, 0.5)  # of a condition, after which either other begins [s]
     change: float = 0.02  # rate at which the length changes, or a payload comes or goes [1/s]
     jump: float = (
@@ -110,9 +105,8 @@ class PendulumBank:
 
     def __init__(self, options: BankOptions, *, step: float, gravity: float):
         self.options, self.step, self.gravity = options, step, gravity
-        bare = float(
-            np.exp(np.mean(np.log(options.lengths)))
-        )  # without a meaning, so that of none in particular
+        # The length of a member without a payload means nothing: the geometric mean of the others
+        bare = float(np.exp(np.mean(np.log(options.lengths))))
         lengths = (*options.lengths, bare)
         self.lengths = np.tile(np.array(lengths, float), len(CONDITIONS))
         self._condition = np.repeat(np.arange(len(CONDITIONS)), len(lengths))
@@ -201,20 +195,14 @@ class PendulumBank:
     ) -> Memory:
         """Return the memory after one step and one label; it starts anew where numbers overflow.
 
-        Args: drive, now: (9,) as of `pendulum_kernel.filter_bank`.   label: (3,) force per mass, NaN where there is
+        Args: drive, now: (9,) as of `kernel.filter_bank`.   label: (3,) force per mass, NaN where there is
         none [m/s²].   variance: (3,) of its noise [m²/s⁴].
         """
         mean, covariance, weight = (np.empty_like(memory[name]) for name in ("mean", "covariance", "weight"))
         mix_bank(
-            memory["mean"],
-            memory["covariance"],
-            memory["weight"],
-            self._transition,
-            self._rise,
-            mean,
-            covariance,
-            weight,
-        )
+            memory["mean"], memory["covariance"], memory["weight"], self._transition, self._rise, mean,
+            covariance, weight,
+        )  # fmt: skip
         predicted, spread = np.empty_like(mean), np.empty_like(covariance)
         updated, narrowed = np.empty_like(mean), np.empty_like(covariance)
         likelihood, distance = np.empty_like(weight), np.empty_like(weight)
@@ -230,6 +218,7 @@ class PendulumBank:
             return self.initial_memory()
         with np.errstate(divide="ignore"):  # of a member without weight
             score = np.log(weight) + likelihood
+        # Bayes: weight times likelihood, less the largest logarithm, so that nothing underflows
         weight = np.exp(score - score.max())
         stay = np.exp(-self.step * self.options.change)
         weight = stay * weight / weight.sum() + (1 - stay) * self._first_weight * self._likely(updated)

@@ -6,20 +6,12 @@ import numpy as np
 
 from np_drake.compiled import compiled, turned
 from np_drake.effects.pendulum import leapfrog
-from np_drake.payload_filter.kernel import (
-    DAMPING,
-    DRAG,
-    LOG_LENGTH,
-    MASS,
-    PUSH,
-    THRUST_ERROR,
-    tether_rate,
-)
+from np_drake.payload_filter.kernel import DAMPING, DRAG, LOG_LENGTH, MASS, PUSH, THRUST_ERROR, tether_rate
 
 
 @compiled
 def drives(before, x, hook, over_step, now, step, drive, end):
-    """Write what moves a pendulum over a step (9,) and at its end (9,), as of `pendulum_kernel.filter_bank`.
+    """Write what moves a pendulum over a step (9,) and at its end (9,), as of `kernel.filter_bank`.
 
     Args: before, x: (13,) states at both ends.   hook: (3,) p_BoTo_B [m].   over_step, now: mean collective thrust of
     the step and that at its end, per mass [m/s²].   step: [s].
@@ -80,7 +72,13 @@ def along_plan(
 
 @compiled
 def motion_torque(state, rate_torque, speed_torque):
-    """Return the torque of body rates and velocity in a state (13,), (3,) in B [N·m]."""
+    """Return the torque of body rates and velocity, (3,) in B [N·m].
+
+    Args:
+        state: (13,).
+        rate_torque: (3,) [N·m·s].
+        speed_torque: (2,) [N·s].
+    """
     v = np.zeros(3)
     _rotate(state[3], -state[4], -state[5], -state[6], state[7], state[8], state[9], v)
     out = np.empty(3)
@@ -120,6 +118,7 @@ def _pulls(points, weight, x, hook, gravity, step, stride):
         now[0, i], now[1, i], now[2, i] = reach * r0, reach * r1, reach * r2
         move[0, i], move[1, i], move[2, i] = a, b, c
     pulls = np.empty((n * stride, 3, members))
+    # Leapfrog of all members, the tether's length kept by projection at every step
     leapfrog(limit, half, now, move, kicks, drift, pulls, np.empty((0, 3, 0)))
     found = np.zeros((n, 3))
     for i in range(members):

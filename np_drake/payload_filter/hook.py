@@ -2,23 +2,30 @@
 
     rest = shift x pull + level + noise        in B
 
-The level wanders, so rest and columns are both taken over the level that was followed before (`torque_level`), which
-leaves white errors; on these the shift is regressed with a prior at the trained hook, and older samples are forgotten.
-Where the pull does not move across the noise, the shift stays at zero and the torque forecast is that of training.
+The level drifts, and neither the noise nor the drift is known. A level that drifts under white noise is followed best
+by l += g (torque - l) with a gain of their ratio (the steady Kalman filter of the local level model, Harvey 1989). Here
+filters of several gains run side by side, axis by axis, and are weighed by how likely each makes the labels: (mean
+squared error of its one-step forecasts)^(-n/2), their likelihood where the size of the noise is not known. So a rest
+that moves is followed and a constant one averaged.
+
+Rest and columns are both taken over the level that was followed before, which leaves white errors; on these the shift
+is regressed with a prior at the trained hook, and older samples are forgotten. Where the pull does not move across the
+noise, the shift stays at zero and the torque forecast is that of training.
 """
 
 import math
+from functools import lru_cache
 
 import numpy as np
 
 from np_drake import attitude
 from np_drake.compiled import compiled
-from np_drake.payload_filter.torque_level import filtered, followed, gains_at, gains_of, initial_level
 from np_drake.residual_model import Memory
 
-DEVIATION = (
-    0.02  # of the hook from where it was in training, each axis, of the paper's vehicle [m]; stated prior
-)
+# Deviation of the hook from where it was in training, each axis, of the paper's vehicle [m]; stated prior
+DEVIATION = 0.02
+# Time over which torque is averaged and errors count at most, as a trim drifts [s]; own choice
+LONGEST_MEAN = 10.0
 # Least deviation of the noise, over the torque that `DEVIATION` makes of the pull [1]; source: own choice, far below
 # any sensor. No sample then tells more than 1 / FINEST² times the prior, and rounding never makes the gram singular.
 FINEST = 1e-5
@@ -26,15 +33,31 @@ MEMORY = 20.0  # over which samples count, as parameters of the bank [s]
 READ = ("levels", "errors", "torques", "columns", "gram", "right")  # of the memory, by the next sample
 
 
-def initial_shift(step: float) -> Memory:
-    """Return the memory before any label: that of the level, and of the shift.
+@lru_cache(maxsize=16)
+def gains_of(step: float) -> np.ndarray:
+    """Return the gains of the filters: 1, 1/2, 1/4, … down to the mean over `LONGEST_MEAN`, (g, 1) read-only [1]."""
+    least = min(step / LONGEST_MEAN, 1.0)
+    count = 1 + int(np.ceil(-np.log2(least)))
+    gains = np.geomspace(1.0, least, count)[:, None]
+    gains.flags.writeable = False
+    return gains
 
-    columns: (g, 3, 3) level of the torque over the shift, of every gain [N].   gram: (3, 3) [1/m²] and right: (3,)
-    [1/m] of the regression.   shift: (3,) [m].   steady: (3,) level of what the shift leaves [N·m].
+
+def initial_shift(step: float) -> Memory:
+    """Return the memory before any label.
+
+    Returns:
+        levels: (g, 3) of every filter [N·m].   errors: (g, 3) mean square of its one-step forecasts [N²·m²].
+        torques: (1,) seen so far.   columns: (g, 3, 3) level of the torque over the shift, of every gain [N].
+        gram: (3, 3) [1/m²] and right: (3,) [1/m] of the regression.   shift: (3,) [m].
+        steady: (3,) level of what the shift leaves [N·m].
     """
+    count = len(gains_of(step))
     return {
-        **initial_level(step),
-        "columns": np.zeros((len(gains_of(step)), 3, 3)),
+        "levels": np.zeros((count, 3)),
+        "errors": np.zeros((count, 3)),
+        "torques": np.zeros(1),
+        "columns": np.zeros((count, 3, 3)),
         "gram": np.zeros((3, 3)),
         "right": np.zeros(3),
         "shift": np.zeros(3),
@@ -43,15 +66,25 @@ def initial_shift(step: float) -> Memory:
 
 
 def next_shift(
-    memory: Memory, rest: np.ndarray, pull: np.ndarray, doubt: np.ndarray, step: float, *, reach: float = 1.0
+    memory: Memory,
+    rest: np.ndarray,
+    pull: np.ndarray,
+    doubt: np.ndarray,
+    step: float,
+    *,
+    length_unit: float = 1.0,
 ) -> Memory:
-    """Return the memory after one more rest of the torque (3,) [N·m] and pull in B (3,) [N].
+    """Return the memory after one more sample.
 
-    Args: doubt: variance of the rest because the pull is not known well, as of `torque_doubt`, (3,) [N²·m²].
-    step: between samples, at the pace of the paper's vehicle [s].   reach: unit of length over that of the paper's
-    vehicle [1].
+    Args:
+        memory: of the hook, `initial_shift` before any.
+        rest: (3,) torque that the trained hook leaves, in B [N·m].
+        pull: (3,) of the tether, in B [N].
+        doubt: (3,) variance of the rest because the pull is not known well, as of `torque_doubt` [N²·m²].
+        step: between samples, in the time unit of the paper's vehicle [s].
+        length_unit: of the vehicle, over that of the paper's [1].
     """
-    deviation = reach * DEVIATION
+    deviation = length_unit * DEVIATION
     column = attitude.skew(-pull)  # of shift x pull over the shift
     before, finest = (memory[name] for name in READ), (FINEST * deviation) ** 2
     after = {name: np.empty_like(memory[name]) for name in (*READ, "shift", "steady")}
@@ -70,24 +103,53 @@ def _regress(
     """
     keep = math.exp(-step / MEMORY)
     gram, right = keep * gram, keep * right
-    weight, variance = followed(errors, torques, step)
+    weight, variance = _followed(errors, torques, step)
     if torques[0] > 2 and np.all(variance > 0):
         for k in range(3):
             level, usual = _on_axis(k, weight, levels, columns)
             X = column[k] - usual
             share = 1.0 / max(variance[k] + doubt[k], finest * np.sum(X**2))
+            # Ridge with forgetting: gram = sum of share X X', right = sum of share X (rest - level)
             gram += share * np.outer(X, X)
             right += share * (rest[k] - level) * X
     torques = torques + 1
-    levels, errors = filtered(gains, levels, errors, torques, rest, step)
-    columns = columns + gains_at(gains, torques).reshape(-1, 1, 1) * (column - columns)
+    levels, errors = _filtered(gains, levels, errors, torques, rest, step)
+    columns = columns + _gains_at(gains, torques).reshape(-1, 1, 1) * (column - columns)
     shift[:] = _solved(gram + np.eye(3) / deviation**2, right.copy())
-    weight, _ = followed(errors, torques, step)
+    weight, _ = _followed(errors, torques, step)
     for k in range(3):
         level, usual = _on_axis(k, weight, levels, columns)
         steady[k] = level - np.sum(usual * shift)
     levels_out[:], errors_out[:], torques_out[:], columns_out[:] = levels, errors, torques, columns
     gram_out[:], right_out[:] = gram, right
+
+
+@compiled
+def _gains_at(gains, torques):
+    """Return the gains (g, 1) of the filters at the torque of number `torques` (1,): at first every one is a mean."""
+    return np.maximum(gains, 1.0 / torques[0])
+
+
+@compiled
+def _filtered(gains, levels, errors, torques, torque, step):
+    """Return levels and errors after one more torque (3,) [N·m]; `torques` (1,) counts the new one."""
+    error = torque - levels
+    share = 0.0  # no filter forecast the first
+    if torques[0] > 1:
+        share = max(step / LONGEST_MEAN, 1.0 / (torques[0] - 1))
+    return levels + _gains_at(gains, torques) * error, errors + share * (error**2 - errors)
+
+
+@compiled
+def _followed(errors, torques, step):
+    """Return the weights of the filters (g, 3) [1], and the mean square of their one-step errors (3,) [N²·m²]."""
+    effective = min(max(torques[0] - 1, 0.0), LONGEST_MEAN / step)
+    weight, square = np.log(np.maximum(errors, 1e-300)), np.empty(3)
+    for k in range(3):
+        weight[:, k] = np.exp(-0.5 * effective * (weight[:, k] - weight[:, k].min()))
+        weight[:, k] /= weight[:, k].sum()
+        square[k] = (weight[:, k] * errors[:, k]).sum()
+    return weight, square
 
 
 @compiled
@@ -116,10 +178,13 @@ def _solved(A, b):
 
 
 @compiled
-def torque_doubt(spread, cross, reach=1.0):
-    """Return the variance (3,) of the torque of a pull whose covariance in B is `spread` (3, 3) [N²·m²].
+def torque_doubt(spread, cross, length_unit=1.0):
+    """Return the variance (3,) of the torque of a pull that is not known well [N²·m²].
 
-    Args: cross: (3, 3) of the trained hook, off which the hook is by a deviation on each axis [m].   reach: as above.
+    Args:
+        spread: (3, 3) covariance of the pull in B [N²].
+        cross: (3, 3) of the trained hook, off which the hook is by a deviation on each axis [m].
+        length_unit: of the vehicle, over that of the paper's [1].
     """
     across = np.trace(spread) - np.diag(spread)
-    return (cross @ spread * cross).sum(axis=1) + (reach * DEVIATION) ** 2 * across
+    return (cross @ spread * cross).sum(axis=1) + (length_unit * DEVIATION) ** 2 * across

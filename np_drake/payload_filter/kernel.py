@@ -36,23 +36,9 @@ TINY = 1e-12  # least pivot of a covariance [units of the error, squared]
 
 @compiled
 def filter_bank(
-    mean,
-    covariance,
-    drive,
-    now,
-    step,
-    prior,
-    keep,
-    noise,
-    label,
-    label_variance,
-    predicted,
-    predicted_covariance,
-    updated,
-    updated_covariance,
-    likelihood,
-    distance,
-):
+    mean, covariance, drive, now, step, prior, keep, noise, label, label_variance, predicted,
+    predicted_covariance, updated, updated_covariance, likelihood, distance,
+):  # fmt: skip
     """Predict k pendulums over a step and take in one label.
 
     Args:
@@ -67,25 +53,13 @@ def filter_bank(
     """
     for i in range(len(mean)):
         _predict(
-            mean[i],
-            covariance[i],
-            drive,
-            step,
-            prior[i],
-            keep[i],
-            noise[i],
-            predicted[i],
+            mean[i], covariance[i], drive, step, prior[i], keep[i], noise[i], predicted[i],
             predicted_covariance[i],
-        )
+        )  # fmt: skip
         likelihood[i], distance[i] = _update(
-            predicted[i],
-            predicted_covariance[i],
-            now,
-            label,
-            label_variance,
-            updated[i],
+            predicted[i], predicted_covariance[i], now, label, label_variance, updated[i],
             updated_covariance[i],
-        )
+        )  # fmt: skip
 
 
 @compiled
@@ -164,6 +138,7 @@ def _update(mean, covariance, now, label, label_variance, out, out_covariance):
             slope = (plus[j, k] - minus[j, k]) / (2.0 * width)
             for row in range(j, SIZE):
                 cross[row, k] += root[row, j] * slope
+    # Kalman update: K = P_xy S^-1, x + K (y - y_hat), P - K P_xy'; P_xy by divided differences along P's root
     inverse, determinant = _inverse(spread)
     gain, distance = np.zeros(3), 0.0
     error[:] = 0.0
@@ -217,6 +192,7 @@ def _keep_mass_positive(mean, error, covariance):
 @compiled
 def _moments(plus, minus, mean, covariance):
     """Write the mean (s,) and the covariance (s, s) of values whose differences from the centre are (SIZE, s) each."""
+    # DD2: cov = (plus - minus)(plus - minus)' / 4h² + (h² - 1)(plus + minus)(plus + minus)' / 4h⁴ with h² = `SPREAD`
     first, second = math.sqrt(1.0 / (4.0 * SPREAD)), math.sqrt((SPREAD - 1.0) / (4.0 * SPREAD**2))
     size = plus.shape[1]
     odd, even = np.empty(size), np.empty(size)
@@ -248,7 +224,13 @@ def _cholesky(A, out):
 
 @compiled
 def displace(point, error, out):
-    """Write the point with an error added: the tether turns along a great circle, all else adds."""
+    """Write a point with an error added: the tether turns along a great circle, all else adds.
+
+    Args:
+        point: (POINT,).
+        error: (SIZE,).
+        out: (POINT,).
+    """
     n, e = point[0:3], point[3:6]
     f0, f1, f2 = n[1] * e[2] - n[2] * e[1], n[2] * e[0] - n[0] * e[2], n[0] * e[1] - n[1] * e[0]
     a, b = error[0], error[1]
@@ -276,7 +258,13 @@ def _across(out, e):
 
 @compiled
 def difference(origin, point, out):
-    """Write the error (SIZE,) that leads from origin to point; rates are projected onto the plane across origin."""
+    """Write the error that leads from one point to another; rates are projected onto the plane across the first.
+
+    Args:
+        origin: (POINT,).
+        point: (POINT,).
+        out: (SIZE,).
+    """
     n, e = origin[0:3], origin[3:6]
     f0, f1, f2 = n[1] * e[2] - n[2] * e[1], n[2] * e[0] - n[0] * e[2], n[0] * e[1] - n[1] * e[0]
     x = point[0] * e[0] + point[1] * e[1] + point[2] * e[2]

@@ -31,13 +31,9 @@ def mix_bank(mean, covariance, weight, transition, rise, mixed, mixed_covariance
         for i in range(kinds):
             own = i * lengths + length
             _changes(
-                mean[own, RISE],
-                covariance[own, RISE_ERROR, RISE_ERROR],
-                transition[i],
-                rise,
-                i,
+                mean[own, RISE], covariance[own, RISE_ERROR, RISE_ERROR], transition[i], rise, i,
                 change[length, i],
-            )
+            )  # fmt: skip
     for j in range(kinds):
         for length in range(lengths):
             here = j * lengths + length

@@ -1,22 +1,13 @@
 """What a payload filter learns of a vehicle from its training flight, and the file that carries it."""
 
 import dataclasses as dc
-import json
 import math
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from np_drake.files.input_file import parse_json
-from np_drake.lifting.model.model_file import (
-    DAMAGED,
-    read_tensors,
-    schema_of,
-    summary_in,
-    unusable,
-    write_tensors,
-)
+from np_drake.lifting.model.model_file import read_model, schema_of, summary_in, write_model
 from np_drake.scaling import Scales, over_paper
 
 PAYLOAD_FILTER, OLD_NAME = "payload_filter", "pendulum"  # name of the configuration, and its earlier one
@@ -24,16 +15,8 @@ SCHEMA = "np_drake.payload_filter_model/1"  # format of the file and its version
 OLD_SCHEMA = "np_drake.pendulum_model/1"  # of the same content
 SCHEMAS = (SCHEMA, OLD_SCHEMA)
 NUMBERS = (
-    "step",
-    "mass",
-    "gravity",
-    "rotor_lag",
-    "delay",
-    "thrust_error",
-    "thrust_error_deviation",
-    "drag",
-    "drag_deviation",
-    "arm",
+    *("step", "mass", "gravity", "rotor_lag", "delay"),
+    *("thrust_error", "thrust_error_deviation", "drag", "drag_deviation", "arm"),
 )
 LARGEST = 1e6  # of a positive parameter, in any unit; own choice: more is damage
 VECTORS = {"hook": (3, "m"), "rate_torque": (3, "N·m·s"), "speed_torque": (2, "N·s")}  # length, unit
@@ -43,31 +26,25 @@ VECTORS = {"hook": (3, "m"), "rate_torque": (3, "N·m·s"), "speed_torque": (2, 
 class PayloadFilterModel:
     """Vehicle under which the pendulum hangs, as the training flight shows it.
 
-    step: between samples [s].   mass: that the labels assume [kg].   gravity: [m/s²].
-    rotor_lag: time constant of the rotors behind the command [s].   delay: of the command before it [s].
-    thrust_error: actual over commanded thrust, less one, and its standard deviation [1].
-    drag: of the vehicle over its mass, and its standard deviation [1/s].
-    hook: (3,) p_BoTo_B [m].   rate_torque: (3,) torque about the body axes over the body rates [N·m·s].
-    speed_torque: (2,) torque about body x over the velocity along y, and about y over that along x, as of flapping
-    blades and of drag beside Bo [N·s].
-    arm: mean distance of the rotors from Bo, the unit of length in which payloads and swings are looked for [m].
-    summary: key figures and origin of the training.
+    rate_torque: (3,) torque about the body axes over the body rates [N·m·s].   speed_torque: (2,) torque about body x
+    over the velocity along y, and about y over that along x, as of flapping blades and of drag beside Bo [N·s].   arm:
+    mean distance of the rotors from Bo, the unit of length in which payloads and swings are looked for [m].
     """
 
-    step: float
-    mass: float
-    gravity: float
-    rotor_lag: float
-    thrust_error: float
-    thrust_error_deviation: float
-    drag: float
-    drag_deviation: float
-    hook: np.ndarray
+    step: float  # between samples [s]
+    mass: float  # that the labels assume [kg]
+    gravity: float  # [m/s²]
+    rotor_lag: float  # time constant of the rotors behind the command [s]
+    thrust_error: float  # actual over commanded thrust, less one [1]
+    thrust_error_deviation: float  # its standard deviation [1]
+    drag: float  # of the vehicle over its mass [1/s]
+    drag_deviation: float  # its standard deviation [1/s]
+    hook: np.ndarray  # (3,) p_BoTo_B [m]
     rate_torque: np.ndarray = dc.field(default_factory=lambda: np.zeros(3))
     speed_torque: np.ndarray = dc.field(default_factory=lambda: np.zeros(2))
-    delay: float = 0.0
+    delay: float = 0.0  # of the command before it [s]
     arm: float = dc.field(kw_only=True)
-    summary: dict[str, Any] = dc.field(default_factory=dict)
+    summary: dict[str, Any] = dc.field(default_factory=dict)  # key figures and origin of the training
 
     def __post_init__(self):
         for name in ("step", "mass", "gravity", "thrust_error_deviation", "drag_deviation", "arm"):
@@ -98,18 +75,18 @@ class PayloadFilterModel:
         """
         tensors = {name: np.array([getattr(self, name)], float) for name in NUMBERS}
         tensors |= {name: np.asarray(getattr(self, name), float) for name in VECTORS}
-        write_tensors(tensors, {"schema": SCHEMA, "model": json.dumps({"summary": self.summary})}, path)
+        write_model(tensors, SCHEMA, {"summary": self.summary}, path)
 
     @classmethod
     def load(cls, path: str | Path) -> "PayloadFilterModel":
         """Return the model in a file.
 
-        Raises: ValueError: one line, if the file is missing, truncated, pickled, of another format or inconsistent.
+        Raises: ValueError: as `read_model`.
         """
-        tensors, metadata = read_tensors(path, OLD_SCHEMA if schema_of(path) == OLD_SCHEMA else SCHEMA)
-        try:
-            content: dict[str, Any] = {name: tensors[name].item() for name in NUMBERS}
-            content |= {name: tensors[name] for name in VECTORS}
-            return cls(**content, summary=summary_in(parse_json(metadata["model"])))
-        except DAMAGED as error:
-            raise unusable(path, error) from error
+        return read_model(path, OLD_SCHEMA if schema_of(path) == OLD_SCHEMA else SCHEMA, cls._build)
+
+    @classmethod
+    def _build(cls, tensors: dict[str, np.ndarray], header: dict[str, Any]) -> "PayloadFilterModel":
+        content: dict[str, Any] = {name: tensors[name].item() for name in NUMBERS}
+        content |= {name: tensors[name] for name in VECTORS}
+        return cls(**content, summary=summary_in(header))

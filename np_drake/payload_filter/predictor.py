@@ -35,8 +35,12 @@ class PayloadFilter:
 
     Memory: of the bank; x (13,) and acting (4,) command at the last sample; labels (2, 3) the last two of force and
     variance (3,) of their noise; steady (3,) torque that nothing here explains, shift (3,) of the hook and what
-    `hook_shift` needs for both; now (9,) what moves the tether; seen: samples so far.
+    `next_shift` needs for both; now (9,) what moves the tether; seen: samples so far.
     A sample without label, or with a NaN in it, moves the bank without correction; without a state it waits.
+
+    Args:
+        model: the trained vehicle.
+        options: what is believed of payload and air, for the paper's vehicle.
     """
 
     name = PAYLOAD_FILTER
@@ -52,8 +56,8 @@ class PayloadFilter:
         )
         self.bank = PendulumBank(options, step=model.step, gravity=model.gravity)
         self._noise_share = self.step / (NOISE_TIME * model.unit.clock)
-        self._reach = model.unit.length
-        self._pace = self.step / model.unit.time  # step at the pace of the paper's vehicle [s]
+        self._length_unit = model.unit.length
+        self._unit_step = self.step / model.unit.time  # step in the time unit of the paper's vehicle [s]
         self._hook = np.asarray(model.hook, float)
         self._cross = attitude.skew(self._hook)
         self._rate_torque = np.asarray(model.rate_torque, float)
@@ -77,7 +81,7 @@ class PayloadFilter:
             "acting": np.array([self.model.mass * self.model.gravity, 0.0, 0.0, 0.0]),
             "labels": np.full((2, 3), np.nan),
             "variance": np.full(3, FIRST_NOISE**2),
-            **initial_shift(self._pace),
+            **initial_shift(self._unit_step),
             "now": np.zeros(9),
             "seen": np.zeros(1),
         }
@@ -103,7 +107,9 @@ class PayloadFilter:
         new = {**memory, **bank, "x": x.copy(), "acting": acting, "now": now}
         if finite(chi):
             new |= self._noise(memory, force)
-            new |= self._hook_and_level(new, chi[3:] - self._motion_torque(x))
+            new |= self._hook_and_level(
+                new, chi[3:] - motion_torque(x, self._rate_torque, self._speed_torque)
+            )
         return new
 
     def _hook_and_level(self, memory: Memory, torque: np.ndarray) -> Memory:
@@ -114,8 +120,9 @@ class PayloadFilter:
         pull, spread = self._pull_moments(memory)
         turn = self.model.mass * attitude.rotation_matrix(memory["x"][Q])
         pull, spread = pull @ turn, turn.T @ spread @ turn
-        doubt = torque_doubt(spread, self._cross, reach=self._reach)
-        return next_shift(memory, torque - self._cross @ pull, pull, doubt, self._pace, reach=self._reach)
+        doubt = torque_doubt(spread, self._cross, self._length_unit)
+        rest = torque - self._cross @ pull
+        return next_shift(memory, rest, pull, doubt, self._unit_step, length_unit=self._length_unit)
 
     def pull(self, memory: Memory) -> np.ndarray:
         """Return the pull of the tether on the vehicle at the last sample, mean of all members, in W (3,) [N]."""
@@ -127,10 +134,6 @@ class PayloadFilter:
         centre, covariance = np.empty(3), np.empty((3, 3))
         kernel.pull_moments(memory["mean"], memory["weight"], memory["now"], centre, covariance)
         return centre, covariance
-
-    def _motion_torque(self, x: np.ndarray) -> np.ndarray:
-        """Return the torque (3,) of body rates and velocity in a state x (13,) [N·m]."""
-        return motion_torque(x, self._rate_torque, self._speed_torque)
 
     def _noise(self, memory: Memory, force: np.ndarray) -> Memory:
         """Return the labels and the variance of their noise: a sixth of that of second differences."""

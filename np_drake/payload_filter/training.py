@@ -42,15 +42,15 @@ def train_payload_filter(
     logs = [(with_accelerations(require_torque(log)), vehicle) for log, vehicle in flights]
     vehicle = logs[0][1]
     if any(other != vehicle for _, other in logs):
-        raise ValueError("pendulum: all flights must be of one vehicle; give them one --vehicle FILE.")
+        raise ValueError("payload_filter: all flights must be of one vehicle; give them one --vehicle FILE.")
     delays = [step * part / FINE for part in range(LONGEST_DELAY * FINE + 1)]
     lag, delay = learned_timing(logs, delays)
     samples = [flight_samples(log, vehicle, lag, step, delay) for log, _ in logs]
     for (log, _), flight in zip(logs, samples, strict=True):
         if not len(torque_steps(flight)):
             raise ValueError(
-                f"pendulum: flight {log.name} must have torque labels at neighbouring samples (command and angular "
-                "acceleration in the same rows); got none."
+                f"payload_filter: flight {log.name} must have torque labels at neighbouring samples (command and "
+                "angular acceleration in the same rows); got none."
             )
     hook = np.zeros(3)
     for done in (1, 2):
@@ -73,7 +73,7 @@ def opened_logs(flights: Sequence[Flight]) -> Flights:
     logs = [(flight.data, flight.vehicle) for flight in flights if isinstance(flight.data, FlightLog)]
     if len(logs) < len(flights):
         raise ValueError(
-            "pendulum: must have flight logs, with attitude and command; got arrays of wrenches."
+            "payload_filter: must have flight logs, with attitude and command; got arrays of wrenches."
         )
     return logs
 
@@ -96,17 +96,9 @@ def _untrained(vehicle: Vehicle, rotor_lag: float, step: float, hook: np.ndarray
     bank = DEFAULT_BANK.scaled(ratios(vehicle))
     thrust, drag = bank.thrust_error, bank.drag
     return PayloadFilterModel(
-        step,
-        vehicle.mass,
-        vehicle.gravity,
-        rotor_lag,
-        thrust.mean,
-        thrust.deviation,
-        drag.mean,
-        drag.deviation,
-        hook,
-        arm=scales(vehicle).length,
-    )
+        step, vehicle.mass, vehicle.gravity, rotor_lag, thrust.mean, thrust.deviation, drag.mean,
+        drag.deviation, hook, arm=scales(vehicle).length,
+    )  # fmt: skip
 
 
 def _refined(model: PayloadFilterModel, flights: Sequence[list[Sample]]) -> PayloadFilterModel:
@@ -163,9 +155,9 @@ def _torque(
     The hook has a prior around Bo, and so has the point at which drag acts. What the flights do not show is zero.
     """
     noise = np.mean(np.concatenate([torque_steps(samples) for samples in flights]) ** 2) / 2
-    reach, drag = HOOK * model.unit.length, DEFAULT_BANK.drag.deviation / model.unit.time
+    hook, drag = HOOK * model.unit.length, DEFAULT_BANK.drag.deviation / model.unit.time
     deviation = np.full(COLUMNS, np.inf)
-    deviation[:3], deviation[9:11] = reach, reach * model.mass * drag
+    deviation[:3], deviation[9:11] = hook, hook * model.mass * drag
     found = np.linalg.lstsq(gram + np.diag(noise / deviation**2), right, rcond=None)[0]
     return found[:3], found[6:9], found[9:11]
 

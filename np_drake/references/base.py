@@ -35,3 +35,20 @@ class Hover:
         flat = np.zeros((5, len(t), 3))
         flat[0] = self.position
         return flat
+
+
+class Paced:
+    """Reference motion p(factor t).
+
+    Args:
+        reference: p(t).
+        factor: below 1 is slower [1].
+    """
+
+    def __init__(self, reference: Reference, factor: float):
+        self.reference, self.factor = reference, factor
+
+    def sample(self, t: np.ndarray) -> np.ndarray:
+        """Return p and its four derivatives in W, (5, n, 3), at times t (n,) [s]."""
+        flat = self.reference.sample(self.factor * np.asarray(t, float))
+        return flat * (self.factor ** np.arange(5.0))[:, None, None]

@@ -6,7 +6,7 @@ import numpy as np
 
 from np_drake.references.base import Hover, Reference, Sum
 from np_drake.references.harmonic import Multisine, circle, lemniscate, vertical_lemniscate
-from np_drake.references.steps import square
+from np_drake.references.points import square
 from np_drake.references.track_file import is_track_file, read_track
 from np_drake.references.trajectory import Trajectory
 from np_drake.references.waypoints import Waypoints

@@ -8,32 +8,35 @@ from np_drake.vehicle import Vehicle
 _DELTA = 1e-4  # step of the central difference that turns body rate into angular acceleration [s]
 
 
-def targets(
-    vehicle: Vehicle, flat: np.ndarray, chi: np.ndarray, yaw: float = 0.0
-) -> tuple[np.ndarray, np.ndarray]:
+def targets(vehicle: Vehicle, flat: np.ndarray, chi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return x* and u* that track `flat` exactly under the wrench `chi` (the target shift).
 
     Thrust direction and size follow from m (a + g z) - f_e; body rate and torque from jerk and snap, the wrench
-    taken as constant in its own derivative. Source: differential flatness of eq. (1); own choice: shortest tilt.
+    taken as constant in its own derivative. The heading is zero. Source: differential flatness of eq. (1); own choice:
+    shortest tilt.
 
     Args:
-        flat: (5, n, 3) p, v, a, jerk, snap in W.   chi: (n, 6) wrench [N, N·m].   yaw: heading [rad].
+        vehicle: nominal.
+        flat: (5, n, 3) p, v, a, jerk, snap in W.
+        chi: (n, 6) wrench [N, N·m].
     Returns:
         x_ref (n, 13), u_ref (n, 4) [N, N·m].
     """
     flat, chi = np.ascontiguousarray(flat, float), np.ascontiguousarray(chi, float)
     x, u = np.empty((flat.shape[1], 13)), np.empty((flat.shape[1], 4))
     J = np.ascontiguousarray(vehicle.J, float)
-    kernels.follow(flat, chi, float(yaw), float(vehicle.mass), float(vehicle.gravity), J, _DELTA, x, u)
+    kernels.follow(flat, chi, float(vehicle.mass), float(vehicle.gravity), J, _DELTA, x, u)
     return x, u
 
 
-def body_rates(vehicle: Vehicle, flat: np.ndarray, yaw: float = 0.0) -> np.ndarray:
-    """Return w_WB_B (n, 3) of the reference motion `flat` (5, n, 3) without any wrench [rad/s].
+def body_rates(vehicle: Vehicle, flat: np.ndarray) -> np.ndarray:
+    """Return w_WB_B (n, 3) of a reference motion without any wrench [rad/s].
 
-    Args: yaw: heading [rad].
+    Args:
+        vehicle: whose gravity counts.
+        flat: (5, n, 3) p, v, a, jerk, snap in W.
     """
     flat = np.ascontiguousarray(flat, float)
     w = np.empty((flat.shape[1], 3))
-    kernels.rates(flat, float(yaw), float(vehicle.gravity), w)
+    kernels.rates(flat, float(vehicle.gravity), w)
     return w

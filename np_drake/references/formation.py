@@ -8,8 +8,11 @@ from np_drake.references.base import Hover, Reference, Sum
 def polygon(count: int, spacing: float) -> np.ndarray:
     """Return the corners of a level regular polygon about the origin, (count, 3) [m].
 
-    Neighbours are `spacing` apart [m]. Two corners lie on the x axis, as does the first of more; a single one lies at
-    the origin.
+    Two corners lie on the x axis, as does the first of more; a single one lies at the origin.
+
+    Args:
+        count: of corners [1].
+        spacing: between neighbours [m].
     """
     radius = 0.0 if count == 1 else spacing / (2 * np.sin(np.pi / count))
     angle = 2 * np.pi * np.arange(count) / count
@@ -17,7 +20,12 @@ def polygon(count: int, spacing: float) -> np.ndarray:
 
 
 def fly_at(center: Reference, corner: np.ndarray) -> Reference:
-    """Return the motion of the vehicle at `corner` (3,) [m] of a formation whose centre moves as `center`."""
+    """Return the motion of one vehicle of a formation.
+
+    Args:
+        center: motion of its centre.
+        corner: (3,) place of the vehicle from there [m].
+    """
     return Sum(center, Hover(corner))
 
 

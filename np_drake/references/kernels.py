@@ -7,7 +7,13 @@ from np_drake.compiled import compiled
 
 @compiled
 def horner(coefficients, s, out):
-    """Write the polynomials (k, m), lowest power first, at points s (n,) to out (k, n)."""
+    """Write polynomials at given points.
+
+    Args:
+        coefficients: (k, m), lowest power first.
+        s: (n,) points.
+        out: (k, n).
+    """
     k, m = coefficients.shape
     for row in range(k):
         for i in range(len(s)):
@@ -39,9 +45,14 @@ def fourier(phase, center, amplitudes, shifts, out):
 
 @compiled
 def compose(path, phase, out):
-    """Write the time derivatives of path(phase(t)) to out (5, n, 3); path: (5, n, 3) by phase, phase: (5, n) by time.
+    """Write the time derivatives of path(phase(t)).
 
     Source: Faà di Bruno's formula up to the fourth derivative.
+
+    Args:
+        path: (5, n, 3) derivatives by phase.
+        phase: (5, n) derivatives by time.
+        out: (5, n, 3).
     """
     for i in range(path.shape[1]):
         d1, d2, d3, d4 = phase[1, i], phase[2, i], phase[3, i], phase[4, i]
@@ -57,10 +68,10 @@ def compose(path, phase, out):
 
 
 @compiled
-def attitude_and_rate(f_x, f_y, f_z, r_x, r_y, r_z, yaw):
+def _attitude_and_rate(f_x, f_y, f_z, r_x, r_y, r_z):
     """Return quaternion and body rate [rad/s] of a thrust f in W and its rate r, component by component.
 
-    The attitude is the shortest tilt to the thrust after a turn by `yaw` [rad].
+    The attitude is the shortest tilt to the thrust, so that q_z = 0.
     """
     size = max(math.sqrt(f_x * f_x + f_y * f_y + f_z * f_z), 1e-6)
     x, y, z = f_x / size, f_y / size, f_z / size
@@ -71,22 +82,18 @@ def attitude_and_rate(f_x, f_y, f_z, r_x, r_y, r_z, yaw):
     w_1 = z_1 / (4 * w)
     i_1 = -y_1 / (2 * w) + y * w_1 / (2 * w * w)
     j_1 = x_1 / (2 * w) - x * w_1 / (2 * w * w)
-    c, s = math.cos(0.5 * yaw), math.sin(0.5 * yaw)
-    q_w, q_x, q_y, q_z = w * c, i * c + j * s, j * c - i * s, w * s
-    d_w, d_x, d_y, d_z = w_1 * c, i_1 * c + j_1 * s, j_1 * c - i_1 * s, w_1 * s
-    a = 2 * (q_w * d_x - q_x * d_w - q_y * d_z + q_z * d_y)
-    b = 2 * (q_w * d_y + q_x * d_z - q_y * d_w - q_z * d_x)
-    e = 2 * (q_w * d_z - q_x * d_y + q_y * d_x - q_z * d_w)
-    return q_w, q_x, q_y, q_z, a, b, e
+    # Body rate from w = 2 q^* dq/dt
+    return w, i, j, 0.0, 2 * (w * i_1 - i * w_1), 2 * (w * j_1 - j * w_1), 2 * (j * i_1 - i * j_1)
 
 
 @compiled
-def follow(flat, chi, yaw, mass, gravity, J, delta, x, u):
+def follow(flat, chi, mass, gravity, J, delta, x, u):
     """Write the states x (n, 13) and inputs u (n, 4) that follow flat (5, n, 3) under chi (n, 6), see `flatness`.
 
     Args: delta: step of the central difference that turns body rate into angular acceleration [s].
     """
     for i in range(flat.shape[1]):
+        # Thrust m (a + g z) - f_e and its rate; the angular acceleration is a central difference of the body rate
         f_x, f_y = mass * flat[2, i, 0] - chi[i, 0], mass * flat[2, i, 1] - chi[i, 1]
         f_z = mass * (flat[2, i, 2] + gravity) - chi[i, 2]
         j_x, j_y, j_z = mass * flat[3, i, 0], mass * flat[3, i, 1], mass * flat[3, i, 2]
@@ -96,9 +103,9 @@ def follow(flat, chi, yaw, mass, gravity, J, delta, x, u):
             delta * mass * flat[4, i, 1],
             delta * mass * flat[4, i, 2],
         )
-        w, q_x, q_y, q_z, a, b, c = attitude_and_rate(f_x, f_y, f_z, j_x, j_y, j_z, yaw)
-        later = attitude_and_rate(f_x + d_x, f_y + d_y, f_z + d_z, j_x + s_x, j_y + s_y, j_z + s_z, yaw)
-        sooner = attitude_and_rate(f_x - d_x, f_y - d_y, f_z - d_z, j_x - s_x, j_y - s_y, j_z - s_z, yaw)
+        w, q_x, q_y, q_z, a, b, c = _attitude_and_rate(f_x, f_y, f_z, j_x, j_y, j_z)
+        later = _attitude_and_rate(f_x + d_x, f_y + d_y, f_z + d_z, j_x + s_x, j_y + s_y, j_z + s_z)
+        sooner = _attitude_and_rate(f_x - d_x, f_y - d_y, f_z - d_z, j_x - s_x, j_y - s_y, j_z - s_z)
         for axis in range(3):
             x[i, axis], x[i, 7 + axis] = flat[0, i, axis], flat[1, i, axis]
         x[i, 3], x[i, 4], x[i, 5], x[i, 6] = w, q_x, q_y, q_z
@@ -116,16 +123,16 @@ def follow(flat, chi, yaw, mass, gravity, J, delta, x, u):
 
 
 @compiled
-def rates(flat, yaw, gravity, w):
-    """Write the body rates w (n, 3) [rad/s] that follow flat (5, n, 3) without any wrench."""
+def rates(flat, gravity, w):
+    """Write the body rates that follow a motion without any wrench.
+
+    Args:
+        flat: (5, n, 3).
+        gravity: [m/s²].
+        w: (n, 3) is written [rad/s].
+    """
     for i in range(flat.shape[1]):
-        found = attitude_and_rate(
-            flat[2, i, 0],
-            flat[2, i, 1],
-            flat[2, i, 2] + gravity,
-            flat[3, i, 0],
-            flat[3, i, 1],
-            flat[3, i, 2],
-            yaw,
-        )
+        found = _attitude_and_rate(
+            flat[2, i, 0], flat[2, i, 1], flat[2, i, 2] + gravity, flat[3, i, 0], flat[3, i, 1], flat[3, i, 2],
+        )  # fmt: skip
         w[i, 0], w[i, 1], w[i, 2] = found[4], found[5], found[6]

@@ -185,7 +185,12 @@ def write_trajectory(
 
 
 def feedforward(a: np.ndarray, vehicle: Vehicle) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return roll, pitch (n,) [rad] and thrust (n,) [N] of a motion with accelerations a (n, 3) [m/s²]."""
+    """Return roll, pitch (n,) [rad] and thrust (n,) [N] of a motion.
+
+    Args:
+        a: (n, 3) accelerations [m/s²].
+        vehicle: whose mass and gravity count.
+    """
     force = vehicle.mass * (a + [0.0, 0.0, vehicle.gravity])
     thrust = np.linalg.norm(force, axis=1)
     x, y, z = (force / np.maximum(thrust, 1e-9)[:, None]).T

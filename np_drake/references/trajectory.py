@@ -9,10 +9,8 @@ DEGREE = 7  # six continuous derivatives
 LEAST_ROWS = DEGREE + 1
 COARSEST = 32  # rows between two knots of the first spline that is tried
 FINEST, CRUDEST = 1e-9, 1e-3  # limits of the distance from spline to rows [m]
-REST_SPEED, REST_ACCELERATION = (
-    1e-3,
-    0.05,
-)  # below which a motion begins or ends at rest [m/s, m/s²]; own choice
+# Speed and acceleration below which a motion begins or ends at rest [m/s, m/s²]; own choice
+REST_SPEED, REST_ACCELERATION = 1e-3, 0.05
 BRAKING = 1.0  # mean deceleration after an end in motion [m/s²]; own choice
 SHORTEST_BRAKE = 1.0  # [s]
 

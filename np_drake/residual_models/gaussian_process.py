@@ -18,15 +18,12 @@ class GaussianProcess:
 
     Source: Rasmussen, Williams 2006, eq. (2.25), with the RBF kernel of Jin et al. 2025.
     Away from the data the mean falls back to that of the labels.
-
-    X: (n, 6) training inputs [m/s, rad/s].   weight: (n, 6) [N, N·m].   length: (6, 6), component by input.
-    mean: (6,) [N, N·m].
     """
 
-    X: np.ndarray
-    weight: np.ndarray
-    length: np.ndarray
-    mean: np.ndarray
+    X: np.ndarray  # (n, 6) training inputs [m/s, rad/s]
+    weight: np.ndarray  # (n, 6) [N, N·m]
+    length: np.ndarray  # (6, 6), component by input
+    mean: np.ndarray  # (6,) [N, N·m]
 
     def __post_init__(self):
         n = len(self.X)
@@ -76,10 +73,8 @@ class GaussianProcessConfig:
 
     samples: int = 100  # evenly spaced in time over the flights [1]
     restarts: int = 1  # of the search for hyperparameters, beside the one from unit lengths [1]
-    length_bounds: tuple[float, float] = (
-        0.5,
-        100.0,
-    )  # below, noise is learnt [RMS of the inputs about their mean]
+    # Of the kernel's lengths; below, noise is learnt [RMS of the inputs about their mean]
+    length_bounds: tuple[float, float] = (0.5, 100.0)
     noise_bounds: tuple[float, float] = (1e-6, 1.0)  # variance of the labels' noise [variance of the labels]
     seed: int = 0  # of the restarts
 
@@ -89,6 +84,9 @@ def fit_gaussian_process(
 ) -> GaussianProcess:
     """Fit the process to the flights' smoothed labels by largest marginal likelihood.
 
+    Args:
+        segments: uninterrupted flights.
+        config: of the fit.
     Raises: ValueError: if the segments are unusable.
     """
     checked = check_segments(list(segments), 1)
@@ -99,7 +97,13 @@ def fit_gaussian_process(
 
 
 def regressors(zeta: np.ndarray, chi: np.ndarray, config: GaussianProcessConfig) -> list[Any]:
-    """Return one fitted scikit-learn process for each component of chi (n, 6), of scaled zeta (n, 6)."""
+    """Return one fitted scikit-learn process for each component of chi.
+
+    Args:
+        zeta: (n, 6), scaled.
+        chi: (n, 6) [N, N·m].
+        config: of the fit.
+    """
     from sklearn.exceptions import ConvergenceWarning
     from sklearn.gaussian_process import GaussianProcessRegressor
     from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
@@ -119,7 +123,12 @@ def regressors(zeta: np.ndarray, chi: np.ndarray, config: GaussianProcessConfig)
 
 
 def closed_form(processes: Sequence[Any], scale: np.ndarray) -> GaussianProcess:
-    """Return the mean of scikit-learn's processes, whose inputs are zeta / scale (6,), in physical units."""
+    """Return the mean of scikit-learn's processes, in physical units.
+
+    Args:
+        processes: one for each component of chi, of zeta / scale.
+        scale: (6,) [m/s, rad/s].
+    """
     smooth = [process.kernel_.k1 for process in processes]  # the sum without the labels' noise
     weight = [
         process.alpha_ * process._y_train_std * kernel.k1.constant_value

@@ -1,8 +1,33 @@
-"""Naive baseline: the last low-passed label, held over the horizon."""
+"""Naive baselines: a constant wrench, and the last low-passed label, held over the horizon."""
 
 import numpy as np
 
 from np_drake.residual_model import Memory, Sample, WrenchForecast, constant_forecast
+
+
+class Constant:
+    """Residual model chi_i = chi, whatever is measured, without memory.
+
+    Args:
+        chi: (6,) [N, N·m]; zero for the nominal controller.
+        step: between samples [s].
+        name: of its row in a table.
+    """
+
+    def __init__(self, chi: np.ndarray, *, step: float, name: str):
+        self.chi, self.step, self.name = chi, step, name
+
+    def initial_memory(self) -> Memory:
+        """Return no memory."""
+        return {}
+
+    def update(self, memory: Memory, sample: Sample) -> Memory:
+        """Return no memory."""
+        return memory
+
+    def forecast(self, memory: Memory, *, horizon: int, stride: int) -> WrenchForecast:
+        """Return the constant wrench."""
+        return constant_forecast(self.chi, horizon)
 
 
 class Hold:

@@ -21,14 +21,11 @@ from np_drake.vehicle import Vehicle
 
 @dc.dataclass(frozen=True)
 class Piece:
-    """One uninterrupted piece of flight.
+    """One uninterrupted piece of flight."""
 
-    x: (n, 13).   u: (n, 4) acting from each row to the next [N, N·m].   step: [s].
-    """
-
-    x: np.ndarray
-    u: np.ndarray
-    step: float
+    x: np.ndarray  # (n, 13)
+    u: np.ndarray  # (n, 4) acting from each row to the next [N, N·m]
+    step: float  # [s]
 
 
 @dc.dataclass(frozen=True)
@@ -50,6 +47,10 @@ def flown_pieces(log: FlightLog, vehicle: Vehicle) -> list[Piece]:
     """Return the pieces of a log between rows that hold a NaN.
 
     Their command is the one that acts by the vehicle's rotor lag.
+
+    Args:
+        log: of the flight.
+        vehicle: that flew it.
     """
     x, u = log.x, acting_command(log, vehicle)
     good = np.isfinite(np.hstack([x, u])).all(axis=1)
@@ -67,6 +68,12 @@ def fit_knode(
     """Return the trained network and the loss after each epoch; deterministic by `config.seed`.
 
     A loss of 1 is that of the nominal model.
+
+    Args:
+        pieces: of flight, at one step.
+        vehicle: nominal.
+        config: of the training.
+        on_epoch: called with (epoch, total, loss).
     Raises: ValueError: if no piece is longer than a window, or the steps differ.
     """
     x, u, step = _windows(pieces, config)

@@ -12,14 +12,8 @@ from np_drake.lifting.model.delay_taps import DelayTaps
 from np_drake.lifting.model.encoders import DelayEncoder
 from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
 from np_drake.lifting.training.dmdc import fit_dmdc_system, sample_scale
-from np_drake.lifting.training.horizon_ridge import flight_moments, horizon_ridge
-from np_drake.residual_model import (
-    FlightForecasts,
-    Memory,
-    Sample,
-    WrenchForecast,
-    constant_forecast,
-)
+from np_drake.lifting.training.horizon_ridge import horizon_ridge, moments_of
+from np_drake.residual_model import FlightForecasts, Memory, Sample, WrenchForecast, constant_forecast
 from np_drake.training_data.segments import Segment, check_segments
 
 DELAYS = 10  # samples that delay DMDc and the ridge see [1]
@@ -27,7 +21,13 @@ NOISE = 1e-3  # of the ridge's samples, in units of their scale [1]
 
 
 class Windowed:
-    """Residual model of the last `window` samples; until there are so many, it holds the label."""
+    """Residual model of the last `window` samples; until there are so many, it holds the label.
+
+    Args:
+        name: of its row in a table.
+        step: between samples [s].
+        window: W [samples].
+    """
 
     def __init__(self, name: str, step: float, window: int):
         self.name, self.step, self.window = name, step, window
@@ -43,27 +43,35 @@ class Windowed:
         window = np.concatenate([memory["window"][1:], row[None]])
         return {"window": window, "count": np.minimum(memory["count"] + 1.0, self.window)}
 
-    def full(self, memory: Memory) -> bool:
-        """Return whether the window holds as many samples as it can."""
-        return memory["count"][0] == self.window
+    def forecast(self, memory: Memory, *, horizon: int, stride: int) -> WrenchForecast:
+        """Return the forecast; until the window is full, the last label, held."""
+        if memory["count"][0] < self.window:
+            return constant_forecast(memory["window"][-1, :6], horizon)
+        return self._forecast(memory["window"], horizon, stride)
+
+    def _forecast(self, window: np.ndarray, horizon: int, stride: int) -> WrenchForecast:
+        """Return the forecast of a full window (W, 12)."""
+        raise NotImplementedError
 
 
 class LinearBaseline(Windowed):
     """Lifted linear system without stabilisation, z = E w;  z+ = A z + B zeta,  chi = C z.
 
     Source: Proctor, Brunton, Kutz 2016 (DMDc), delays as states.
+
+    Args:
+        name: of its row in a table.
+        system: as fitted.
+        encoder: of z.
     """
 
     def __init__(self, name: str, system: LiftedLinearSystem, encoder: DelayEncoder):
         super().__init__(name, system.step, encoder.delay)
         self.system, self._encoder = system, encoder
 
-    def forecast(self, memory: Memory, *, horizon: int, stride: int) -> WrenchForecast:
-        """Return the rolled-out system; the last label held before the window is full."""
-        if not self.full(memory):
-            return constant_forecast(memory["window"][-1, :6], horizon)
+    def _forecast(self, window: np.ndarray, horizon: int, stride: int) -> WrenchForecast:
         s = self.system.resample(stride)
-        return WrenchForecast(s.A, s.B, s.C, self._encoder(memory["window"]), np.zeros((horizon, 6)))
+        return WrenchForecast(s.A, s.B, s.C, self._encoder(window), np.zeros((horizon, 6)))
 
     def along(self, chi: np.ndarray, zeta: np.ndarray) -> FlightForecasts:
         """Return all forecasts of a flight chi, zeta (n, 6) without gaps."""
@@ -72,7 +80,7 @@ class LinearBaseline(Windowed):
 
 
 class RidgeBaseline(Windowed):
-    """Separate linear map chi_hat_h = W_h w for every fitted horizon.
+    """Separate linear map chi_hat_h = W_h w for every fitted horizon; it ignores the coming zeta.
 
     It is interpolated linearly between them and held beyond.
     """
@@ -86,11 +94,8 @@ class RidgeBaseline(Windowed):
         super().__init__(name, step, (len(W) - 1) // 12)
         self._horizons, self._W = horizons, W
 
-    def forecast(self, memory: Memory, *, horizon: int, stride: int) -> WrenchForecast:
-        """Return a forecast that ignores the coming zeta."""
-        if not self.full(memory):
-            return constant_forecast(memory["window"][-1, :6], horizon)
-        features = np.append(memory["window"].ravel(), 1.0)
+    def _forecast(self, window: np.ndarray, horizon: int, stride: int) -> WrenchForecast:
+        features = np.append(window.ravel(), 1.0)
         steps = stride * np.arange(horizon)
         return constant_forecast(np.einsum("p,phc->hc", features, self._at(steps)), horizon)
 
@@ -108,7 +113,12 @@ class RidgeBaseline(Windowed):
 
 
 class RidgeForecasts:
-    """Forecasts of a `RidgeBaseline` over a whole flight."""
+    """Forecasts of a `RidgeBaseline` over a whole flight.
+
+    Args:
+        model: that forecasts.
+        samples: (n, 12) of [chi, zeta].
+    """
 
     def __init__(self, model: RidgeBaseline, samples: np.ndarray):
         self.first, self._model, self._samples = model.window - 1, model, samples
@@ -124,37 +134,40 @@ class RidgeForecasts:
         return (features @ W.reshape(len(W), -1)).reshape(len(origins), len(horizons), 6)
 
 
-def fit_dmdc(segments: Sequence[Segment], *, delays: int = 1, name: str | None = None) -> LinearBaseline:
-    """Fit chi+ = A chi + B zeta by least squares, with delays of the last so many samples of chi and zeta.
+def fit_dmdc(segments: Sequence[Segment], *, delays: int = 1) -> LinearBaseline:
+    """Fit chi+ = A chi + B zeta by least squares.
 
     z = [chi now, chi before, …, zeta before, …]; the coming zeta is the input.
+
+    Args:
+        segments: at one step.
+        delays: samples of chi and zeta that the system sees [1].
     """
-    return LinearBaseline(
-        name or ("DMDc" if delays == 1 else "delay DMDc"), *fit_dmdc_system(segments, delays)
-    )
+    return LinearBaseline("DMDc" if delays == 1 else "delay DMDc", *fit_dmdc_system(segments, delays))
 
 
-def fit_ridge(segments: Sequence[Segment], horizons: np.ndarray, *, delays: int = DELAYS) -> RidgeBaseline:
-    """Fit the best linear map of the last `delays` samples for every one of `horizons` [steps].
+def fit_ridge(segments: Sequence[Segment], horizons: np.ndarray) -> RidgeBaseline:
+    """Fit the best linear map of the last `DELAYS` samples for every horizon; flights are weighted alike.
 
-    Flights are weighted alike.
+    Args:
+        segments: at one step.
+        horizons: (H,) ascending [steps].
     """
-    segments = check_segments(list(segments), delays + int(horizons[-1]) + 1)
-    scale, taps = sample_scale(segments), DelayTaps(delays, delays, 0)
-    flights = [
-        flight_moments(
-            np.hstack([s.chi, s.zeta]) / scale, s.goal / scale[:6], taps=taps, horizons=horizons, max_origins=4000,
-            symmetry=0.0,
-        )
-        for s in segments
-    ]  # fmt: skip
+    segments = check_segments(list(segments), DELAYS + int(horizons[-1]) + 1)
+    scale, taps = sample_scale(segments), DelayTaps(DELAYS, DELAYS, 0)
+    flights = moments_of(segments, scale, taps=taps, horizons=horizons, max_origins=4000, symmetry=0.0)
     W = horizon_ridge(flights, noise=NOISE) * scale[:6]
-    newest_first = W[:-1].reshape(delays, 12, len(horizons), 6) / scale[:, None, None]
-    W = np.concatenate([newest_first[::-1].reshape(12 * delays, len(horizons), 6), W[-1:]])
+    newest_first = W[:-1].reshape(DELAYS, 12, len(horizons), 6) / scale[:, None, None]
+    W = np.concatenate([newest_first[::-1].reshape(12 * DELAYS, len(horizons), 6), W[-1:]])
     return RidgeBaseline("ridge by horizon", segments[0].step, horizons, W)
 
 
 def fit_all(segments: Sequence[Segment], horizons: np.ndarray) -> dict[str, LinearBaseline | RidgeBaseline]:
-    """Return every linear baseline, by name."""
+    """Return every linear baseline, by name.
+
+    Args:
+        segments: at one step.
+        horizons: (H,) of the ridge, ascending [steps].
+    """
     models = (fit_dmdc(segments), fit_dmdc(segments, delays=DELAYS), fit_ridge(segments, horizons))
     return {model.name: model for model in models}

@@ -1,15 +1,13 @@
 """Residual models without memory: the wrench as a function of the motion at the same instant."""
 
 import dataclasses as dc
-import json
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from np_drake import rigid_body
-from np_drake.files.input_file import parse_json
-from np_drake.lifting.model.model_file import DAMAGED, read_tensors, summary_in, unusable, write_tensors
+from np_drake.lifting.model.model_file import read_model, summary_in, write_model
 from np_drake.residual_model import Memory, Sample, WrenchForecast, constant_forecast
 from np_drake.residual_models.gaussian_process import GaussianProcess
 from np_drake.residual_models.wrench_network import WrenchNetwork
@@ -28,14 +26,12 @@ class MotionModel:
 
     It uses no label in flight, so that it cannot follow a change of the wrench at equal motion.
     Source: Torrente et al. 2021 (gp), Chee et al. 2022 (knode).
-
-    name: gp | knode.   reaction: g.   step: time between samples [s].   summary: key figures of the training.
     """
 
-    name: str
-    reaction: GaussianProcess | WrenchNetwork
-    step: float
-    summary: dict[str, Any] = dc.field(default_factory=dict)
+    name: str  # gp | knode
+    reaction: GaussianProcess | WrenchNetwork  # g
+    step: float  # time between samples [s]
+    summary: dict[str, Any] = dc.field(default_factory=dict)  # key figures of the training
 
     def __post_init__(self):
         if self.name not in REACTIONS or not isinstance(self.reaction, REACTIONS[self.name]):
@@ -69,36 +65,34 @@ class MotionModel:
         Raises: OSError: if it cannot be written.
         """
         header = {"name": self.name, "step": self.step, "summary": self.summary}
-        write_tensors(self.reaction.tensors(), {"schema": SCHEMA, "model": json.dumps(header)}, path)
+        write_model(self.reaction.tensors(), SCHEMA, header, path)
 
     @classmethod
     def load(cls, path: str | Path, name: str | None = None) -> "MotionModel":
         """Return the model in a file.
 
-        Args: name: where given, the name that the file must hold.
-        Raises: ValueError: one line, if the file is missing, truncated, pickled, of another format or inconsistent.
+        Args:
+            path: of the file.
+            name: where given, the name that the file must hold.
+        Raises: ValueError: as `read_model`.
         """
-        tensors, metadata = read_tensors(path, SCHEMA)
-        try:
-            header = parse_json(metadata["model"])
-            reaction = REACTIONS[header["name"]].from_tensors(tensors)
-            model = cls(header["name"], reaction, float(header["step"]), summary_in(header))
-        except DAMAGED as error:
-            raise unusable(path, error) from error
+        model = read_model(path, SCHEMA, cls._build)
         if name is not None and model.name != name:
             raise ValueError(f"{path}: the model must be {name}; got {model.name}.")
         return model
 
+    @classmethod
+    def _build(cls, tensors: dict[str, np.ndarray], header: dict[str, Any]) -> "MotionModel":
+        reaction = REACTIONS[header["name"]].from_tensors(tensors)
+        return cls(header["name"], reaction, float(header["step"]), summary_in(header))
+
 
 @dc.dataclass
 class MotionForecasts:
-    """Forecasts of a `MotionModel` over a whole flight.
+    """Forecasts of a `MotionModel` over a whole flight."""
 
-    first: first sample.   course: (n, 6) chi at each sample's own motion [N, N·m].
-    """
-
-    first: int
-    course: np.ndarray
+    first: int  # first sample
+    course: np.ndarray  # (n, 6) chi at each sample's own motion [N, N·m]
 
     def at(
         self, horizons: list[int], origins: np.ndarray, zeta: np.ndarray, *, zeta_known: bool

@@ -13,7 +13,6 @@ from np_drake.lifting.model.model_file import load_model
 from np_drake.lifting.model.origin import rotor_lag_of
 from np_drake.lifting.model.window_refit import WindowRefit
 from np_drake.residual_model import FlightForecasts, Memory, Sample, WrenchForecast
-from np_drake.residual_models.refit_forecasts import RefitForecasts
 
 
 @dc.dataclass(frozen=True)
@@ -25,6 +24,29 @@ class PredictorOptions:
     refit: bool | None = None  # refit A, B on the window in flight; None: as the model asks
     # Weight of the offline A, B in the refit; None: the model's [samples of unit size].
     ridge: float | None = None
+
+
+@dc.dataclass
+class RefitForecasts(FlightForecasts):
+    """Forecasts at every sample of a flight, each sample with its own A (o, K, K) and B (o, K, 6)."""
+
+    before: np.ndarray  # (o,) spectral radius of each refit A before it was made stable [1]
+
+    def at(
+        self, horizons: list[int], origins: np.ndarray, zeta: np.ndarray, *, zeta_known: bool
+    ) -> np.ndarray:
+        """Return chi_hat (o, len(horizons), 6) of the forecasts at `origins`, see `FlightForecasts` [N, N·m]."""
+        at = origins - self.first
+        A, B, z = self.A[at].swapaxes(1, 2), self.B[at].swapaxes(1, 2), self.z[at][:, None]
+        chi_hat = np.repeat(self.offset[at][:, None], len(horizons), axis=1)
+        drive = zeta[origins][:, None] @ B
+        for i in range(max(horizons) + 1):
+            if i in horizons:
+                chi_hat[:, horizons.index(i)] += (z @ self.C.T)[:, 0]
+            if zeta_known and i > 0:
+                drive = zeta[origins + i][:, None] @ B
+            z = z @ A + drive
+        return chi_hat
 
 
 class NeuralPredictor:
@@ -39,6 +61,10 @@ class NeuralPredictor:
     Until `count` reaches W the forecast holds `lowpass`. A missing label is
     filled with the model's own prediction, a missing state with the last zeta; after W samples in a row
     without, the window starts afresh.   Source: Jin et al. 2025, eq. (nmpc).
+
+    Args:
+        model: of any configuration.
+        options: of its flight.
     """
 
     def __init__(self, model: LiftedModel, options: PredictorOptions = PredictorOptions()):
@@ -58,14 +84,16 @@ class NeuralPredictor:
             self._C[3:] = 0.0
         refit = model.refits if options.refit is None else options.refit
         self._refit = WindowRefit(model, options.ridge or model.ridge) if refit else None
-        self._resampled_offline: dict[
-            int, LiftedLinearSystem
-        ] = {}  # constants, computed when first asked for
+        # Constants by stride, computed when first asked for
+        self._resampled_offline: dict[int, LiftedLinearSystem] = {}
 
     @classmethod
     def load(cls, path: str | Path, options: PredictorOptions = PredictorOptions()) -> "NeuralPredictor":
         """Return the predictor of a model file.
 
+        Args:
+            path: of the model file.
+            options: of its flight.
         Raises: ValueError: one line, on a bad file.
         """
         return cls(load_model(path), options)

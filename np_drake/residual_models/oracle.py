@@ -19,21 +19,18 @@ _SUBSTEPS = 4  # of the actuators in one step of the plan [1]
 class TrueModel:
     """Everything that the nominal model leaves out.
 
-    believed: the vehicle that the controller assumes.   payload: None without one.   wrench_effects, actuator_effects:
-    effects that act in the simulation, without dead time.   delay: dead time of the commands, for the caller [s].
-    onsets: when those of the effects begin that do not act from the start [s].   mass_effects: change the mass
-    properties.   hangs_at: when the payload is hung [s].   payloads: (time [s], payload from then on), by time.
+    onsets: when those of the effects begin that do not act from the start [s].
     """
 
-    believed: Vehicle
-    payload: Payload | None
-    wrench_effects: list[WrenchEffect]
-    actuator_effects: list[ActuatorEffect]
-    delay: float = 0.0
+    believed: Vehicle  # the vehicle that the controller assumes
+    payload: Payload | None  # None without one
+    wrench_effects: list[WrenchEffect]  # effects that act in the simulation, without dead time
+    actuator_effects: list[ActuatorEffect]  # effects that act in the simulation, without dead time
+    delay: float = 0.0  # dead time of the commands, for the caller [s]
     onsets: Onsets = dc.field(default_factory=dict)
-    mass_effects: Sequence[MassEffect] = ()
-    hangs_at: float = 0.0
-    payloads: Sequence[tuple[float, Payload | None]] = ()
+    mass_effects: Sequence[MassEffect] = ()  # change the mass properties
+    hangs_at: float = 0.0  # when the payload is hung [s]
+    payloads: Sequence[tuple[float, Payload | None]] = ()  # (time [s], payload from then on), by time
 
     def payload_at(self, t: float) -> Payload | None:
         """Return the payload that hangs at time t [s]; None without one."""

@@ -11,14 +11,12 @@ class WrenchNetwork:
 
     Unlike the layers of Phi, these have biases: a payload pulls on the vehicle at rest too. At a kink of a ReLU the
     Jacobian is that of the inactive side.
-
-    weights: (out, in) matrices, biases: (out,).   scale: (6,) of zeta [m/s, rad/s].   unit: (6,) of chi [N, N·m].
     """
 
-    weights: tuple[np.ndarray, ...]
-    biases: tuple[np.ndarray, ...]
-    scale: np.ndarray
-    unit: np.ndarray
+    weights: tuple[np.ndarray, ...]  # (out, in)
+    biases: tuple[np.ndarray, ...]  # (out,)
+    scale: np.ndarray  # (6,) of zeta [m/s, rad/s]
+    unit: np.ndarray  # (6,) of chi [N, N·m]
 
     def __post_init__(self):
         width = 6

@@ -51,7 +51,7 @@ def score_flights(
         name = flight_name(flight)
         for place, (label, model) in enumerate(models.items()):
             predictor = _predictor(model)
-            segment, seen = longest_flown(flight, predictor)
+            segment, seen = _longest_flown(flight, predictor)
             table = skill_table(
                 {label: predictor, **(baselines if place == 0 else {})},
                 segment.chi,
@@ -85,7 +85,7 @@ def _predictor(model: Model) -> NeuralPredictor | PayloadFilter:
     return NeuralPredictor(model, PredictorOptions(torque="predict" if model.predicts_torque else "hold"))
 
 
-def longest_flown(
+def _longest_flown(
     flight: Flight, predictor: NeuralPredictor | PayloadFilter
 ) -> tuple[Segment, SampledFlight | None]:
     """Return the longest uninterrupted piece of a flight, and for a model that reads a plan that piece as it sees it.
@@ -94,7 +94,7 @@ def longest_flown(
     """
     if not isinstance(predictor, PayloadFilter):
         require_origin(predictor.model, {"frame": flight.frame})
-        return longest_piece(flight, predictor.step), None
+        return _longest_piece(flight, predictor.step), None
     require_origin(predictor.model, origin_of(flight.frame, flight.vehicle, predictor.label))
     if not isinstance(flight.data, FlightLog):
         raise ValueError(
@@ -109,7 +109,11 @@ def longest_flown(
 def label_distances(models: Mapping[str, Model], flights: Sequence[Flight]) -> list[dict[str, Any]]:
     """Return how far labels without low-pass lie from the targets, force [N] and torque [N·m], RMS by flight.
 
-    For models that forecast such labels alone: what a low-pass takes from the target counts as their error.
+    What a low-pass takes from the target counts as the error of labels that have one.
+
+    Args:
+        models: by name; those that forecast labels without low-pass count.
+        flights: as of `score_flights`.
     """
     lines = []
     for flight in flights:
@@ -117,14 +121,14 @@ def label_distances(models: Mapping[str, Model], flights: Sequence[Flight]) -> l
             if not isinstance(model, PayloadFilterModel):
                 continue
             unlagged = PayloadFilter(dc.replace(model, rotor_lag=0.0))
-            segment, seen = longest_flown(flight, unlagged)
+            segment, seen = _longest_flown(flight, unlagged)
             square = np.nanmean((seen.chi - segment.goal) ** 2, axis=0) if seen else np.zeros(6)
             force, torque = np.sqrt([square[:3].sum(), square[3:].sum()]).tolist()
             lines.append({"flight": flight_name(flight), "model": label, "force": force, "torque": torque})
     return lines
 
 
-def longest_piece(flight: Flight, step: float) -> Segment:
+def _longest_piece(flight: Flight, step: float) -> Segment:
     """Return the longest uninterrupted piece of a flight, at a model's step [s].
 
     Raises: ValueError: if an array has another step, or nothing usable is left.
@@ -157,13 +161,16 @@ def _bounded(row: dict[str, Any]) -> bool:
 def flight_stability(models: Mapping[str, Model], flights: Sequence[Flight]) -> list[dict[str, Any]]:
     """Return the spectral radius of A in every window of every flight, model by model; see `WindowStability`.
 
+    Args:
+        models: by name.
+        flights: as of `score_flights`.
     Raises: ValueError: as `score_flights`.
     """
     lines = []
     for flight in flights:
         for label, model in models.items():
             predictor = _predictor(model)
-            segment, seen = longest_flown(flight, predictor)
+            segment, seen = _longest_flown(flight, predictor)
             if isinstance(predictor, NeuralPredictor):
                 found = window_stability(predictor, segment.chi, segment.zeta)
             elif seen is not None:

@@ -18,22 +18,28 @@ MOTIONS = (KNOWN, HELD)
 
 
 def walk(model: ResidualModel, flight: SampledFlight) -> Iterator[tuple[int, Memory]]:
-    """Yield every sample's number and the memory after it."""
+    """Yield every sample's number and the memory after it.
+
+    Args:
+        model: of any kind.
+        flight: as the model sees it.
+    """
     memory = model.initial_memory()
     for k in range(len(flight)):
         memory = model.update(memory, flight.sample(k))
         yield k, memory
 
 
-def known_plan(flight: SampledFlight, k: int, steps: int) -> Plan:
-    """Return the motion that was flown after sample k, over `steps` steps."""
-    return Plan(flight.x[k : k + steps + 1], flight.u[k + 1 : k + steps + 1])
-
-
 def held_plan(x: np.ndarray, u: np.ndarray, *, steps: int, step: float) -> Plan:
     """Return the motion x (13,) continued: velocity, attitude and command stay, and the body rates are zero.
 
-    Own choice: a constant rate would turn the vehicle over within a second.   Args: u: (4,) [N, N·m].   step: [s].
+    Own choice: a constant rate would turn the vehicle over within a second.
+
+    Args:
+        x: (13,) state now.
+        u: (4,) command that goes on [N, N·m].
+        steps: of the plan [1].
+        step: [s].
     """
     course = np.tile(x, (steps + 1, 1))
     course[:, P] += step * np.arange(steps + 1)[:, None] * x[V]
@@ -53,10 +59,16 @@ def flight_forecasts(
 ) -> np.ndarray:
     """Return the forecasts of labels 'horizons' steps ahead from sample `first` on, (n - first, H, 6) [N, N·m].
 
-    NaN where the flight ends before.   Args: horizons: ascending [steps]; from 1 on for a model that reads a plan.
-    motion: `known`: the coming motion as flown; `held`: zeta stays, or for a model that reads a plan `held_plan`.
-    averaged: whether the labels to be forecast are means of the step that ends at their sample, else of its instant.
-    at_once: use a model's own shortcut for whole flights.
+    NaN where the flight ends before.
+
+    Args:
+        model: of any kind.
+        flight: as the model sees it.
+        horizons: ascending [steps]; from 1 on for a model that reads a plan.
+        first: sample of the first forecast.
+        motion: `known`: the coming motion as flown; `held`: zeta stays, or for a model that reads a plan `held_plan`.
+        averaged: whether the labels to be forecast are means of the step up to their sample, else of its instant.
+        at_once: use a model's own shortcut for whole flights.
     """
     if motion not in MOTIONS:
         raise ValueError(f"flight_forecasts: motion must be {' | '.join(MOTIONS)}; got {motion}.")
@@ -72,51 +84,31 @@ def flight_forecasts(
         steps = min(horizons[-1], len(flight) - 1 - k)
         if k < first or steps < horizons[0]:
             continue
-        course = _course(model, memory, flight, k, steps, motion, averaged)
+        if isinstance(model, ReadsPlan):
+            plan = _plan(flight, k, steps + (not averaged), motion)
+            course = _labels_along(model, memory, plan, averaged=averaged)
+        else:
+            zeta = flight.zeta[k : k + steps + 1]
+            zeta = zeta if motion == KNOWN else np.tile(zeta[0], (steps + 1, 1))
+            course = model.forecast(memory, horizon=steps + 1, stride=1).rollout(zeta)
         reached = [h for h in horizons if h <= steps]
         chi_hat[k - first, : len(reached)] = course[reached]
     return chi_hat
 
 
-def _course(
-    model: ResidualModel,
-    memory: Memory,
-    flight: SampledFlight,
-    k: int,
-    steps: int,
-    motion: str,
-    averaged: bool,
-) -> np.ndarray:
-    """Return the forecasts of the labels 0 to `steps` ahead of sample k, (steps + 1, 6); of label 0 none by a plan."""
-    if isinstance(model, ReadsPlan):
-        return _along_plan(model, memory, flight, k, steps, motion, averaged)
-    zeta = flight.zeta[k : k + steps + 1]
-    zeta = zeta if motion == KNOWN else np.tile(zeta[0], (steps + 1, 1))
-    return model.forecast(memory, horizon=steps + 1, stride=1).rollout(zeta)
+def _plan(flight: SampledFlight, k: int, steps: int, motion: str) -> Plan:
+    """Return the motion after sample k over `steps` steps, as flown until the flight ends, or held."""
+    if motion == KNOWN:
+        return Plan(flight.x[k : k + steps + 1], flight.u[k + 1 : k + steps + 1])
+    return held_plan(flight.x[k], flight.u[k], steps=steps, step=flight.step)
 
 
-def _along_plan(
-    model: ReadsPlan,
-    memory: Memory,
-    flight: SampledFlight,
-    k: int,
-    steps: int,
-    motion: str,
-    averaged: bool,
-) -> np.ndarray:
-    """Return `_course` of a model that reads a plan; a label of the last instant ends with the plan."""
-    plan = (
-        known_plan(flight, k, steps + (not averaged))
-        if motion == KNOWN
-        else held_plan(flight.x[k], flight.u[k], steps=steps + (not averaged), step=flight.step)
-    )
-    forecast = model.forecast_along(memory, plan, horizon=len(plan.u), stride=1)
-    chi = forecast.rollout(plan.x[:-1, 7:13])
-    ends = chi[:steps]
+def _labels_along(model: ReadsPlan, memory: Memory, plan: Plan, *, averaged: bool) -> np.ndarray:
+    """Return the forecasts of the labels 0, 1, … ahead along a plan, (N + 1, 6); of label 0 there is none."""
+    chi = model.forecast_along(memory, plan, horizon=len(plan.u), stride=1).rollout(plan.x[:-1, 7:13])
     if not averaged:
-        starts = np.vstack([chi[1:], chi[-1:]])[:steps]
-        ends = 0.5 * (ends + starts)
-    return np.vstack([np.full((1, 6), np.nan), ends])
+        chi = 0.5 * (chi + np.vstack([chi[1:], chi[-1:]]))
+    return np.vstack([np.full((1, 6), np.nan), chi])
 
 
 def _at_once(

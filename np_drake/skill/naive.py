@@ -1,4 +1,4 @@
-"""Naive residual models: mean of the training, linear extrapolation, ridge regression of the force."""
+"""Naive residual models: linear extrapolation, ridge regression of the force."""
 
 import dataclasses as dc
 from collections.abc import Sequence
@@ -10,27 +10,6 @@ from numpy.lib.stride_tricks import sliding_window_view
 from np_drake.residual_model import Memory, Sample, WrenchForecast, constant_forecast
 from np_drake.residual_models.linear_baselines import Windowed
 from np_drake.training_data.segments import Segment, check_segments
-
-
-class TrainingMean:
-    """Residual model chi_i = mean (6,) of the training labels [N, N·m], whatever is measured."""
-
-    name = "training mean"
-
-    def __init__(self, mean: np.ndarray, *, step: float):
-        self.mean, self.step = mean, step
-
-    def initial_memory(self) -> Memory:
-        """Return an empty memory."""
-        return {}
-
-    def update(self, memory: Memory, sample: Sample) -> Memory:
-        """Return the memory as it was."""
-        return memory
-
-    def forecast(self, memory: Memory, *, horizon: int, stride: int) -> WrenchForecast:
-        """Return the mean over the horizon."""
-        return constant_forecast(self.mean, horizon)
 
 
 class LinearExtrapolation:
@@ -86,7 +65,7 @@ class RidgeConfig:
 class ForceRidge(Windowed):
     """Residual model chi_h = W_h [window; 1] for every fitted horizon h, by groups of channels.
 
-    It ignores the coming motion.
+    It ignores the coming motion, and beyond the last fitted horizon it is held.
     Args: step: between samples [s].   window: W [samples].   horizons: (H,) ascending from 0 [steps].
     weights: by group (inputs W + 1, H, outputs) of the window, oldest sample first, and of 1.
     """
@@ -95,11 +74,7 @@ class ForceRidge(Windowed):
         super().__init__("ridge", step, window)
         self._horizons, self._weights = horizons, list(weights)
 
-    def forecast(self, memory: Memory, *, horizon: int, stride: int) -> WrenchForecast:
-        """Return the forecast, beyond the last fitted horizon held; the label held until the window is full."""
-        window = memory["window"]
-        if not self.full(memory):
-            return constant_forecast(window[-1, :6], horizon)
+    def _forecast(self, window: np.ndarray, horizon: int, stride: int) -> WrenchForecast:
         fitted = np.empty((len(self._horizons), 6))
         for group, W in zip(GROUPS, self._weights, strict=True):
             features = np.append(window[:, group.inputs].ravel(), 1.0)
@@ -112,6 +87,9 @@ class ForceRidge(Windowed):
 def fit_force_ridge(segments: Sequence[Segment], config: RidgeConfig = RidgeConfig()) -> ForceRidge:
     """Fit the ridge to every origin of the segments, horizon by horizon in one solve.
 
+    Args:
+        segments: at one step.
+        config: of the ridge.
     Raises: ValueError: if no segment is longer than the window.
     """
     step = segments[0].step if segments else 1.0
@@ -137,6 +115,7 @@ def _fit_group(
     middle, level = X.mean(axis=0), Y.mean(axis=0)
     scale = np.maximum(X.std(axis=0), 1e-12)
     Z = (X - middle) / scale
+    # Ridge on features of mean 0 and deviation 1: (Z'Z + n noise² 1) W = Z'Y
     gram = Z.T @ Z + noise**2 * len(Z) * np.eye(Z.shape[1])
     W = np.linalg.solve(gram, Z.T @ (Y - level).reshape(len(Z), -1)) / scale[:, None]
     constant = level.reshape(-1) - middle @ W

@@ -1,4 +1,4 @@
-"""A pendulum that is told the payload and where it is: what a forecast could do at best, never a predictor."""
+"""Oracle pendulum, which knows the payload and where it is: what a forecast could do at best, never a predictor."""
 
 import dataclasses as dc
 from collections.abc import Iterable
@@ -19,20 +19,20 @@ REST_BANDWIDTH = 0.3  # of the low-pass on what the pendulum leaves of the label
 
 @dc.dataclass(frozen=True)
 class Rest:
-    """What acts beside the tether: linear drag of the vehicle, and the rest of the labels so far, held.
+    """What acts beside the tether: linear drag of the vehicle, and the rest of the labels so far, held."""
 
-    drag: force over velocity in W, against it [N s/m].   bandwidth: of the low-pass on the rest [Hz].
-    """
-
-    drag: float
-    bandwidth: float = REST_BANDWIDTH
+    drag: float  # force over velocity in W, against it [N s/m]
 
 
-class ToldPendulum:
+class OraclePendulum:
     """Residual model of one flight: the tether's wrench from the true payload, driven by the plan.
 
-    Args: vehicle: believed.   payload: the true one.   r, r_rate: (n, 3) of the payload from the hook in W, at the
-    samples of the flight [m, m/s].   step: between samples [s].   rest: None: nothing but the tether.
+    Args:
+        vehicle: believed.
+        payload: the true one.
+        r, r_rate: (n, 3) of the payload from the hook in W, at the samples of the flight [m, m/s].
+        step: between samples [s].
+        rest: None: nothing but the tether.
     """
 
     def __init__(
@@ -49,7 +49,7 @@ class ToldPendulum:
         self.payload, self.step = payload, step
         self._truth = TrueModel(vehicle, payload, [], [])
         self._r, self._r_rate, self._rest = r, r_rate, rest
-        self._gain = 0.0 if rest is None else 1.0 - np.exp(-2 * np.pi * rest.bandwidth * step)
+        self._gain = 0.0 if rest is None else 1.0 - np.exp(-2 * np.pi * REST_BANDWIDTH * step)
 
     def initial_memory(self) -> Memory:
         """Return the memory before any sample.
@@ -93,11 +93,11 @@ class ToldPendulum:
         thrust = np.zeros(4)  # of no matter: without actuator effects commands act at once
         chi = self._truth.wrench_along(plan.x, plan.u, step, rotor_thrust=thrust, swing_state=state)
         if self._rest is not None:
-            chi[:, :3] -= self._rest.drag * mean_velocity(plan.x)
+            chi[:, :3] -= self._rest.drag * _mean_velocity(plan.x)
         return chi
 
 
-def mean_velocity(x: np.ndarray) -> np.ndarray:
+def _mean_velocity(x: np.ndarray) -> np.ndarray:
     """Return the mean velocity over each step (N, 3) [m/s] of states x (N+1, 13)."""
     return 0.5 * (x[1:, 7:10] + x[:-1, 7:10])
 
@@ -108,11 +108,17 @@ def oracle_pendulum(
     payload: Payload,
     path: tuple[np.ndarray, np.ndarray],
     rest: Rest | None = None,
-) -> ToldPendulum:
+) -> OraclePendulum:
     """Return the pendulum of a flight whose payload was measured.
 
     Only the direction of the tether is taken from the position; its length is that of `payload`.
-    Args: path: ascending times (m,) from the first sample on [s], and p_WPo (m, 3) of the payload [m].
+
+    Args:
+        flight: as a predictor sees it.
+        vehicle: believed.
+        payload: the true one.
+        path: ascending times (m,) from the first sample on [s], and p_WPo (m, 3) of the payload [m].
+        rest: what acts beside the tether; None: nothing.
     """
     place, velocity = _smoothed(flight.step * np.arange(len(flight)), *path)
     p_BoTo_W = attitude.rotate(flight.x[:, 3:7], np.broadcast_to(payload.hook, place.shape))
@@ -121,23 +127,19 @@ def oracle_pendulum(
     far = np.linalg.norm(away, axis=1, keepdims=True)
     n = away / far
     r_rate = payload.length / far * (move - np.sum(move * n, axis=1, keepdims=True) * n)
-    return ToldPendulum(vehicle, payload, payload.length * n, r_rate, step=flight.step, rest=rest)
+    return OraclePendulum(vehicle, payload, payload.length * n, r_rate, step=flight.step, rest=rest)
 
 
-def remaining_drag(flights: Iterable[tuple[SampledFlight, ToldPendulum]]) -> float:
+def remaining_drag(flights: Iterable[tuple[SampledFlight, OraclePendulum]]) -> float:
     """Return the drag coefficient that explains best what oracle pendulums leave of the lateral labels [N s/m].
 
     Least squares beside a constant for every flight and axis.
     """
     over, under = 0.0, 0.0
     for flight, model in flights:
-        told = np.array(
-            [
-                model._driven(k, Plan(flight.x[k : k + 2], flight.u[k + 1 : k + 2]), flight.step)[0, :2]
-                for k in range(len(flight) - 1)
-            ]
-        )
-        left, v = flight.chi[1:, :2] - told, mean_velocity(flight.x)[:, :2]
+        steps = [Plan(flight.x[k : k + 2], flight.u[k + 1 : k + 2]) for k in range(len(flight) - 1)]
+        driven = np.array([model._driven(k, plan, flight.step)[0, :2] for k, plan in enumerate(steps)])
+        left, v = flight.chi[1:, :2] - driven, _mean_velocity(flight.x)[:, :2]
         good = np.isfinite(left).all(axis=1)
         left, v = left[good] - left[good].mean(axis=0), v[good] - v[good].mean(axis=0)
         over, under = over - float(np.sum(left * v)), under + float(np.sum(v * v))

@@ -19,13 +19,10 @@ FLOOR = 0.2  # correlation below which there is no lag to speak of [1]
 
 @dc.dataclass(frozen=True)
 class Lag:
-    """Lag of a prediction behind its label.
+    """Lag of a prediction behind its label."""
 
-    steps: lag, NaN where there is none [steps].   correlation: at that lag [1].
-    """
-
-    steps: float
-    correlation: float
+    steps: float  # NaN where there is none [steps]
+    correlation: float  # at that lag [1]
 
 
 def jerk(s: np.ndarray, w: np.ndarray, step: float) -> np.ndarray:
@@ -45,9 +42,9 @@ def jerk(s: np.ndarray, w: np.ndarray, step: float) -> np.ndarray:
     return np.linalg.norm(rate + np.cross(w, s), axis=1)
 
 
-def aggressive(jerk: np.ndarray, share: float = SHARE) -> np.ndarray:
-    """Return whether each sample (n,) is in the top `share` of jerk within its flight."""
-    return jerk >= np.quantile(jerk, 1.0 - share)
+def aggressive(jerk: np.ndarray) -> np.ndarray:
+    """Return whether each sample (n,) is in the top `SHARE` of jerk within its flight."""
+    return jerk >= np.quantile(jerk, 1.0 - SHARE)
 
 
 def lag(prediction: np.ndarray, label: np.ndarray, rows: np.ndarray, *, reach: int) -> Lag:

@@ -28,16 +28,14 @@ NEEDED = 15.0  # motion near the mode over its noise, below which no length is g
 class Pendulum:
     """Pendulum identified from a flight.
 
-    length: of the tether, hook to payload; NaN where the flight does not show it [m].   mode: of A_c, if any.
-    motion: horizontal motion near the mode, without the flight's strongest line, over its noise [1].   text: one
-    line for people.   system: lifted linear system that was read.
+    motion: horizontal motion near the mode, without the flight's strongest line, over its noise [1].
     """
 
-    length: float
-    mode: Mode | None
+    length: float  # of the tether, hook to payload; NaN where the flight does not show it [m]
+    mode: Mode | None  # of A_c, if any
     motion: float
-    text: str
-    system: LiftedLinearSystem
+    text: str  # one line for people
+    system: LiftedLinearSystem  # that was read
 
     @property
     def shown(self) -> bool:
@@ -61,9 +59,8 @@ def pendulum_length(segments: list[Segment], *, gravity: float = GRAVITY, seed: 
         seed=seed,
     )
     trained = train(driven, config).model.system
-    system = dc.replace(
-        trained, B=trained.B * [1.0, 1.0, 1.0, 0.0, 0.0, 0.0]
-    )  # the body rates were never there
+    # Training saw no body rates
+    system = dc.replace(trained, B=trained.B * [1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
     mode = pendulum_mode(system)
     if mode is None:
         return Pendulum(np.nan, None, 0.0, "no oscillating mode answers the horizontal velocity.", system)

@@ -5,8 +5,7 @@ import dataclasses as dc
 import numpy as np
 
 from np_drake.residual_model import FlightForecasts, ResidualModel
-from np_drake.residual_models.neural_predictor import NeuralPredictor
-from np_drake.residual_models.refit_forecasts import RefitForecasts
+from np_drake.residual_models.neural_predictor import NeuralPredictor, RefitForecasts
 from np_drake.skill.flight_walk import walk
 from np_drake.training_data.sampled_flight import SampledFlight
 
@@ -18,19 +17,22 @@ CHUNK = 4000  # windows at a time, for memory [1]
 class WindowStability:
     """Counts of unstable windows of one flight.
 
-    windows: of the flight.   unstable: of these, with a spectral radius of A above 1.   largest: of all radii [1].
     pulled: windows whose least-squares A lay outside and was made stable before use (0 without a refit).
     """
 
-    windows: int
-    unstable: int
-    largest: float
+    windows: int  # of the flight
+    unstable: int  # of these, with a spectral radius of A above 1
+    largest: float  # of all radii [1]
     pulled: int
 
 
 def window_stability(model: NeuralPredictor, chi: np.ndarray, zeta: np.ndarray) -> WindowStability:
-    """Return the counts over every full window of a flight chi, zeta (n, 6) without gaps.
+    """Return the counts over every full window of a flight without gaps.
 
+    Args:
+        model: that flies.
+        chi: (n, 6) [N, N·m].
+        zeta: (n, 6) [m/s, rad/s].
     Raises: ValueError: if the flight is shorter than one window.
     """
     course = model.along(chi, zeta)
@@ -43,6 +45,10 @@ def walked_stability(model: ResidualModel, flight: SampledFlight) -> WindowStabi
     """Return the counts over every sample of a flight, of a model that makes its A anew at each.
 
     A pendulum without damping lies on the unit circle, so that rounding does not count.
+
+    Args:
+        model: that forecasts.
+        flight: as the model sees it.
     """
     forecasts = [model.forecast(memory, horizon=1, stride=1) for _, memory in walk(model, flight)]
     radius = np.abs(np.linalg.eigvals(np.stack([forecast.A for forecast in forecasts]))).max(axis=1)

@@ -5,14 +5,14 @@ from np_drake.effects.base import Measurement, SensorEffect
 from np_drake.effects.clock_offset import ClockOffset
 from np_drake.effects.library import LIBRARY
 from np_drake.vehicle import Vehicle
-from systems.sensor_rig import make_sensor_rig
+from systems.sensor_model import make_sensor_model
 
 VEHICLE = Vehicle()
 SENSORS = [e() for e in LIBRARY.values() if issubclass(e, SensorEffect) and e is not ClockOffset]
 
 
 def read_by_the_rig(effects, truth):
-    dut = make_sensor_rig(VEHICLE, effects, period=0.02)
+    dut = make_sensor_model(VEHICLE, effects, period=0.02)
     context = dut.CreateDefaultContext()
     dut.GetInputPort("x_true").FixValue(context, truth.x)
     dut.GetInputPort("acceleration_true").FixValue(context, np.concatenate([truth.a, truth.al]))
@@ -39,5 +39,5 @@ def test_the_rig_reads_what_the_pure_functions_say(effects):
 
 def test_a_rig_cannot_shift_the_clock_and_says_who_can():
     with pytest.raises(ValueError, match=r"clock_offset.*shift_state"):
-        make_sensor_rig(VEHICLE, [ClockOffset(0.02)], period=0.02)
-    make_sensor_rig(VEHICLE, [ClockOffset(0.0)], period=0.02)
+        make_sensor_model(VEHICLE, [ClockOffset(0.02)], period=0.02)
+    make_sensor_model(VEHICLE, [ClockOffset(0.0)], period=0.02)

@@ -67,13 +67,6 @@ def test_at_the_reference_a_known_weight_is_carried_at_once():
     np.testing.assert_allclose(plan, np.tile(pull, (10, 1)))
 
 
-def test_without_target_shift_a_known_weight_is_not_carried_exactly():
-    pull = np.array([0, 0, -2.5, 0, 0, 0])
-    dut, context = mpc_at(LEVEL, forecast=constant_forecast(pull, 10), target_shift=False)
-    event(dut, context)
-    assert abs(evaluate(dut, context, "u")[0] - VEHICLE.hover_input[0] - 2.5) > 0.1  # [N]
-
-
 def test_below_the_reference_it_pushes_up():
     low = LEVEL.copy()
     low[2] = 0.8

@@ -8,13 +8,13 @@ from pydrake.systems.primitives import ConstantVectorSource, DiscreteTimeIntegra
 from np_drake.effects.sensor_noise import SensorNoise
 from np_drake.vehicle import MeasurementNoise, Vehicle
 from systems.recorder import add_recorder
-from systems.sensor_rig import make_sensor_rig
+from systems.sensor_model import make_sensor_model
 
 LEVEL = np.array([0, 0, 1.0, 1.0, 0, 0, 0, 0, 0, 0, 0, 0, 0])
 
 
 def rig_with(effects):
-    dut = make_sensor_rig(Vehicle(), effects, period=0.02)
+    dut = make_sensor_model(Vehicle(), effects, period=0.02)
     simulator = Simulator(dut)
     context = simulator.get_mutable_context()
     dut.GetInputPort("x_true").FixValue(context, LEVEL)

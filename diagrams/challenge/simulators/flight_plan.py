@@ -6,8 +6,7 @@ import numpy as np
 
 from diagrams.batch.failed_run import FailedRun
 from np_drake import attitude
-from np_drake.references.base import Reference
-from np_drake.references.pace import Paced
+from np_drake.references.base import Paced, Reference
 from np_drake.vehicle import Vehicle
 
 _DELTA = 2e-3  # of the central differences from attitude to rate and angular acceleration [s]

@@ -25,28 +25,20 @@ RESOLUTION = 1e-9  # of z and of chi / scale; smaller errors are rounding and ha
 
 @dc.dataclass(frozen=True)
 class BoundCheck:
-    """Result of checking the bound on all windows of one flight.
+    """Result of checking the bound on all windows of one flight."""
 
-    windows: number of windows.   holds: share of all windows in which every bound holds at every n [1].
-    premise: share in which chi and zeta then changed no more than was allowed [1].
-    holds_on_premise: share of `holds` among these, NaN without any [1].
-    ratio: kind -> (windows, N) bound / error [1].   c, residual: (windows,), see `ErrorBound`.
-    violated: name -> share of the windows in which that assumption failed [1].   spectral_radius, lipschitz: largest
-    over the windows [1].   alpha_chi, alpha_zeta: allowed change over one step, scaled [1].
-    """
-
-    windows: int
-    holds: float
-    premise: float
-    holds_on_premise: float
-    ratio: dict[str, np.ndarray]
-    c: np.ndarray
-    residual: np.ndarray
-    violated: dict[str, float]
-    spectral_radius: float
-    lipschitz: float
-    alpha_chi: float
-    alpha_zeta: float
+    windows: int  # how many [1]
+    holds: float  # share of all windows in which every bound holds at every n [1]
+    premise: float  # share in which chi and zeta then changed no more than was allowed [1]
+    holds_on_premise: float  # share of `holds` among these, NaN without any [1]
+    ratio: dict[str, np.ndarray]  # kind -> (windows, N) bound / error [1]
+    c: np.ndarray  # (windows,), see `ErrorBound`
+    residual: np.ndarray  # (windows,), see `ErrorBound`
+    violated: dict[str, float]  # name -> share of the windows in which that assumption failed [1]
+    spectral_radius: float  # largest over the windows [1]
+    lipschitz: float  # largest over the windows [1]
+    alpha_chi: float  # allowed change over one step, scaled [1]
+    alpha_zeta: float  # allowed change over one step, scaled [1]
 
     def tightness(self, kind: str, n: int) -> tuple[float, float]:
         """Return the median and 95th percentile of bound / error n steps ahead [1].
@@ -64,7 +56,7 @@ def check_flight(
     """Compute bounds and errors after every `spacing`-th sample of one uninterrupted flight.
 
     Args: chi, zeta: (n, 6) each [N, N·m; m/s, rad/s].   alpha: (alpha_chi, alpha_zeta); None for the flight's own
-    largest changes, under which the premise holds.   horizon, refit, gamma: as in `bound`.
+    largest changes, under which the premise holds.   horizon, refit, gamma: as of `TheoremBound`.
     Raises: ValueError: if the flight is too short for one window.
     """
     alpha = largest_changes(model, chi, zeta, horizon) if alpha is None else alpha
@@ -129,9 +121,8 @@ def _premise(model: LiftedModel, change: Change, samples: np.ndarray, origins: n
         for values, allowed in ((chi, change.chi), (zeta, change.zeta)):
             moved = np.linalg.norm(values[j:] - values[:-j], axis=1)
             good[:-j] &= moved <= allowed[j - 1] * (1 + ROUNDING)
-    span = (
-        2 if isinstance(model.encoder, Phi) else model.window + 1
-    )  # samples from which the proof counts changes
+    # Samples from which the proof counts changes
+    span = 2 if isinstance(model.encoder, Phi) else model.window + 1
     return sliding_window_view(good, span)[origins - span + 1].all(axis=1)
 
 

@@ -8,9 +8,10 @@ import dataclasses as dc
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from np_drake.lifting.bounds.power_bound import spectral_norms
 from np_drake.lifting.model.encoders import Phi
 from np_drake.lifting.model.lifted_model import LiftedModel
+
+_DOUBLINGS = 60  # of the exponent, before a power below one is given up
 
 
 @dc.dataclass(frozen=True)
@@ -31,14 +32,12 @@ class Change:
 class EncoderReach:
     """Bounds on how far z moves within n = 1 … N steps.
 
-    lipschitz: constant of the encoder in scaled coordinates, of chi (Phi) or of the window [1].
     radius: (N,) bound on the distance of z_n from where it would be if chi and zeta stood still from now on.
-    travel: (N,) bound on the distance of z_(k+n) from z_k.
     """
 
-    lipschitz: float
+    lipschitz: float  # constant of the encoder in scaled coordinates, of chi (Phi) or of the window [1]
     radius: np.ndarray
-    travel: np.ndarray
+    travel: np.ndarray  # (N,) bound on the distance of z_(k+n) from z_k
 
 
 def chi_scale(model: LiftedModel) -> np.ndarray:
@@ -51,6 +50,10 @@ def encoder_reach(model: LiftedModel, change: Change) -> EncoderReach:
 
     Phi: L |dchi|, L the product of the layers' spectral norms.   Delay encoder: sum over lags d of |E_d| |dx|, where
     the sample at lag d has moved for n - d steps only since now.
+
+    Args:
+        model: with an encoder that is linear in its window.
+        change: of chi and zeta that is allowed.
     """
     if isinstance(model.encoder, Phi):
         L = model.encoder.lipschitz_bound
@@ -68,9 +71,53 @@ def encoder_reach(model: LiftedModel, change: Change) -> EncoderReach:
 
 
 def standing_still(model: LiftedModel, window: np.ndarray, horizon: int) -> np.ndarray:
-    """Return z_n (horizon, K) for n = 1 …, if chi and zeta kept the values of the window's last row."""
+    """Return z_n (horizon, K) for n = 1 …, if chi and zeta kept the values of the window's last row.
+
+    Args:
+        model: whose encoder lifts.
+        window: (W, 12) last [chi, zeta], oldest first.
+        horizon: number of steps [1].
+    """
     W = model.window
     if isinstance(model.encoder, Phi):
         return np.broadcast_to(model.lift(window), (horizon, model.system.K))
     future = np.concatenate([window[-W:], np.broadcast_to(window[-1], (horizon, 12))])
     return model.lift(sliding_window_view(future, W, axis=0)[1:].swapaxes(1, 2))
+
+
+def spectral_norms(matrices: np.ndarray) -> np.ndarray:
+    """Return the largest singular values (...,) of matrices (..., m, n), from the smaller Gram matrix."""
+    M = matrices if matrices.shape[-2] >= matrices.shape[-1] else matrices.swapaxes(-1, -2)
+    if M.shape[-1] == 0:
+        return np.zeros(M.shape[:-2])
+    return np.sqrt(np.maximum(np.linalg.eigvalsh(M.swapaxes(-1, -2) @ M)[..., -1], 0.0))
+
+
+def powers(A: np.ndarray, first: np.ndarray, count: int) -> np.ndarray:
+    """Return first, A first, A² first, …, stacked to (count, K, m).
+
+    Args:
+        A: (K, K).
+        first: (K, m).
+        count: of the powers [1].
+    """
+    out = np.empty((count, *first.shape))
+    for i in range(count):
+        out[i] = first
+        first = A @ first
+    return out
+
+
+def contracts(A: np.ndarray) -> bool:
+    """Return whether some power of A (K, K) has a norm below one.
+
+    That proves stability without trust in computed eigenvalues.
+    """
+    for _ in range(_DOUBLINGS):
+        size = np.linalg.norm(A)
+        if not size < 1e100:
+            return False
+        if size < 1.0:
+            return True
+        A = A @ A
+    return False

@@ -5,12 +5,18 @@ Source: Jin et al. 2025, Theorem 1, corrected; derivation and proof in docs/stud
 """
 
 import dataclasses as dc
-from functools import cached_property
 
 import numpy as np
 
-from np_drake.lifting.bounds.encoder_reach import Change, chi_scale, encoder_reach, standing_still
-from np_drake.lifting.bounds.power_bound import PowerBound, contracts, power_bound, powers, spectral_norms
+from np_drake.lifting.bounds.encoder_reach import (
+    Change,
+    chi_scale,
+    contracts,
+    encoder_reach,
+    powers,
+    spectral_norms,
+    standing_still,
+)
 from np_drake.lifting.model.encoders import Phi
 from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
 from np_drake.lifting.model.lifted_model import LiftedModel
@@ -35,26 +41,19 @@ class Assumption:
 
 @dc.dataclass(frozen=True)
 class ErrorBound:
-    """Bounds after one window for the next N steps; norms of chi are of chi / scale.
+    """Bounds after one window for the next N steps; norms of chi are of chi / scale."""
 
-    c: upper bound on |z_1 - A z_0 - B zeta_0|, the first local error.   operator: (N,) sum_i |A^i| c_(n-1-i), the
-    paper's form, c_0 = c.   z: (N,) at most that, the bound on |E_n|, with the true zeta in the rollout.
-    z_held: (N,) the same for a rollout that holds zeta_0.   chi, chi_held: (N,) the same for chi_n - C z_hat_n,
-    predicted channels.   residual: |z_0 - A z_-1 - B zeta_-1| of the window's own fit.   scale: (6,) of chi [N,
-    N·m].   system: A, B, C that fly.   zeta_scale: (6,) [m/s, rad/s].   assumptions: each with what was found.
-    """
-
-    c: float
-    residual: float
-    operator: np.ndarray
-    z: np.ndarray
-    z_held: np.ndarray
-    chi: np.ndarray
-    chi_held: np.ndarray
-    scale: np.ndarray
-    zeta_scale: np.ndarray
-    system: LiftedLinearSystem
-    assumptions: tuple[Assumption, ...]
+    c: float  # upper bound on |z_1 - A z_0 - B zeta_0|, the first local error
+    residual: float  # |z_0 - A z_-1 - B zeta_-1| of the window's own fit
+    operator: np.ndarray  # (N,) sum_i |A^i| c_(n-1-i), the paper's form, c_0 = c
+    z: np.ndarray  # (N,) at most that, the bound on |E_n|, with the true zeta in the rollout
+    z_held: np.ndarray  # (N,) the same for a rollout that holds zeta_0
+    chi: np.ndarray  # (N,) the same for chi_n - C z_hat_n, predicted channels
+    chi_held: np.ndarray  # (N,) the same for chi_n - C z_hat_n, predicted channels
+    scale: np.ndarray  # (6,) of chi [N, N·m]
+    zeta_scale: np.ndarray  # (6,) [m/s, rad/s]
+    system: LiftedLinearSystem  # A, B, C that fly
+    assumptions: tuple[Assumption, ...]  # each with what was found
 
     @property
     def violated(self) -> tuple[str, ...]:
@@ -70,18 +69,6 @@ class ErrorBound:
     def force(self) -> np.ndarray:
         """Bound on the error of the predicted force, (N,) [N]."""
         return self.chi * self.scale[:3].max()
-
-    @cached_property
-    def powers(self) -> PowerBound:
-        """Certified sup_k |A^k|, and sum_k |A^k B| per unit of zeta / scale."""
-        return power_bound(self.system.A, self.system.B * self.zeta_scale)
-
-    def at_any_time(self, z: float, zeta: float) -> float:
-        """Return a bound on |E_n| for all n; inf if the system is unstable.
-
-        Args: z: bound on |z_k| for all k.   zeta: bound on |zeta_k / scale| for all k [1].
-        """
-        return z + self.powers.largest * z + self.powers.gain * zeta
 
 
 @dc.dataclass(frozen=True)
@@ -105,7 +92,17 @@ class TheoremBound:
         self, model: LiftedModel, alpha_chi: Alpha, alpha_zeta: Alpha, *,
         horizon: int = HORIZON, refit: bool | None = None, gamma: float | None = None,
     ):  # fmt: skip
-        """Prepare the bound; the arguments are those of `bound`."""
+        """Prepare the bound.
+
+        Args:
+            model: of which forecasts are bounded.
+            alpha_chi, alpha_zeta: largest |chi_(k+1) - chi_k| and |zeta_(k+1) - zeta_k| over the model's scales (those
+                that Phi sees) [1]; or (horizon,) the largest change over 1, 2, … steps, which is sharper.
+            horizon: number of steps N that are bounded [1].
+            refit: whether A, B are refit on the window; None: as the model flies.
+            gamma: limit that the Lipschitz constant of the encoder must keep; None: that of the training [1].
+        Raises: ValueError: if an alpha is negative or the horizon less than one step.
+        """
         if horizon < 1:
             raise ValueError(f"bound: horizon must be at least 1 [steps]; got {horizon}.")
         if model.onsets is not None:
@@ -209,25 +206,6 @@ class TheoremBound:
             since <= allowed[: len(since)] * (1 + ROUNDING)
         )
         return Assumption(name, float(step), float(allowed[0]), bool(holds))
-
-
-def bound(
-    model: LiftedModel, alpha_chi: Alpha, alpha_zeta: Alpha, window: np.ndarray | None = None, *,
-    horizon: int = HORIZON, refit: bool | None = None, gamma: float | None = None,
-) -> ErrorBound:  # fmt: skip
-    """Return the bound of Theorem 1 after one window: c, the bounds for n = 1 … horizon, and the assumptions.
-
-    Args:
-        alpha_chi, alpha_zeta: largest |chi_(k+1) - chi_k| and |zeta_(k+1) - zeta_k| over the model's scales (those
-            that Phi sees) [1]; or (horizon,) the largest change over 1, 2, … steps, which is sharper.
-        window: the last [chi, zeta] (W, 12), W + 1 rows for a delay encoder; None: at rest, all samples zero.
-        horizon: number of steps N that are bounded [1].
-        refit: whether A, B are refit on the window; None: as the model flies.
-        gamma: limit that the Lipschitz constant of the encoder must keep; None: that of the training [1].
-    Raises: ValueError: if an alpha is negative or the window is too short or not finite.
-    """
-    dut = TheoremBound(model, alpha_chi, alpha_zeta, horizon=horizon, refit=refit, gamma=gamma)
-    return dut(np.zeros((dut.samples, 12)) if window is None else window)
 
 
 def largest_changes(

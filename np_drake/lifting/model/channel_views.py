@@ -17,15 +17,11 @@ _ZETA = {"vx": 0, "vy": 1, "vz": 2, "wx": 3, "wy": 4, "wz": 5}  # index of each 
 
 @dc.dataclass(frozen=True)
 class View:
-    """Signed selections of the channels of chi and zeta that one view of a block uses.
+    """Signed selections of the channels of chi and zeta that one view of a block uses."""
 
-    labels: (l, 6) selection from chi [1].   inputs: (p, 6) selection from zeta [1].   outputs: number of labels,
-    counted from the first, that are fitted [1].
-    """
-
-    labels: np.ndarray
-    inputs: np.ndarray
-    outputs: int
+    labels: np.ndarray  # (l, 6) selection from chi [1]
+    inputs: np.ndarray  # (p, 6) selection from zeta [1]
+    outputs: int  # number of labels, counted from the first, that are fitted [1]
 
     @property
     def selected(self) -> np.ndarray:
@@ -37,15 +33,14 @@ class View:
 class Block:
     """One fitted block of the lifted linear system, whose views share its matrices.
 
-    size: lifted states of a view [1].   pairs: pairs of lifted states that oscillate [1].   swings: whether an
-    oscillation may begin by itself, as that of a payload that is pushed; the vertical force oscillates with the
-    horizontal swing only.
+    swings: whether an oscillation may begin by itself, as that of a payload that is pushed; the vertical force
+    oscillates with the horizontal swing only.
     """
 
     name: str  # for messages and checkpoints
     views: tuple[View, ...]
-    size: int
-    pairs: int
+    size: int  # lifted states of a view [1]
+    pairs: int  # pairs of lifted states that oscillate [1]
     swings: bool = False
 
 

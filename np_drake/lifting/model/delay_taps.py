@@ -12,13 +12,11 @@ class DelayTaps:
     """Selection of the newest samples one by one and of older ones as box averages.
 
     Averages lose little of what lies far back and reduce its noise.
-    delay: samples of the window [1].   dense: of them one by one, the newest [1].   averages: box averages over
-    the others [1].
     """
 
-    delay: int
-    dense: int
-    averages: int
+    delay: int  # samples of the window [1]
+    dense: int  # of them one by one, the newest [1]
+    averages: int  # box averages over the others [1]
 
     def __post_init__(self):
         if not 1 <= self.dense <= self.delay or not 0 <= self.averages <= self.delay - self.dense:

@@ -9,12 +9,11 @@ import numpy as np
 class Phi:
     """Multilayer perceptron without bias, z = W^(L+1) relu(W^L … relu(W^1 chi / scale)).
 
-    weights: (out, in) matrices.   scale: (6,) of chi [N, N·m]; gamma bounds the Lipschitz constant in chi / scale.
     Source: Jin et al. 2025, eq. (dnn).
     """
 
-    weights: tuple[np.ndarray, ...]
-    scale: np.ndarray
+    weights: tuple[np.ndarray, ...]  # (out, in) matrices
+    scale: np.ndarray  # (6,) of chi [N, N·m]; gamma bounds the Lipschitz constant in chi / scale
 
     @property
     def K(self) -> int:
@@ -36,14 +35,11 @@ class Phi:
 
 @dc.dataclass(frozen=True)
 class DelayEncoder:
-    """Linear encoder z = E w + offset of the last D samples w of [chi, zeta], oldest first.
+    """Linear encoder z = E w + offset of the last D samples w of [chi, zeta], oldest first."""
 
-    E: (K, 12 D) per [N, N·m, m/s, rad/s].   delay: D, samples of the window [1].   offset: (K,), None for zero.
-    """
-
-    E: np.ndarray
-    delay: int
-    offset: np.ndarray | None = None
+    E: np.ndarray  # (K, 12 D) per [N, N·m, m/s, rad/s]
+    delay: int  # D, samples of the window [1]
+    offset: np.ndarray | None = None  # (K,), None for zero
 
     def __post_init__(self):
         if self.offset is not None and self.offset.shape != (len(self.E),):

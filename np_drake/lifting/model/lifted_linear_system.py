@@ -9,29 +9,24 @@ from np_drake.lifting.model.stabilized import stabilized
 
 @dc.dataclass(frozen=True)
 class Mode:
-    """One eigenvalue of A_c = log(A) / step (a complex pair counts once).
+    """One eigenvalue of A_c = log(A) / step (a complex pair counts once)."""
 
-    frequency: |Im| / 2 pi [Hz].   damping: -Re / |s| in [-1, 1] [1].   time_constant: -1 / Re, inf if
-    undamped [s].
-    """
-
-    frequency: float
-    damping: float
-    time_constant: float
+    frequency: float  # |Im| / 2 pi [Hz]
+    damping: float  # -Re / |s| in [-1, 1] [1]
+    time_constant: float  # -1 / Re, inf if undamped [s]
 
 
 @dc.dataclass(frozen=True)
 class LiftedLinearSystem:
     """Discrete-time linear system z+ = A z + B zeta, chi = C z.
 
-    A: (K, K).   B: (K, 6) per [m/s, rad/s].   C: (6, K) in [N, N·m].   step: time of one application of A [s].
     Source: Jin et al. 2025, eq. (lls).
     """
 
-    A: np.ndarray
-    B: np.ndarray
-    C: np.ndarray
-    step: float
+    A: np.ndarray  # (K, K)
+    B: np.ndarray  # (K, 6) per [m/s, rad/s]
+    C: np.ndarray  # (6, K) in [N, N·m]
+    step: float  # time of one application of A [s]
 
     def __post_init__(self):
         K = len(self.A)
@@ -72,6 +67,7 @@ class LiftedLinearSystem:
             raise ValueError(f"LiftedLinearSystem: stride must be a positive whole number; got {stride}.")
         if stride == 1:
             return self
+        # [[A, B], [0, 1]]^m = [[A^m, sum_(i<m) A^i B], [0, 1]], as zeta is held
         augmented = np.eye(self.K + 6)
         augmented[: self.K] = np.hstack([self.A, self.B])
         power = np.linalg.matrix_power(augmented, int(stride))

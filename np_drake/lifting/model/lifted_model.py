@@ -28,25 +28,19 @@ OLD_NAMES = ("default", "dictionary")  # earlier names of the two
 class LiftedModel:
     """Trained predictor as held by a model file, with all matrices in physical units.
 
-    configuration: a key of `ENCODERS`; a label only, as all that flies is in the other fields.
-    system: offline lifted linear system at the training step.   encoder: Phi of the instantaneous chi, or a linear map
-    of the last samples.   window: samples that the encoder or the refit needs [1].
-    chi_scale, zeta_scale: (6,) scales used in training [N, N·m; m/s, rad/s].
-    predicts_torque: whether rows 3:6 of C were trained.   summary: key figures of the training, for people.
-    ridge: weight of `system` in the refit of a window [samples of unit size]; 0 for no refit.
-    trust: correction of z in flight by the outcome of earlier forecasts; None for none.
-    onsets: addition to a delay encoder's z where a motion began within the window; None for none.
+    trust: correction of z in flight by the outcome of earlier forecasts; None for none.   onsets: addition to a delay
+    encoder's z where a motion began within the window; None for none.
     """
 
-    configuration: str
-    system: LiftedLinearSystem
-    encoder: Phi | DelayEncoder
-    window: int
-    chi_scale: np.ndarray
-    zeta_scale: np.ndarray
-    predicts_torque: bool
-    summary: dict[str, Any] = dc.field(default_factory=dict)
-    ridge: float = 0.0
+    configuration: str  # a key of `ENCODERS`; a label only, as all that flies is in the other fields
+    system: LiftedLinearSystem  # offline lifted linear system at the training step
+    encoder: Phi | DelayEncoder  # Phi of the instantaneous chi, or a linear map of the last samples
+    window: int  # samples that the encoder or the refit needs [1]
+    chi_scale: np.ndarray  # (6,) scales used in training [N, N·m; m/s, rad/s]
+    zeta_scale: np.ndarray  # (6,) scales used in training [N, N·m; m/s, rad/s]
+    predicts_torque: bool  # whether rows 3:6 of C were trained
+    summary: dict[str, Any] = dc.field(default_factory=dict)  # key figures of the training, for people
+    ridge: float = 0.0  # weight of `system` in the refit of a window [samples of unit size]; 0 for no refit
     trust: Trust | None = None
     onsets: Onsets | None = None
 

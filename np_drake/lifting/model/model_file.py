@@ -3,8 +3,9 @@
 import dataclasses as dc
 import json
 import logging
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from safetensors import SafetensorError, safe_open
@@ -27,12 +28,16 @@ from np_drake.lifting.model.trust import Trust
 _log = logging.getLogger(__name__)
 SCHEMA = "np_drake.lifted_model/1"  # format of the file and its version
 # What building a model of damaged content raises.
-DAMAGED = (KeyError, TypeError, ValueError, AttributeError, IndexError, ArithmeticError)
+_DAMAGED = (KeyError, TypeError, ValueError, AttributeError, IndexError, ArithmeticError)
+M = TypeVar("M")
 
 
 def save_model(model: LiftedModel, path: str | Path) -> None:
     """Write the model file, whole or not at all.
 
+    Args:
+        model: of any configuration.
+        path: of the file.
     Raises: OSError: if it cannot be written.
     """
     s = model.system
@@ -51,11 +56,32 @@ def save_model(model: LiftedModel, path: str | Path) -> None:
         "configuration": model.configuration, "step": s.step, "window": model.window,
         "predicts_torque": model.predicts_torque, "ridge": model.ridge, "summary": model.summary,
     }  # fmt: skip
-    write_tensors(tensors, {"schema": SCHEMA, "model": json.dumps(header)}, path)
+    write_model(tensors, SCHEMA, header, path)
+
+
+def write_model(
+    tensors: dict[str, np.ndarray], schema: str, header: dict[str, Any], path: str | Path
+) -> None:
+    """Write a model file of any kind, whole or not at all.
+
+    Args:
+        tensors: arrays by name.
+        schema: of the file.
+        header: all else that makes the model, `summary` among it.
+        path: of the file.
+    Raises: OSError: if it cannot be written.
+    """
+    write_tensors(tensors, {"schema": schema, "model": json.dumps(header)}, path)
 
 
 def write_tensors(tensors: dict[str, np.ndarray], metadata: dict[str, str], path: str | Path) -> None:
-    """Write a safetensors file, whole or not at all; equal content gives equal bytes."""
+    """Write a safetensors file, whole or not at all; equal content gives equal bytes.
+
+    Args:
+        tensors: arrays by name.
+        metadata: texts by name, `schema` among them.
+        path: of the file.
+    """
     content = save({name: np.ascontiguousarray(value) for name, value in tensors.items()}, metadata)
     write_bytes(path, _with_sorted_header(content))
 
@@ -86,7 +112,10 @@ def read_tensors(
 ) -> tuple[dict[str, np.ndarray], dict[str, str]]:
     """Return (tensors, metadata) of a safetensors file of the given schema.
 
-    Args: what: the file is to be, in messages.
+    Args:
+        path: of the file.
+        schema: that it must name.
+        what: the file is to be, in messages.
     Raises: ValueError: one line, if the file is missing or broken, has another schema or holds non-finite numbers.
     """
     try:
@@ -96,13 +125,8 @@ def read_tensors(
     except (SafetensorError, OSError, ValueError, TypeError, KeyError) as error:
         raise ValueError(f"{path}: not a {what}: {_reason(path, error)}") from error
     if metadata.get("schema") != schema:
-        found, remedy = (
-            metadata.get("schema", "none"),
-            "Train again: another version or configuration made it.",
-        )
-        raise ValueError(
-            f"{path}: schema must be {schema}; got {found}." + (f" {remedy}" if what == "model file" else "")
-        )
+        remedy = " Train again: another version or configuration made it." if what == "model file" else ""
+        raise ValueError(f"{path}: schema must be {schema}; got {metadata.get('schema', 'none')}.{remedy}")
     for name, value in tensors.items():
         if value.dtype.kind != "f" or not np.all(np.isfinite(value)):
             raise ValueError(f"{path}: tensor {name} must hold finite floating-point numbers.")
@@ -112,24 +136,35 @@ def read_tensors(
 def load_model(path: str | Path, configuration: str | None = None) -> LiftedModel:
     """Return the model in a file.
 
-    Args: configuration: where given, the configuration that the file must hold.
-    Raises: ValueError: one line, if the file is missing, truncated, pickled, of another format or inconsistent.
+    Args:
+        path: of the file.
+        configuration: where given, the configuration that the file must hold.
+    Raises: ValueError: as `read_model`.
     """
-    tensors, metadata = read_tensors(path, SCHEMA)
-    try:
-        model = _model(tensors, parse_json(metadata["model"]))
-    except DAMAGED as error:
-        raise unusable(path, error) from error
+    model = read_model(path, SCHEMA, _model)
     if configuration is not None and model.configuration != configuration:
         raise ValueError(f"{path}: configuration must be {configuration}; got {model.configuration}.")
     return model
 
 
-def unusable(path: str | Path, error: Exception) -> ValueError:
-    """Return the error of a file whose content makes no model."""
-    reason = (str(error).splitlines() or [type(error).__name__])[0]
-    what = f"lacks {error}; train it again" if isinstance(error, KeyError) else reason
-    return ValueError(f"{path}: not a usable model file: {what}")
+def read_model(
+    path: str | Path, schema: str, build: Callable[[dict[str, np.ndarray], dict[str, Any]], M]
+) -> M:
+    """Return the model in a file of any kind.
+
+    Args:
+        path: of the file.
+        schema: that it must name.
+        build: makes the model of tensors and header.
+    Raises: ValueError: one line, if the file is missing, truncated, pickled, of another format or inconsistent.
+    """
+    tensors, metadata = read_tensors(path, schema)
+    try:
+        return build(tensors, parse_json(metadata["model"]))
+    except _DAMAGED as error:
+        reason = (str(error).splitlines() or [type(error).__name__])[0]
+        what = f"lacks {error}; train it again" if isinstance(error, KeyError) else reason
+        raise ValueError(f"{path}: not a usable model file: {what}") from error
 
 
 def summary_in(header: dict[str, Any]) -> dict[str, Any]:
@@ -155,7 +190,8 @@ def _model(tensors: dict[str, np.ndarray], header: dict[str, Any]) -> LiftedMode
     for name in ("chi_scale", "zeta_scale"):
         if tensors[name].shape != (6,) or not np.all(tensors[name] > 0):
             raise ValueError(f"{name} must be six positive numbers.")
-    encoder = _phi(tensors) if ENCODERS[configuration] is Phi else _delay_encoder(tensors, window)
+    is_phi = ENCODERS[configuration] is Phi
+    encoder = _phi(tensors) if is_phi else DelayEncoder(tensors["E"], window, tensors.get("offset"))
     return LiftedModel(
         configuration, system, encoder, window, tensors["chi_scale"], tensors["zeta_scale"],
         bool(header["predicts_torque"]), summary_in(header), float(header["ridge"]), _trust(tensors, system.K),
@@ -172,10 +208,6 @@ def _configuration(header: dict[str, Any]) -> str:
     present = BY_AXES.get(str(frame), name)
     _log.warning("configuration %s of this model file is now called %s.", name, present)
     return present
-
-
-def _delay_encoder(tensors: dict[str, np.ndarray], window: int) -> DelayEncoder:
-    return DelayEncoder(tensors["E"], window, tensors.get("offset"))
 
 
 def _onsets(tensors: dict[str, np.ndarray]) -> Onsets | None:

@@ -27,16 +27,13 @@ class Onsets:
     """Correction of E w for V views of the samples, R ages and jumps of q modes.
 
     channels: (V, c, 12) what a view sees of a sample [chi, zeta], scaled; rows of zeros where it sees less than c.
-    watch: (V, R, q, D c) M_r, oldest sample first.   cost: (V, R) c_r.   jump: (V, R, k, q) G_r, into the view's k
-    states of z, which stand side by side in it.   odds: o_r of a jump at that age against none at all, (R,) or one for
-    all ages [1].
     """
 
     channels: np.ndarray
-    watch: np.ndarray
-    cost: np.ndarray
-    jump: np.ndarray
-    odds: np.ndarray | float
+    watch: np.ndarray  # (V, R, q, D c) M_r, oldest sample first
+    cost: np.ndarray  # (V, R) c_r
+    jump: np.ndarray  # (V, R, k, q) G_r, into the view's k states of z, which stand side by side in it
+    odds: np.ndarray | float  # o_r of a jump at that age against none at all, (R,) or one for all ages [1]
 
     def __post_init__(self):
         V, R, q, n = self.watch.shape if self.watch.ndim == 4 else (0, 0, 0, 0)
@@ -92,6 +89,7 @@ class Onsets:
         )
         cost = self.cost.reshape(V, *[1] * len(outer), R)
         e = np.log(self.odds) + np.minimum(0.5 * np.einsum("...q,...q->...", seen, seen) - cost, LARGEST)
+        # p_r = exp(e_r) / (1 + sum exp(e_s)), less the largest exponent, so that nothing overflows
         top = np.maximum(e.max(axis=-1, keepdims=True), 0.0)
         likely = np.exp(e - top)
         return seen, likely / (np.exp(-top) + likely.sum(axis=-1, keepdims=True))

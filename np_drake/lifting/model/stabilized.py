@@ -16,13 +16,22 @@ def stabilized(A: np.ndarray, radius: float = 1.0) -> np.ndarray:
     Eigenvalues outside are pulled radially onto the circle and keep their eigenvectors, so that stable modes
     stay as learned; where the eigenvectors are too ill-conditioned for that, all of A is scaled. Own choice:
     the nearest stable matrix in the Frobenius norm is a non-convex problem, too slow for a flight.
+
+    Args:
+        A: (K, K).
+        radius: [1].
     Raises: numpy.linalg.LinAlgError: if an entry of A is not finite, or its eigenvalues do not converge.
     """
     return _stabilized(A, radius)[0] if A.size else A
 
 
 def stabilized_all(A: np.ndarray, radius: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
-    """Apply `stabilized` with `radius` to A (n, K, K) and return it with the (n,) spectral radii before."""
+    """Return every A made stable, (n, K, K), and the spectral radii before, (n,).
+
+    Args:
+        A: (n, K, K).
+        radius: as of `stabilized` [1].
+    """
     stable, before = np.empty_like(A), np.empty(len(A))
     for k, one in enumerate(A):
         stable[k], before[k] = _stabilized(one, radius)
@@ -63,6 +72,7 @@ def _pulled(A: np.ndarray, V: np.ndarray, size: np.ndarray, limit: float) -> tup
     condition = len(A) ** 0.5 * float(blas.dnrm2(inverse.ravel("K")))
     if not condition < _ILL:
         return A, np.inf
+    # A V diag(f) V^-1 = A + A V diag(f - 1) V^-1, where f is 1 inside: a sum over the few columns outside
     outside = np.flatnonzero(size > limit)
     less = limit / size[outside] - 1.0
     return A + (A @ (V[:, outside] * less)) @ inverse[outside], condition

@@ -25,23 +25,16 @@ Memory = dict[str, np.ndarray]
 
 @dc.dataclass(frozen=True)
 class Trust:
-    """Constants of the correction of forecasts in flight.
+    """Constants of the correction of forecasts in flight."""
 
-    horizons: (H,) whole numbers from 1 on [steps].   readout: (H, 6, K) forecast of each horizon from z, zeta held.
-    projector: (K, H, 6) amplitudes of a predicted trajectory.   mean: (6,) of chi in training [N, N·m].
-    half: horizon at which half of a departure is believed before any evidence [steps].
-    evidence: samples that weigh as much as the prior, beside h itself [1].   caution: the same for b [1].
-    settle: the same for the mean so far [1].
-    """
-
-    horizons: np.ndarray
-    readout: np.ndarray
-    projector: np.ndarray
-    mean: np.ndarray
-    half: float = 400.0
-    evidence: float = 100.0
-    caution: float = 3000.0
-    settle: float = 800.0
+    horizons: np.ndarray  # (H,) whole numbers from 1 on [steps]
+    readout: np.ndarray  # (H, 6, K) forecast of each horizon from z, zeta held
+    projector: np.ndarray  # (K, H, 6) amplitudes of a predicted trajectory
+    mean: np.ndarray  # (6,) of chi in training [N, N·m]
+    half: float = 400.0  # horizon at which half of a departure is believed before any evidence [steps]
+    evidence: float = 100.0  # samples that weigh as much as the prior, beside h itself [1]
+    caution: float = 3000.0  # the same for b [1]
+    settle: float = 800.0  # the same for the mean so far [1]
 
     @property
     def longest(self) -> int:
@@ -67,7 +60,12 @@ class Trust:
         }  # fmt: skip
 
     def observe(self, memory: Memory, chi: np.ndarray) -> Memory:
-        """Return the memory after one more label chi (6,), with the forecasts that it verifies added to the sums."""
+        """Return the memory after one more label, with the forecasts that it verifies added to the sums.
+
+        Args:
+            memory: of the trust.
+            chi: (6,) [N, N·m].
+        """
         memory = {**memory, "total": memory["total"] + chi, "seen": memory["seen"] + 1.0}
         due = np.flatnonzero(self.horizons <= memory["lifted"][0])
         if len(due):
@@ -82,7 +80,13 @@ class Trust:
         return memory
 
     def correct(self, memory: Memory, z: np.ndarray, chi: np.ndarray) -> tuple[Memory, np.ndarray]:
-        """Return (memory, corrected z) for z (K,) beside its label chi (6,), which `observe` has taken in before."""
+        """Return (memory, corrected z (K,)).
+
+        Args:
+            memory: of the trust, after `observe` took the label in.
+            z: (K,) of now.
+            chi: (6,) label of now [N, N·m].
+        """
         mean = self._mean(memory["total"], memory["seen"][0])
         forecast = self.readout @ z
         base, p, q = _regressors(forecast, chi, mean)
@@ -128,6 +132,7 @@ class Trust:
         pull = (self.evidence + h) * power[0]
         pp, pq, qq = sums[0] + pull + 1e-12, sums[1], sums[2] + self.caution * power[1] + 1e-12
         pa, qa = sums[3] + pull * prior, sums[4]
+        # Normal equations [[pp, pq], [pq, qq]] [a b]' = [pa qa]' by Cramer's rule, b first and a for the b that is kept
         b = np.clip((pp * qa - pq * pa) / np.maximum(pp * qq - pq**2, 1e-300), 0.0, 1.0)
         return np.clip((pa - pq * b) / pp, 0.0, 1.0), b
 

@@ -19,6 +19,10 @@ class WindowRefit:
     (median rank 15 on real flights): the prior decides along the directions that they do not determine. Zeta is scaled
     as in training. The normal matrix is at least `ridge` times the identity, so its Cholesky factor is well
     conditioned. Source: Jin et al. 2025, Algorithm 1; the ridge is an own choice.
+
+    Args:
+        model: with the encoder Phi.
+        ridge: weight of the offline matrices [samples of unit size].
     """
 
     def __init__(self, model: LiftedModel, ridge: float):
@@ -47,18 +51,21 @@ class WindowRefit:
         A flight keeps the rows, so that each sample is lifted once. The normal matrix is formed anew at every sample:
         one product of 2 us, which adding one row and removing one would not beat, and it accumulates no rounding error.
         """
+        # Ridge toward the prior: (X'X + ridge 1) [A B]' = X'Y + ridge [A_0 B_0]', by Cholesky
         X, K = rows[:-1], self._phi.K
         normal = X.T @ X
         normal.flat[:: len(normal) + 1] += self._ridge
         moments = rows[1:, :K].T @ X + self._pull
-        solution = lapack.dposv(normal.T, moments.T, overwrite_a=1, overwrite_b=1)[
-            1
-        ].T  # transposed: no copies
+        # Transposed: no copies
+        solution = lapack.dposv(normal.T, moments.T, overwrite_a=1, overwrite_b=1)[1].T
         return stabilized(solution[:, :K], RADIUS), solution[:, K:] / self._scale
 
     def along(self, samples: np.ndarray, W: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return A and B of all o = n - W + 1 windows of W samples in an uninterrupted flight (n, 12).
+        """Return A and B of all o = n - W + 1 windows of an uninterrupted flight.
 
+        Args:
+            samples: (n, 12) of [chi, zeta] [N, N·m, m/s, rad/s].
+            W: samples of a window [1].
         Returns: A (o, K, K), B (o, K, 6), equal to the results one by one; (o,) spectral radius of A before it was made
         stable [1].
         """

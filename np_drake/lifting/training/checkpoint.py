@@ -6,6 +6,7 @@ that no generator's state belongs to a checkpoint: a resumed run is the uninterr
 
 import dataclasses as dc
 import hashlib
+from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -15,12 +16,19 @@ import numpy as np
 from np_drake.lifting.model.model_file import read_tensors, write_tensors
 from np_drake.training_data.segments import Segment
 
+OnEpoch = Callable[[int, int, float], None]  # called with (epoch, total, loss)
 SCHEMA = "np_drake.training/1"  # format of the file and its version
 REMEDY = "Remove it to train from the start, or name another --checkpoint."
 
 
 class Checkpoint:
-    """File with the tensors of an unfinished run; nothing is stored where `path` is None."""
+    """File with the tensors of an unfinished run.
+
+    Args:
+        path: of the file; None: nothing is stored.
+        config: of the run.
+        segments: that it trains on.
+    """
 
     def __init__(self, path: str | Path | None, config: Any, segments: list[Segment]):
         self._path = None if path is None else Path(path)
@@ -65,7 +73,12 @@ def digest_of(tensors: dict[str, np.ndarray]) -> str:
 
 
 def fingerprint(config: Any, segments: list[Segment]) -> str:
-    """Return a hash of the version, the configuration and every number of the data."""
+    """Return a hash of the version, the configuration and every number of the data.
+
+    Args:
+        config: a dataclass.
+        segments: that are trained on.
+    """
     head = f"{version('np_drake')} {type(config).__name__} {dc.asdict(config)}"
     digest = hashlib.sha256(head.encode())
     for segment in segments:

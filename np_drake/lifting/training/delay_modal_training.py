@@ -1,7 +1,6 @@
 """Training of the `delay-modal` configuration: delay encoder and stable A, B, C on a multi-step loss."""
 
 import dataclasses as dc
-from collections.abc import Callable
 
 import numpy as np
 import scipy.linalg
@@ -11,14 +10,14 @@ from np_drake.lifting.model.encoders import DelayEncoder
 from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
 from np_drake.lifting.model.lifted_model import DELAY_MODAL, LiftedModel
 from np_drake.lifting.model.onsets import Onsets
-from np_drake.lifting.training.checkpoint import Checkpoint
+from np_drake.lifting.training.checkpoint import Checkpoint, OnEpoch
 from np_drake.lifting.training.delay_regression import Regularisation, compress
 from np_drake.lifting.training.excitation import Excitation, measure_excitation
+from np_drake.lifting.training.horizon_ridge import horizon_grid
 from np_drake.lifting.training.modal_fit import BlockMatrices, ModalBlock, descend
 from np_drake.lifting.training.onset_fit import BlockOnsets, fit_onsets, label_lag, stack_onsets
 from np_drake.training_data.segments import Segment, check_segments, group_scale
 
-OnEpoch = Callable[[int, int, float], None]
 SETTLED = 10  # steps after which a label no longer shows how it began [1]
 
 
@@ -66,15 +65,18 @@ class DelayModalConfig:
 
 
 def train_delay_modal(
-    segments: list[Segment],
-    config: DelayModalConfig,
-    checkpoint: Checkpoint,
-    on_epoch: OnEpoch = lambda *_: None,
+    segments: list[Segment], config: DelayModalConfig, checkpoint: Checkpoint, on_epoch: OnEpoch
 ) -> tuple[LiftedModel, list[float]]:
     """Return (model, loss after each iteration) of the `delay-modal` configuration.
 
     Finished descents are in the checkpoint; a resumed run repeats the others, which draw from seeds of their
     own, and so ends where an uninterrupted one does.
+
+    Args:
+        segments: uninterrupted flights at one step.
+        config: of the training.
+        checkpoint: of finished descents.
+        on_epoch: called after each iteration.
     """
     segments = check_segments(segments, config.delay + config.horizon + 1)
     step = float(np.median([segment.step for segment in segments]))
@@ -154,9 +156,8 @@ def _modal_block(block: Block, scaled: list, config: DelayModalConfig, step: flo
         for chi, zeta, goal in scaled
         for view in block.views
     ]
-    spread = np.geomspace(1, config.horizon, config.horizons - 1)
     regression = compress(
-        pieces, delay=config.delay, horizons=np.unique(np.concatenate([[0], np.round(spread)])).astype(int),
+        pieces, delay=config.delay, horizons=horizon_grid(config.horizon, config.horizons),
         regularisation=config.regularisation, max_origins=config.max_origins,
     )  # fmt: skip
     return ModalBlock(regression, size=block.size, pairs=block.pairs, step=step)

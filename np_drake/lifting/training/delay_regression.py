@@ -29,27 +29,20 @@ class Regularisation:
 
 @dc.dataclass(frozen=True)
 class DelayRegression:
-    """Compressed loss, with nh = D (l + p) history features, nu = H p coming inputs, ny = len(horizons) m goals.
+    """Compressed loss, with nh = D (l + p) history features, nu = H p coming inputs, ny = len(horizons) m goals."""
 
-    delay: D, samples of the history [1].   horizons: [steps].   weights: (len(horizons),) one over the error of
-    persistence.   outputs, inputs: m goals and p inputs a sample [1].
-    whitener: (nh, nh) lower factor of the history's second moment.   free_u, free_y: (nh, nu), (nh, ny) rows
-    with a free initial state.   fixed_u, fixed_y: (nu, nu), (nu, ny) rows that start at zero.   floor: loss
-    that no model of these inputs can remove.   count: ny x origins.
-    """
-
-    delay: int
-    horizons: np.ndarray
-    weights: np.ndarray
-    outputs: int
-    inputs: int
-    whitener: np.ndarray
-    free_u: np.ndarray
-    free_y: np.ndarray
-    fixed_u: np.ndarray
-    fixed_y: np.ndarray
-    floor: float
-    count: float
+    delay: int  # D, samples of the history [1]
+    horizons: np.ndarray  # [steps]
+    weights: np.ndarray  # (len(horizons),) one over the error of persistence
+    outputs: int  # m goals a sample [1]
+    inputs: int  # p inputs a sample [1]
+    whitener: np.ndarray  # (nh, nh) lower factor of the history's second moment
+    free_u: np.ndarray  # (nh, nu) rows with a free initial state
+    free_y: np.ndarray  # (nh, ny) of the same rows
+    fixed_u: np.ndarray  # (nu, nu) rows that start at zero
+    fixed_y: np.ndarray  # (nu, ny) of the same rows
+    floor: float  # loss that no model of these inputs can remove
+    count: float  # ny x origins
 
 
 def compress(
@@ -74,6 +67,7 @@ def compress(
     noise = regularisation.label_noise * white_noise([labels for labels, _, _ in pieces])
     noise = np.maximum(noise, regularisation.smallest_label_noise)
     _add_pseudo_data(S, noise, (m, p), delay, horizons, weights, regularisation)
+    # S = [[LL', LF], [F'L', F'F + R'R]]: F are the rows along the histories, R (a Schur complement) those beside them
     L = np.linalg.cholesky(S[:nh, :nh])
     free = np.linalg.solve(L, S[:nh, nh:])
     rest = S[nh:, nh:] - free.T @ free

@@ -1,7 +1,7 @@
 """Dynamic mode decomposition with control: chi+ from the last samples of chi and zeta by least squares.
 
 Nothing keeps it stable. As a baseline it is left so; as a configuration that flies it is projected
-(`linear_training`).       Source: Proctor, Brunton, Kutz 2016, delays as states.
+(`train`).       Source: Proctor, Brunton, Kutz 2016, delays as states.
 """
 
 from collections.abc import Sequence
@@ -18,6 +18,10 @@ def fit_dmdc_system(segments: Sequence[Segment], delays: int = 1) -> tuple[Lifte
     """Fit the system of z = [chi now, chi before, …, zeta before, …] over the last `delays` samples.
 
     The coming zeta is the input.
+
+    Args:
+        segments: at one step.
+        delays: samples that the system sees [1].
     """
     segments = check_segments(list(segments), delays + 1)
     scale = sample_scale(segments)
@@ -27,15 +31,21 @@ def fit_dmdc_system(segments: Sequence[Segment], delays: int = 1) -> tuple[Lifte
         samples = np.hstack([segment.chi, segment.zeta]) / scale
         X.append(taps.features(samples, np.arange(delays - 1, len(samples) - 1)))
         Y.append(samples[delays:, :6])
+    # chi+ = theta [chi; zeta] by least squares over all samples; small singular values are cut off
     theta = np.linalg.lstsq(np.concatenate(X), np.concatenate(Y), rcond=1e-10)[0]
     weights = theta.T.reshape(6, delays, 12) * scale[:6, None, None] / scale  # newest sample first
     system, E = _shift_register(weights, segments[0].step)
     return system, DelayEncoder(E, delays)
 
 
-def sample_scale(segments: Sequence[Segment]) -> np.ndarray:
-    """Return scales of a sample [chi, zeta], (12,): one each for force, torque, v and omega [N, N·m, m/s, rad/s]."""
-    chi = group_scale([segment.chi for segment in segments], centred=True)
+def sample_scale(segments: Sequence[Segment], wrench: str = "chi") -> np.ndarray:
+    """Return scales of a sample [chi, zeta], (12,): one each for force, torque, v and omega [N, N·m, m/s, rad/s].
+
+    Args:
+        segments: at one step.
+        wrench: whose scale it is, chi | goal.
+    """
+    chi = group_scale([getattr(segment, wrench) for segment in segments], centred=True)
     return np.concatenate([chi, group_scale([segment.zeta for segment in segments], centred=True)])
 
 

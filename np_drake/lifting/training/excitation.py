@@ -6,11 +6,13 @@ encoder see zeta through `shrink`, close to one along excited directions and clo
 """
 
 import dataclasses as dc
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
-from np_drake.training_data.segments import group_scale, white_noise
+from np_drake.training_data.segments import Segment, group_scale, white_noise
 
 CHANNELS = ("vx", "vy", "vz", "wx", "wy", "wz")
 AVERAGE = 8  # samples averaged before motion is compared with noise: dynamics are slower than noise [1]
@@ -23,18 +25,16 @@ THRESHOLD = 4.0  # motion this many times its noise is half trusted [1]
 class Excitation:
     """Excitation of each direction of zeta in a flight.
 
-    noise: (6,) motion too small to learn from: averaged noise of zeta and 1 % of the group's motion [m/s, rad/s].
-    directions: (6, 6) rows of unit length in zeta / noise, strongest first.   deviation: (6,) standard deviation of
-    zeta / noise along them; 1 is pure noise.   gain: (6,) trust in each direction, 0 … 1.
-    line_frequency: strongest spectral line [Hz].   line_share: its share of the motion's power [1]; near 1 for a single
-    circle, which cannot show modes at other frequencies.
+    noise: (6,) motion too small to learn from: averaged noise of zeta and 1 % of the group's motion [m/s,
+    rad/s].   line_share: its share of the motion's power [1]; near 1 for a single circle, which cannot show modes at
+    other frequencies.
     """
 
     noise: np.ndarray
-    directions: np.ndarray
-    deviation: np.ndarray
-    gain: np.ndarray
-    line_frequency: float
+    directions: np.ndarray  # (6, 6) rows of unit length in zeta / noise, strongest first
+    deviation: np.ndarray  # (6,) standard deviation of zeta / noise along them; 1 is pure noise
+    gain: np.ndarray  # (6,) trust in each direction, 0 … 1
+    line_frequency: float  # strongest spectral line [Hz]
     line_share: float
 
     @property
@@ -79,12 +79,25 @@ def measure_excitation(
     sigma = np.maximum(sigma, 1e-9)
     smooth = np.concatenate([uniform_filter1d(piece, AVERAGE, axis=0) for piece in zeta])
     smooth = (smooth - smooth.mean(axis=0)) / sigma
+    # Principal axes of the motion over its noise; variance 1 is pure noise
     variance, vectors = np.linalg.eigh(smooth.T @ smooth / len(smooth))
     variance, directions = np.maximum(variance[::-1], 0.0), vectors.T[::-1]
     signal = np.sqrt(np.maximum(variance - 1.0, 1e-12))
     gain = 1.0 / (1.0 + (THRESHOLD / signal) ** 4)
     frequency, share = _strongest_line(max(zeta, key=len) / sigma, step)
     return Excitation(sigma, directions, np.sqrt(variance), gain, frequency, share)
+
+
+def training_summary(segments: Sequence[Segment], loss: float, step: float) -> dict[str, Any]:
+    """Return the key figures of a training in closed form.
+
+    Args:
+        segments: that were trained on.
+        loss: at its end [1].
+        step: between samples [s].
+    """
+    text = measure_excitation([segment.zeta for segment in segments], step=step).text
+    return {"samples": sum(map(len, segments)), "loss": {"all": loss}, "excitation": text}
 
 
 def motion_near(values: list[np.ndarray], frequency: float, *, step: float) -> float:

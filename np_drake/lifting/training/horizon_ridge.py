@@ -12,6 +12,7 @@ import numpy as np
 
 from np_drake.lifting.model.channel_views import turns
 from np_drake.lifting.model.delay_taps import DelayTaps
+from np_drake.training_data.segments import Segment
 
 GROUPS = (slice(0, 3), slice(3, 6))  # force, torque
 TURNS = tuple(turns(np.eye(6)))  # (6, 6) each: row vectors chi and zeta times it are their images
@@ -24,14 +25,13 @@ class Moments:
     """Second moments of one flight, scaled.
 
     The last of the p features is the constant 1.
-    gram: (p, p) of the features.   cross: (p, H, 6) of features and goals.   square: (H, 6) of the goals.
     power: (H, 2) squared error of the better naive row: mean squared change of force and of torque over the horizon, or
     their variance where that is less.
     """
 
-    gram: np.ndarray
-    cross: np.ndarray
-    square: np.ndarray
+    gram: np.ndarray  # (p, p) of the features
+    cross: np.ndarray  # (p, H, 6) of features and goals
+    square: np.ndarray  # (H, 6) of the goals
     power: np.ndarray
 
 
@@ -47,8 +47,11 @@ def flight_moments(
     """Return the moments of a flight over evenly thinned origins.
 
     Args:
-        samples: (n, 12) [chi, zeta], scaled.   goal: (n, 6), scaled.   taps: features of a window.
-        horizons: ascending [steps].   max_origins: thinned evenly beyond.
+        samples: (n, 12) [chi, zeta], scaled.
+        goal: (n, 6), scaled.
+        taps: features of a window.
+        horizons: ascending [steps].
+        max_origins: thinned evenly beyond.
         symmetry: share of the moments that is averaged over quarter turns about body z and the mirror y -> -y,
             0 … 1. The mean of the images is that of a perfectly symmetric airframe.
     """
@@ -62,14 +65,29 @@ def flight_moments(
     power = np.minimum(_grouped(change), _grouped(np.var(Y, axis=0)))
     power[horizons == 0] = NOW * power[horizons > 0].min(axis=0)
     if symmetry > 0:
-        images = [_turned(gram, cross, turn) for turn in TURNS]
-        gram = (1 - symmetry) * gram + symmetry * np.mean([image[0] for image in images], axis=0)
-        cross = (1 - symmetry) * cross + symmetry * np.mean([image[1] for image in images], axis=0)
+        gram, cross = symmetrised(gram, cross, [_turned(gram, cross, turn) for turn in TURNS], symmetry)
     return Moments(gram, cross, np.mean(Y**2, axis=0), np.maximum(power, 1e-12))
 
 
+def moments_of(segments: Sequence[Segment], scale: np.ndarray, **options) -> list[Moments]:
+    """Return the moments of all flights, scaled.
+
+    Args:
+        segments: at one step.
+        scale: (12,) of [chi, zeta] [N, N·m, m/s, rad/s].
+        options: of `flight_moments`.
+    """
+    samples = [np.hstack([s.chi, s.zeta]) / scale for s in segments]
+    return [flight_moments(x, s.goal / scale[:6], **options) for x, s in zip(samples, segments, strict=True)]
+
+
 def relative_error(flight: Moments, W: np.ndarray) -> np.ndarray:
-    """Return the mean squared error of the forecast W (p, H, 6) over `power`, (H, 2), force and torque [1]."""
+    """Return the mean squared error of a forecast over `power`, (H, 2), force and torque [1].
+
+    Args:
+        flight: its moments.
+        W: (p, H, 6) weights of the features.
+    """
     explained = np.einsum("phc,phc->hc", W, 2 * flight.cross)
     explained -= np.einsum("phc,phc->hc", W, np.tensordot(flight.gram, W, axes=1))
     return _grouped(flight.square - explained) / flight.power
@@ -91,12 +109,32 @@ def horizon_ridge(flights: Sequence[Moments], *, noise: float) -> np.ndarray:
             weight /= weight.sum()
             gram = sum(w * flight.gram for w, flight in zip(weight, flights, strict=True))
             cross = sum(w * flight.cross[:, h, group] for w, flight in zip(weight, flights, strict=True))
+            # Ridge: (sum_f w_f G_f + diag(noise²)) W_h = sum_f w_f X_f'Y_f
             W[:, h, group] = np.linalg.solve(gram + np.diag(ridge), cross)
     return W
 
 
+def symmetrised(
+    gram: np.ndarray, cross: np.ndarray, images: Sequence[tuple[np.ndarray, np.ndarray]], share: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return moments of which a share is averaged over their images.
+
+    Args:
+        gram, cross: moments as flown.
+        images: gram and cross under every turn.
+        share: of the average [1].
+    """
+    grams, crosses = (np.mean(moments, axis=0) for moments in zip(*images, strict=True))
+    return (1 - share) * gram + share * grams, (1 - share) * cross + share * crosses
+
+
 def horizon_grid(longest: int, count: int) -> np.ndarray:
-    """Return about `count` whole numbers from 0 to `longest`, evenly spaced on a logarithmic axis."""
+    """Return whole numbers from 0 on, evenly spaced on a logarithmic axis.
+
+    Args:
+        longest: the last of them [steps].
+        count: how many at most [1].
+    """
     return np.unique(np.concatenate([[0], np.round(np.geomspace(1, longest, count - 1))])).astype(int)
 
 

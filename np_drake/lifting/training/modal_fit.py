@@ -34,6 +34,12 @@ class ModalBlock:
 
     The last `outputs` modes are levels: real, almost integrators, not driven by zeta. All others die out within a few
     horizons of the loss, so that a forecast beyond what was trained fades into a constant.
+
+    Args:
+        regression: compressed loss.
+        size: lifted states [1].
+        pairs: pairs of them that oscillate [1].
+        step: between samples [s].
     """
 
     def __init__(self, regression: DelayRegression, *, size: int, pairs: int, step: float):
@@ -103,6 +109,7 @@ class ModalBlock:
             parts = self._parts(variable)
             scale = self._column_length(parts[3]).numpy()
             a, angle, real, C, B = (part.numpy() for part in parts)
+        # The initial state is z = E h, and whitened histories are L^-1 h: E = Z L^-1
         E = np.linalg.solve(self._regression.whitener.T, initial.T).T
         radius = np.exp(self._log_radius - np.exp(a))
         reals = np.exp(self._log_radius - np.exp(real))

@@ -4,7 +4,6 @@ It is in closed form: nothing is drawn at random and nothing is iterated.
 """
 
 import dataclasses as dc
-from collections.abc import Callable
 
 import numpy as np
 
@@ -12,18 +11,18 @@ from np_drake.lifting.model.delay_taps import DelayTaps
 from np_drake.lifting.model.encoders import DelayEncoder
 from np_drake.lifting.model.lifted_model import MODE_DICTIONARY, LiftedModel
 from np_drake.lifting.model.trust import Trust
-from np_drake.lifting.training.checkpoint import Checkpoint
-from np_drake.lifting.training.excitation import measure_excitation
+from np_drake.lifting.training.checkpoint import Checkpoint, OnEpoch
+from np_drake.lifting.training.dmdc import sample_scale
+from np_drake.lifting.training.excitation import training_summary
 from np_drake.lifting.training.horizon_ridge import (
     Moments,
-    flight_moments,
     horizon_grid,
     horizon_ridge,
+    moments_of,
     relative_error,
 )
-from np_drake.lifting.training.mode_dictionary import ModeDictionary, time_constants
-from np_drake.lifting.training.zeta_response import coupled, fit_response
-from np_drake.training_data.segments import Segment, check_segments, group_scale
+from np_drake.lifting.training.mode_dictionary import ModeDictionary, coupled, fit_response, time_constants
+from np_drake.training_data.segments import Segment, check_segments
 
 LEVEL_MEMORY = 200.0  # time constant of what is held [s]
 
@@ -40,14 +39,8 @@ class ModeDictionaryConfig:
     averages: int = 11  # the others in so many averages [1]
     horizon: int = 400  # longest forecast that is fitted [steps]
     horizons: int = 18  # how many are, closer together near 0 [1]
-    force_modes: tuple[float, ...] = (
-        1.5,
-        4.0,
-        11.0,
-        32.0,
-        100.0,
-        300.0,
-    )  # time constants, beside a level [steps]
+    # Time constants, beside a level [steps]
+    force_modes: tuple[float, ...] = (1.5, 4.0, 11.0, 32.0, 100.0, 300.0)
     torque_modes: tuple[float, ...] = (1.5, 4.0, 10.0, 25.0, 60.0, 150.0, 400.0)  # time constants [steps]
     noise: float = 3e-4  # of the samples the encoder sees, in units of their scale [1]
     input_noise: float = 0.01  # of the coming zeta, in units of its scale [1]
@@ -69,28 +62,27 @@ class ModeDictionaryConfig:
 
 
 def train_mode_dictionary(
-    segments: list[Segment],
-    config: ModeDictionaryConfig,
-    checkpoint: Checkpoint,
-    on_epoch: Callable[[int, int, float], None] = lambda *_: None,
+    segments: list[Segment], config: ModeDictionaryConfig, checkpoint: Checkpoint, on_epoch: OnEpoch
 ) -> tuple[LiftedModel, list[float]]:
     """Return (model, [loss]) of the `mode-dictionary` configuration.
 
     The loss is the mean square of the held forecast's error over that of the better naive row [1]. The checkpoint is
     not used: there is nothing to resume.
+
+    Args:
+        segments: uninterrupted flights at one step.
+        config: of the training.
+        checkpoint: unused.
+        on_epoch: called after each flight and at the end.
     """
     del checkpoint
     segments = check_segments(segments, config.delay + config.horizon + 1)
     step = float(np.median([segment.step for segment in segments]))
-    scale = _scales(segments)
-    flights = []
+    scale = sample_scale(segments, "goal")
+    options = {"taps": config.taps, "horizons": config.grid, "max_origins": config.max_origins}
+    flights: list[Moments] = []
     for number, segment in enumerate(segments):
-        flights.append(
-            flight_moments(
-                _samples(segment) / scale, segment.goal / scale[:6], taps=config.taps, horizons=config.grid,
-                max_origins=config.max_origins, symmetry=config.symmetry,
-            )
-        )  # fmt: skip
+        flights += moments_of([segment], scale, symmetry=config.symmetry, **options)
         on_epoch(number + 1, len(segments) + 2, np.inf)
     modes = time_constants(config.force_modes, config.torque_modes, LEVEL_MEMORY / step)
     weights = np.sqrt(np.mean([1.0 / flight.power for flight in flights], axis=0))
@@ -102,19 +94,7 @@ def train_mode_dictionary(
     loss = float(np.mean([relative_error(flight, fitted) for flight in flights]))
     on_epoch(len(segments) + 2, len(segments) + 2, loss)
     model = _assemble(config, modes, encoder, B, projector, scale, step, segments)
-    text = measure_excitation([segment.zeta for segment in segments], step=step).text
-    summary = {"samples": sum(map(len, segments)), "loss": {"all": loss}, "excitation": text}
-    return dc.replace(model, summary=summary), [loss]
-
-
-def _samples(segment: Segment) -> np.ndarray:
-    return np.hstack([segment.chi, segment.zeta])
-
-
-def _scales(segments: list[Segment]) -> np.ndarray:
-    """Return one scale each for force, torque, v and omega, (12,)."""
-    chi = group_scale([segment.goal for segment in segments], centred=True)
-    return np.concatenate([chi, group_scale([segment.zeta for segment in segments], centred=True)])
+    return dc.replace(model, summary=training_summary(segments, loss, step)), [loss]
 
 
 def _response(
@@ -124,7 +104,7 @@ def _response(
     """Return B (K, 6), scaled, on origins thinned to a quarter of those of the encoder."""
     readout, pieces = modes.readout(config.grid), []
     for segment, flight in zip(segments, flights, strict=True):
-        samples = _samples(segment) / scale
+        samples = np.hstack([segment.chi, segment.zeta]) / scale
         first, last = config.delay - 1, len(samples) - config.horizon
         origins = np.arange(first, last, max(1, -(-(last - first) * 4 // config.max_origins)))
         F = np.hstack([config.taps.features(samples, origins), np.ones((len(origins), 1))])

@@ -14,7 +14,6 @@ Targets other than the labels are not used: Phi sees one instant and cannot undo
 """
 
 import dataclasses as dc
-from collections.abc import Callable
 
 import numpy as np
 import torch
@@ -24,12 +23,10 @@ from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
 from np_drake.lifting.model.lifted_model import PAPER, LiftedModel
 from np_drake.lifting.model.stabilized import stabilized
 from np_drake.lifting.model.window_refit import RADIUS
-from np_drake.lifting.training.checkpoint import Checkpoint
+from np_drake.lifting.training.checkpoint import Checkpoint, OnEpoch
 from np_drake.lifting.training.excitation import measure_excitation
 from np_drake.lifting.training.phi_module import PhiModule
 from np_drake.training_data.segments import Segment, check_segments, group_scale
-
-OnEpoch = Callable[[int, int, float], None]
 
 
 @dc.dataclass(frozen=True)
@@ -53,7 +50,12 @@ class PaperConfig:
 
 
 class PaperTrainer:
-    """State of one training run: Phi, C, priors, optimiser, epoch."""
+    """State of one training run: Phi, C, priors, optimiser, epoch.
+
+    Args:
+        segments: uninterrupted flights at one step.
+        config: of the training.
+    """
 
     def __init__(self, segments: list[Segment], config: PaperConfig):
         segments = check_segments(segments, config.window)
@@ -97,7 +99,12 @@ class PaperTrainer:
         return self.history[-1]
 
     def loss(self, chi: torch.Tensor, zeta: torch.Tensor) -> torch.Tensor:
-        """Return beta_1 L_forward + beta_2 L_backward + beta_3 L_recons of windows (b, W, 6), zeta scaled."""
+        """Return beta_1 L_forward + beta_2 L_backward + beta_3 L_recons of a batch of windows.
+
+        Args:
+            chi: (b, W, 6) [N, N·m].
+            zeta: (b, W, 6), scaled.
+        """
         z = self.phi(chi)
         reconstruction = ((chi / self._scale() - z @ self.C.T) ** 2).mean()
         forward = self._rollout_error(z, zeta, self.forward_prior, backward=False)
@@ -178,9 +185,16 @@ class PaperTrainer:
 
 
 def train_paper(
-    segments: list[Segment], config: PaperConfig, checkpoint: Checkpoint, on_epoch: OnEpoch = lambda *_: None
+    segments: list[Segment], config: PaperConfig, checkpoint: Checkpoint, on_epoch: OnEpoch
 ) -> tuple[LiftedModel, list[float]]:
-    """Return (model, loss after each epoch), continued from the checkpoint where there is one."""
+    """Return (model, loss after each epoch), continued from the checkpoint where there is one.
+
+    Args:
+        segments: uninterrupted flights at one step.
+        config: of the training.
+        checkpoint: of the run so far.
+        on_epoch: called after each pass.
+    """
     trainer = PaperTrainer(segments, config)
     trainer.restore(checkpoint.load())
     while trainer.epoch < config.epochs:
@@ -234,6 +248,7 @@ def _window_fit(X, Y, prior, ridge: float) -> tuple[torch.Tensor, torch.Tensor]:
     """Return A^T (b, K, K), stable, and B^T (b, 6, K) of each window; prior (K+6, K) = [A_0 B_0]^T."""
     K = Y.shape[-1]
     prior = torch.cat([_stable(prior[:K]), prior[K:]])
+    # Ridge toward the prior, for all windows at once, by Cholesky
     normal = X.mT @ X + ridge * torch.eye(X.shape[-1], dtype=X.dtype)
     solution = prior + torch.cholesky_solve(X.mT @ (Y - X @ prior), torch.linalg.cholesky(normal))
     return _stable(solution[:, :K]), solution[:, K:]

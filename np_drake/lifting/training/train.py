@@ -1,10 +1,19 @@
-"""Training of a predictor from plain arrays, with configurations by name."""
+"""Training of a predictor from plain arrays, with configurations by name, and of the baselines among them.
+
+`dmdc`, `delay-dmdc` and `ridge` are the linear baselines of every table as lifted linear systems that can fly: fitted
+in closed form, made stable, in a model file, through the same predictor as the others.
+"""
 
 import dataclasses as dc
 import logging
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
+
+from np_drake.lifting.model.delay_taps import DelayTaps
+from np_drake.lifting.model.encoders import DelayEncoder
+from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
 from np_drake.lifting.model.lifted_model import (
     BY_AXES,
     DELAY_DMDC,
@@ -16,14 +25,42 @@ from np_drake.lifting.model.lifted_model import (
     RIDGE,
     LiftedModel,
 )
-from np_drake.lifting.training.checkpoint import Checkpoint
+from np_drake.lifting.training.checkpoint import Checkpoint, OnEpoch
 from np_drake.lifting.training.delay_modal_training import DelayModalConfig, train_delay_modal
-from np_drake.lifting.training.linear_training import DmdcConfig, RidgeConfig, train_dmdc, train_ridge
+from np_drake.lifting.training.dmdc import fit_dmdc_system, sample_scale
+from np_drake.lifting.training.excitation import training_summary
+from np_drake.lifting.training.horizon_ridge import horizon_ridge, moments_of, relative_error
 from np_drake.lifting.training.mode_dictionary_training import ModeDictionaryConfig, train_mode_dictionary
 from np_drake.lifting.training.paper_training import PaperConfig, train_paper
-from np_drake.training_data.segments import Segment
+from np_drake.training_data.segments import Segment, check_segments
 
 _log = logging.getLogger(__name__)
+
+
+@dc.dataclass(frozen=True)
+class DmdcConfig:
+    """Parameters of `dmdc` (last sample) and `delay-dmdc` (last ten, as in the tables of `np-drake evaluate`)."""
+
+    delays: int = 1  # samples that it sees [1]
+    seed: int = 0  # nothing is drawn; kept for the one interface of all configurations
+
+
+@dc.dataclass(frozen=True)
+class RidgeConfig:
+    """Parameters of `ridge`: for every horizon a separate map from past samples to the force.
+
+    It ignores the coming zeta.
+    """
+
+    delay: int = 60  # samples that it sees [1]
+    dense: int = 12  # of them one by one, the newest [1]
+    averages: int = 11  # the others in so many averages [1]
+    horizon: int = 40  # longest forecast; held beyond [steps]
+    noise: float = 0.01  # of the samples, in units of their scale [1]
+    max_origins: int = 6000  # of a segment; thinned beyond [1]
+    seed: int = 0  # nothing is drawn; kept for the one interface of all configurations
+
+
 Config = DelayModalConfig | ModeDictionaryConfig | PaperConfig | DmdcConfig | RidgeConfig
 DEFAULT_CONFIG = DelayModalConfig()
 CONFIGURATIONS: dict[str, Config] = {
@@ -34,24 +71,14 @@ CONFIGURATIONS: dict[str, Config] = {
     DELAY_DMDC: DmdcConfig(delays=10),
     RIDGE: RidgeConfig(),
 }
-TRAINERS: dict[type, Callable[..., tuple[LiftedModel, list[float]]]] = {
-    DelayModalConfig: train_delay_modal,
-    ModeDictionaryConfig: train_mode_dictionary,
-    PaperConfig: train_paper,
-    DmdcConfig: train_dmdc,
-    RidgeConfig: train_ridge,
-}
 
 
 @dc.dataclass(frozen=True)
 class TrainingResult:
-    """Result of one training run.
+    """Result of one training run."""
 
-    model: the trained predictor.   loss: after each epoch [1].
-    """
-
-    model: LiftedModel
-    loss: list[float]
+    model: LiftedModel  # the trained predictor
+    loss: list[float]  # after each epoch [1]
 
 
 def train(
@@ -59,12 +86,13 @@ def train(
     config: Config = DEFAULT_CONFIG,
     *,
     checkpoint: str | Path | None = None,
-    on_epoch: Callable[[int, int, float], None] = lambda *_: None,
+    on_epoch: OnEpoch = lambda *_: None,
 ) -> TrainingResult:
     """Train the configuration that `config` belongs to; deterministic by `config.seed`.
 
     Args:
         segments: uninterrupted flights at one step.
+        config: of one of the `CONFIGURATIONS`.
         checkpoint: file that the run is saved to as it goes, and resumed from where it exists (same
             configuration and data); the result is that of an uninterrupted run. Configurations in closed form, done in
             seconds, leave it alone.
@@ -72,9 +100,8 @@ def train(
             descents that converge early skip ahead.
     Raises: ValueError: if the segments are unusable or the checkpoint is of another run.
     """
-    saved = Checkpoint(checkpoint, config, segments)
-    run = TRAINERS[type(config)]
-    model, loss = run(segments, config, saved, on_epoch)
+    run = _TRAINERS[type(config)]
+    model, loss = run(segments, config, Checkpoint(checkpoint, config, segments), on_epoch)
     summary = {**model.summary, "settings": dc.asdict(config)}
     return TrainingResult(dc.replace(model, summary=summary), loss)
 
@@ -120,3 +147,81 @@ def make_config(configuration: str, *, frame: str = "world", epochs: int | None 
     if epochs is not None:
         settings |= dict.fromkeys(names & {"epochs", "iterations"}, epochs)
     return dc.replace(config, **settings)
+
+
+def _train_dmdc(
+    segments: list[Segment], config: DmdcConfig, checkpoint: Checkpoint, on_epoch: OnEpoch
+) -> tuple[LiftedModel, list[float]]:
+    """Return (model, [mean square of the scaled error one step ahead])."""
+    del checkpoint  # in closed form: there is nothing to resume
+    segments = check_segments(segments, config.delays + 1)
+    system, encoder = fit_dmdc_system(segments, config.delays)
+    scale = sample_scale(segments)
+    stable = system.stabilized()
+    loss = _one_step_error(segments, stable, encoder, scale)
+    on_epoch(1, 1, loss)
+    summary = training_summary(segments, loss, segments[0].step) | {
+        "spectral_radius_as_fitted": system.spectral_radius
+    }
+    name = DMDC if config.delays == 1 else DELAY_DMDC
+    model = LiftedModel(name, stable, encoder, config.delays, scale[:6], scale[6:], True, summary)
+    return model, [loss]
+
+
+def _train_ridge(
+    segments: list[Segment], config: RidgeConfig, checkpoint: Checkpoint, on_epoch: OnEpoch
+) -> tuple[LiftedModel, list[float]]:
+    """Return (model, [mean square error over that of the better naive row])."""
+    del checkpoint  # in closed form: there is nothing to resume
+    segments = check_segments(segments, config.delay + config.horizon + 1)
+    scale, taps = sample_scale(segments), DelayTaps(config.delay, config.dense, config.averages)
+    horizons = np.arange(config.horizon + 1)
+    flights = moments_of(
+        segments, scale, taps=taps, horizons=horizons, max_origins=config.max_origins, symmetry=0.0
+    )
+    W = horizon_ridge(flights, noise=config.noise)
+    loss = float(np.mean([relative_error(flight, W)[:, 0] for flight in flights]))
+    on_epoch(1, 1, loss)
+    force = (W * scale[:6])[:, :, :3].transpose(1, 2, 0).reshape(3 * len(horizons), -1)
+    E = taps.expand(force[:, :-1], 12).reshape(-1, config.delay, 12) / scale
+    encoder = DelayEncoder(E.reshape(len(E), -1), config.delay, force[:, -1])
+    system = course_register(config.horizon, segments[0].step)
+    summary = training_summary(segments, loss, segments[0].step)
+    return LiftedModel(RIDGE, system, encoder, config.delay, scale[:6], scale[6:], False, summary), [loss]
+
+
+def course_register(horizon: int, step: float) -> LiftedLinearSystem:
+    """Return the system whose state is a whole forecast of the force, chi_hat_0 … chi_hat_H.
+
+    A shifts it by one step and holds it at its end, and B = 0. Any forecast that does not depend on the coming motion
+    is such a lifted linear system, exactly.
+
+    Args:
+        horizon: H [steps].
+        step: [s].
+    """
+    K = 3 * (horizon + 1)
+    A = np.eye(K, k=3)
+    A[-3:, -3:] = np.eye(3)
+    return LiftedLinearSystem(A, np.zeros((K, 6)), np.eye(6, K) * (np.arange(6) < 3)[:, None], step)
+
+
+def _one_step_error(
+    segments: list[Segment], system: LiftedLinearSystem, encoder: DelayEncoder, scale: np.ndarray
+) -> float:
+    errors = []
+    for segment in segments:
+        z = encoder.along(np.hstack([segment.chi, segment.zeta]))[:-1]
+        first = len(segment) - len(z) - 1
+        chi_hat = (z @ system.A.T + segment.zeta[first:-1] @ system.B.T) @ system.C.T
+        errors.append((chi_hat - segment.chi[first + 1 :]) / scale[:6])
+    return float(np.mean(np.concatenate(errors) ** 2))
+
+
+_TRAINERS: dict[type, Callable[..., tuple[LiftedModel, list[float]]]] = {
+    DelayModalConfig: train_delay_modal,
+    ModeDictionaryConfig: train_mode_dictionary,
+    PaperConfig: train_paper,
+    DmdcConfig: _train_dmdc,
+    RidgeConfig: _train_ridge,
+}

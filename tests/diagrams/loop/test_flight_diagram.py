@@ -44,5 +44,5 @@ def test_the_experiments_with_an_event_depart_from_the_hover_at_its_time():
 
 def test_the_diagram_is_complete():
     diagram = make_flight_diagram(load_experiment("circle"))
-    for name in ("tethered_quadrotor", "sensor_rig", "reference", "wrench_estimator", "np_mpc", "recorder"):
+    for name in ("tethered_quadrotor", "sensor_model", "reference", "wrench_estimator", "np_mpc", "recorder"):
         assert diagram.HasSubsystemNamed(name)

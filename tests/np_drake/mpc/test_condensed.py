@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from np_drake.mpc.condensed import Condensed
+from np_drake.mpc.condensed import Condensed, Curvature
 from np_drake.mpc.dynamics import DiscreteDynamics
 
 
@@ -40,7 +40,8 @@ def test_sensitivities_match_finite_differences_of_the_rollout(setup):
 
 def test_the_gradient_matches_finite_differences_of_the_cost(setup):
     dut, h, T, _ = setup
-    gradient, eps = dut.local_model(h, dut.rollout(h, T)).gradient, 1e-5
+    t, eps = dut.rollout(h, T), 1e-5
+    gradient = dut.gradient(h, t, dut.sensitivities(h, t))
     e = np.random.default_rng(2).normal(size=T.shape)
     slope = (dut.rollout(h, T + eps * e).cost - dut.rollout(h, T - eps * e).cost) / (2 * eps)
     assert gradient @ e.ravel() == pytest.approx(slope, rel=1e-6)
@@ -48,7 +49,8 @@ def test_the_gradient_matches_finite_differences_of_the_cost(setup):
 
 def test_rows_match_finite_differences_of_the_excess(setup):
     dut, h, T, _ = setup
-    rows, eps = dut.local_model(h, dut.rollout(h, T)).rows, 1e-5
+    t, eps = dut.rollout(h, T), 1e-5
+    rows = dut.objective.rows(h, t.x, dut.sensitivities(h, t))
     e = np.random.default_rng(3).normal(size=T.shape)
     slope = (dut.rollout(h, T + eps * e).excess - dut.rollout(h, T - eps * e).excess) / (2 * eps)
     np.testing.assert_allclose(rows.jacobian @ e.ravel(), slope, atol=1e-6)
@@ -57,7 +59,7 @@ def test_rows_match_finite_differences_of_the_excess(setup):
 def test_the_hessian_is_the_cost_of_the_sensitivities(setup, vehicle, config):
     dut, h, T, _ = setup
     t = dut.rollout(h, T)
-    H = dut.local_model(h, t).curvature.full
+    H = Curvature(dut.hessian(h, dut.sensitivities(h, t))).full
     d = np.random.default_rng(4).normal(size=T.shape)
     dx = dut.sensitivities(h, t) @ d.ravel()
     du = d @ vehicle.mixer.T

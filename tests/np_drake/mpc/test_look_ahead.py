@@ -7,8 +7,7 @@ from np_drake.command_delay import FINE, KEPT, commands_under_way
 from np_drake.mpc.dynamics import DiscreteDynamics
 from np_drake.mpc.look_ahead import LookAhead
 from np_drake.residual_model import Sample
-from np_drake.residual_models.hold import Hold
-from np_drake.residual_models.no_residual import NoResidual
+from np_drake.residual_models.hold import Constant, Hold
 from np_drake.vehicle import Vehicle
 
 STEP, VEHICLE = 0.02, Vehicle()
@@ -36,7 +35,7 @@ def test_the_state_when_the_next_command_acts_is_that_of_the_commands_under_way(
 
 
 def test_without_delay_nothing_moves():
-    model = NoResidual(step=STEP)
+    model = Constant(np.zeros(6), step=STEP, name="nominal")
     memory, x = LookAhead(model, VEHICLE)(model.initial_memory(), LEVEL, SENT, 0.0)
     assert memory == {}
     np.testing.assert_array_equal(x, LEVEL)

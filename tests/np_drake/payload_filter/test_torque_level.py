@@ -3,17 +3,17 @@
 import numpy as np
 import pytest
 
-from np_drake.payload_filter.torque_level import LONGEST_MEAN, gains_of, initial_level, level, next_filters
+from np_drake.payload_filter.hook import LONGEST_MEAN, gains_of, initial_shift, next_shift
 
 STEP = 0.02  # [s]
 
 
 def levels(torque):
-    """The level after every row of torque (n, 3)."""
-    memory, found = initial_level(STEP), []
+    """The level after every row of torque (n, 3), under no pull."""
+    memory, found = initial_shift(STEP), []
     for row in torque:
-        memory = next_filters(memory, row, STEP)
-        found.append(level(memory, STEP))
+        memory = next_shift(memory, row, np.zeros(3), np.zeros(3), STEP)
+        found.append(memory["steady"])
     return np.array(found)
 
 

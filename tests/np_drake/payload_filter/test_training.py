@@ -135,7 +135,7 @@ def test_a_flight_without_torque_labels_is_refused_by_its_name(flown, vehicle):
     log = as_log(flown(seconds=4.0), vehicle)
     without = dc.replace(log, al=np.full((len(log), 3), np.nan), name="blind")
     for flights in ([without], [log, without]):
-        with pytest.raises(ValueError, match=r"^pendulum: flight blind must have torque labels .*\.$"):
+        with pytest.raises(ValueError, match=r"^payload_filter: flight blind must have torque labels .*\.$"):
             train_payload_filter([(flight, vehicle) for flight in flights], step=STEP)
 
 

@@ -1,9 +1,8 @@
 import numpy as np
 import pytest
 
-from np_drake.references.pace import Paced
-from np_drake.references.spline import Spline
-from np_drake.references.stops import Stops
+from np_drake.references.base import Paced
+from np_drake.references.points import Spline, Stops
 
 POINTS = np.array([[0, 0, 1.0], [1, 0, 1.0], [1, 2, 1.5], [0, 1, 1.0]])
 STOPS = Stops(POINTS, np.array([0.5, 2.0, 3.5]), np.array([1.0, 1.5, 1.2]))

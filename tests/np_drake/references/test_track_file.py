@@ -7,10 +7,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from np_drake.logs.formats.csv_file import read_csv
+from np_drake.references.base import Paced
 from np_drake.references.config import TRACKS, ReferenceConfig, make_reference
 from np_drake.references.flatness import targets
-from np_drake.references.pace import Paced
-from np_drake.references.spline import Spline
+from np_drake.references.points import Spline
 from np_drake.references.track_file import feedforward, write_trajectory
 from np_drake.references.trajectory import Trajectory
 from np_drake.vehicle import Vehicle

@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 
 from np_drake.residual_model import Sample
-from np_drake.skill.naive import GROUPS, LinearExtrapolation, RidgeConfig, TrainingMean, fit_force_ridge
+from np_drake.residual_models.hold import Constant
+from np_drake.skill.naive import GROUPS, LinearExtrapolation, RidgeConfig, fit_force_ridge
 from np_drake.training_data.segments import Segment
 
 LEVEL = np.array([0, 0, 1.0, 1.0, 0, 0, 0, 0, 0, 0, 0, 0, 0])
@@ -31,7 +32,7 @@ def test_after_one_label_linear_extrapolation_holds_it():
 
 
 def test_the_mean_ignores_every_label():
-    dut = TrainingMean(RATE, step=0.02)
+    dut = Constant(RATE, step=0.02, name="training mean")
     chi = dut.forecast(fed(dut, [7 * RATE]), horizon=3, stride=1).rollout(np.ones((3, 6)))
     np.testing.assert_array_equal(chi, np.tile(RATE, (3, 1)))
 

@@ -14,8 +14,8 @@ from np_drake.effects.pendulum import Payload
 from np_drake.flight_log import FlightLog
 from np_drake.payload_filter.payload_estimate import Estimate, PayloadEstimate
 from np_drake.skill.oracle_pendulum import (
+    OraclePendulum,
     Rest,
-    ToldPendulum,
     oracle_pendulum,
     remaining_drag,
 )
@@ -77,7 +77,7 @@ def open_campaign(folder: Path) -> list[PayloadFlight]:
     return found
 
 
-def told(flight: PayloadFlight, step: float, rest: Rest | None = None) -> ToldPendulum:
+def told(flight: PayloadFlight, step: float, rest: Rest | None = None) -> OraclePendulum:
     """Return the pendulum that is told the payload of a flight, sampled at a step [s]."""
     path = (flight.t - flight.log.t[0], flight.p)
     return oracle_pendulum(flight.sampled(step), flight.vehicle, true_payload(), path, rest)

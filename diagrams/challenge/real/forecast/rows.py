@@ -12,12 +12,12 @@ from np_drake.payload_filter.predictor import PayloadFilter
 from np_drake.payload_filter.training import train_payload_filter
 from np_drake.residual_model import ResidualModel
 from np_drake.residual_models.gaussian_process import fit_gaussian_process
-from np_drake.residual_models.hold import Hold
+from np_drake.residual_models.hold import Constant, Hold
 from np_drake.residual_models.knode_training import Piece, fit_knode
 from np_drake.residual_models.linear_baselines import fit_dmdc
 from np_drake.residual_models.motion_model import GP, KNODE, MotionModel
 from np_drake.residual_models.neural_predictor import NeuralPredictor, PredictorOptions
-from np_drake.skill.naive import LinearExtrapolation, RidgeConfig, TrainingMean, fit_force_ridge
+from np_drake.skill.naive import LinearExtrapolation, RidgeConfig, fit_force_ridge
 from np_drake.training_data.sampled_flight import SampledFlight, sampled_flight
 from np_drake.training_data.segments import Segment
 from np_drake.vehicle import Vehicle
@@ -42,10 +42,10 @@ def segments_of(flights: Sequence[Opened], step: float) -> list[Segment]:
     return [flight.segment for flight in sampled(flights, step)]
 
 
-def train_mean(flights: Sequence[Opened], step: float) -> TrainingMean:
+def train_mean(flights: Sequence[Opened], step: float) -> Constant:
     """Return the mean of all labels."""
     chi = np.concatenate([segment.chi for segment in segments_of(flights, step)])
-    return TrainingMean(chi.mean(axis=0), step=step)
+    return Constant(chi.mean(axis=0), step=step, name="training mean")
 
 
 def train_ridge(flights: Sequence[Opened], step: float) -> ResidualModel:

@@ -7,8 +7,7 @@ from np_drake.lifting.model.delay_taps import DelayTaps
 from np_drake.lifting.model.lifted_model import DELAY_DMDC, DMDC
 from np_drake.lifting.training.dmdc import sample_scale
 from np_drake.lifting.training.horizon_ridge import flight_moments, horizon_ridge
-from np_drake.lifting.training.linear_training import DmdcConfig, RidgeConfig, course_register
-from np_drake.lifting.training.train import make_config, train
+from np_drake.lifting.training.train import DmdcConfig, RidgeConfig, course_register, make_config, train
 from np_drake.training_data.segments import Segment
 
 STEP = 0.02

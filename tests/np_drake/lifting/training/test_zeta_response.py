@@ -1,8 +1,7 @@
 import numpy as np
 import pytest
 
-from np_drake.lifting.training.mode_dictionary import time_constants
-from np_drake.lifting.training.zeta_response import coupled, departures, fit_response
+from np_drake.lifting.training.mode_dictionary import coupled, departures, fit_response, time_constants
 
 MODES = time_constants((3.0, 20.0), (3.0, 20.0), 1e4)
 HORIZONS = np.array([0, 1, 3, 10, 30])

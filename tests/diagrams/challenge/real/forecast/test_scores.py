@@ -4,9 +4,8 @@ import pytest
 from diagrams.challenge.real.forecast.rows import PERSISTENCE
 from diagrams.challenge.real.forecast.scores import Score, diverged, pooled, score
 from np_drake.labels import LabelConfig
-from np_drake.residual_models.hold import Hold
+from np_drake.residual_models.hold import Constant, Hold
 from np_drake.skill.flight_walk import flight_forecasts
-from np_drake.skill.naive import TrainingMean
 from np_drake.training_data.sampled_flight import sampled_flight
 
 
@@ -47,7 +46,7 @@ def test_the_error_is_that_against_the_averaged_label(cones):
     log, vehicle = cones[0].log, cones[0].vehicle
     flight = sampled_flight(log, vehicle, step=0.02)
     mean = np.array([0.1, 0.2, 0.3, 0.0, 0.0, 0.0])
-    found = score("mean", TrainingMean(mean, step=0.02), (log, vehicle), [1, 10], first=30)
+    found = score("mean", Constant(mean, step=0.02, name="training mean"), (log, vehicle), [1, 10], first=30)
     error = (flight.chi[40:] - mean) ** 2
     assert found[0].count.tolist() == [len(flight) - 31, len(flight) - 40]
     assert found[0].square[0, 1] == pytest.approx(error[:, :2].sum())
@@ -55,7 +54,7 @@ def test_the_error_is_that_against_the_averaged_label(cones):
 
 
 def test_a_forecast_that_is_no_number_diverges(cones):
-    model = TrainingMean(np.full(6, np.inf), step=0.02)
+    model = Constant(np.full(6, np.inf), step=0.02, name="training mean")
     found = score("inf", model, (cones[0].log, cones[0].vehicle), [1], first=30)
     assert all(s.diverged for s in found)
 

@@ -1,13 +1,21 @@
-"""Measurement wrapper: effects between the true motion and the sensors' reading."""
+"""Sensor model of motion capture and IMU: measurement effects and their noise sources as one subsystem.
+
+Without effects the sensors are ideal and the true motion passes.
+"""
 
 from collections.abc import Sequence
 
 import numpy as np
+from pydrake.common import RandomDistribution
 from pydrake.common.value import Value
-from pydrake.systems.framework import LeafSystem, ValueProducer
+from pydrake.systems.framework import Diagram, DiagramBuilder, LeafSystem, ValueProducer
+from pydrake.systems.primitives import ConstantVectorSource, RandomSource, ZeroOrderHold
 
 from np_drake.effects.base import Measurement, MeasurementEffect
 from np_drake.vehicle import Vehicle
+
+# The draw changes between two sampling instants, so that controller and log read the same noise at an instant.
+_DRAW_OFFSET = 0.4  # of a period
 
 
 class MeasurementEffects(LeafSystem):
@@ -34,6 +42,9 @@ class MeasurementEffects(LeafSystem):
     | white | sum of white_size | standard normal draws, held between samples | 1 |
     | rotor_speed | 4 | as read | rad/s |
 
+    Args:
+        vehicle: whose thrust coefficient turns thrust into rotor speed.
+        effects: from the true motion to the reading, in this order.
     Raises: ValueError: on an effect that shifts the clock, which no causal sensor can do.
     """
 
@@ -85,3 +96,61 @@ class MeasurementEffects(LeafSystem):
 
     def _calc_rotor_speed(self, context, output) -> None:
         output.SetFromVector(self._reading.Eval(context).rotor)
+
+
+def make_sensor_model(vehicle: Vehicle, effects: Sequence[MeasurementEffect], *, period: float) -> Diagram:
+    """Return the sensors, with the ports of `MeasurementEffects` except `white`.
+
+    The noise is drawn by the diagram's random seed, which `diagram.SetRandomContext(context, RandomGenerator(seed))`
+    sets.
+
+    Args:
+        vehicle: whose thrust coefficient turns thrust into rotor speed.
+        effects: from the true motion to the reading, in this order.
+        period: of the noise [s].
+    """
+    builder = DiagramBuilder()
+    readings = builder.AddNamedSystem("readings", MeasurementEffects(vehicle, effects))
+    size = readings.white_size
+    if size:
+        source = builder.AddNamedSystem("white", RandomSource(RandomDistribution.kGaussian, size, period))
+        hold = builder.AddNamedSystem("draw", ZeroOrderHold(period, size, _DRAW_OFFSET * period))
+        builder.Connect(source.get_output_port(), hold.get_input_port())
+        builder.Connect(hold.get_output_port(), readings.GetInputPort("white"))
+    else:
+        source = builder.AddNamedSystem("white", ConstantVectorSource([]))
+        builder.Connect(source.get_output_port(), readings.GetInputPort("white"))
+    for name in ("x_true", "acceleration_true", "nominal_rotor_thrust"):
+        builder.ExportInput(readings.GetInputPort(name), name)
+    for name in ("x", "acceleration", "rotor_speed"):
+        builder.ExportOutput(readings.GetOutputPort(name), name)
+    diagram = builder.Build()
+    diagram.set_name("sensor_model")
+    return diagram
+
+
+def add_sensor_model(
+    builder: DiagramBuilder,
+    real_vehicle: Diagram,
+    vehicle: Vehicle,
+    effects: Sequence[MeasurementEffect],
+    *,
+    period: float,
+) -> Diagram:
+    """Add the sensors and connect them to the real vehicle.
+
+    Args:
+        builder: of the diagram that gets the sensors.
+        real_vehicle: of `make_tethered_quadrotor`.
+        vehicle: as of `make_sensor_model`.
+        effects: as of `make_sensor_model`.
+        period: of the noise [s].
+    """
+    sensors = builder.AddSystem(make_sensor_model(vehicle, effects, period=period))
+    for source, target in (
+        ("x", "x_true"),
+        ("acceleration", "acceleration_true"),
+        ("nominal_rotor_thrust", "nominal_rotor_thrust"),
+    ):
+        builder.Connect(real_vehicle.GetOutputPort(source), sensors.GetInputPort(target))
+    return sensors

@@ -1,8 +1,53 @@
-"""Moves from corner to corner of a level square, with a rest at each."""
+"""Motion through a list of points: without stopping, with a stop at each, or round a square."""
+
+from itertools import pairwise
 
 import numpy as np
+from scipy.interpolate import make_interp_spline
 
 from np_drake.references.ramp import rest_to_rest
+
+
+class Spline:
+    """Spline of degree 7 through points, at rest at both ends and beyond them.
+
+    Three derivatives vanish at the ends, so that body rates begin at zero.
+
+    Args:
+        points: (k, 3) [m].
+        times: (k,) [s].
+    """
+
+    def __init__(self, points: np.ndarray, times: np.ndarray):
+        rest = [(order, np.zeros(3)) for order in (1, 2, 3)]
+        self._spline = make_interp_spline(times, points, k=7, bc_type=(rest, rest))
+        self._start, self._end = float(times[0]), float(times[-1])
+
+    def sample(self, t: np.ndarray) -> np.ndarray:
+        """Return p and its four derivatives in W, (5, n, 3), at times t (n,) [s]."""
+        t = np.asarray(t, float)
+        inside = ((t >= self._start) & (t <= self._end))[:, None]
+        at = np.clip(t, self._start, self._end)
+        return np.stack([self._spline(at, k) * (1.0 if k == 0 else inside) for k in range(5)])
+
+
+class Stops:
+    """Moves from points[i] to points[i+1] during durations[i] from starts[i] on; moves may overlap.
+
+    Each move is the lowest polynomial with three vanishing derivatives at both ends.
+    Args: points: (k+1, 3) [m].   starts, durations: (k,) [s].
+    """
+
+    def __init__(self, points: np.ndarray, starts: np.ndarray, durations: np.ndarray):
+        self.points, self.starts, self.durations = np.array(points, float), starts, durations
+
+    def sample(self, t: np.ndarray) -> np.ndarray:
+        """Return p and its four derivatives in W, (5, n, 3), at times t (n,) [s]."""
+        flat = np.zeros((5, len(t), 3))
+        flat[0] = self.points[0]
+        for (a, b), start, duration in zip(pairwise(self.points), self.starts, self.durations, strict=True):
+            flat += rest_to_rest((np.asarray(t, float) - start) / duration, duration)[:, :, None] * (b - a)
+        return flat
 
 
 class Steps:

@@ -23,6 +23,7 @@ def sensitivities(Fx, Fu, markov, own, S, chi):
                 S[i, row, size + col] = Fu[i, row, col]
         if i == 0:
             continue
+        # S_(i+1) = Fx S_i + Fchi dchi_i/dT + Fu, where input i acts from stage i on
         _move(Fx[i], S[i - 1], S[i], size)
         driven = known > 0 and i > 1
         if driven or reacts:
@@ -71,13 +72,8 @@ def _six_rows(M, at, S, size, out):
     """Add M[:, at:at+6] times dzeta/dT, rows 7 … 12 of S, to out (6, …)."""
     for row in range(6):
         a, b, c, d, e, f = (
-            M[row, at],
-            M[row, at + 1],
-            M[row, at + 2],
-            M[row, at + 3],
-            M[row, at + 4],
-            M[row, at + 5],
-        )
+            M[row, at], M[row, at + 1], M[row, at + 2], M[row, at + 3], M[row, at + 4], M[row, at + 5],
+        )  # fmt: skip
         for col in range(size):
             out[row, col] += (
                 a * S[7, col]
@@ -119,7 +115,13 @@ def weigh(S, root, first, out):
 
 @compiled
 def weigh_end(S, root, out):
-    """Write root (13, 13) times the last sensitivities of S (N, 13, 4N) to the last rows of `out` (…, 4N)."""
+    """Write the weighted last sensitivities to the last rows of `out`.
+
+    Args:
+        S: (N, 13, 4N).
+        root: (13, 13), F with F'F = P.
+        out: (…, 4N).
+    """
     last, first = S[len(S) - 1], len(out) - 13
     for row in range(13):
         for col in range(out.shape[1]):
@@ -154,28 +156,3 @@ def gradient(x, x_ref, u, u_ref, Q, R, P, mixer, S, out):
                     pull += P[row, s] * (x[n, s] - x_ref[n, s])
             for col in range(4 * i + 4):
                 out[col] += 2 * pull * S[i, row, col]
-
-
-@compiled
-def row_jacobian(x, S, far, jacobian):
-    """Write the Jacobian of all soft rows (4N+1, 4N) by the sensitivities S (N, 13, 4N); columns of later inputs stay.
-
-    Args: x: (N+1, 13).   far: (13,) gradient of the last row over x_N.
-    """
-    n = len(S)
-    for i in range(n):
-        size = 4 * i + 4
-        for axis in range(3):
-            sign = -1.0 if x[i + 1, 7 + axis] < 0 else 1.0
-            for col in range(size):
-                jacobian[3 * i + axis, col] = sign * S[i, 7 + axis, col]
-        w, a, b, c = -2 * x[i + 1, 3], 2 * x[i + 1, 4], 2 * x[i + 1, 5], -2 * x[i + 1, 6]
-        for col in range(size):
-            jacobian[3 * n + i, col] = (
-                w * S[i, 3, col] + a * S[i, 4, col] + b * S[i, 5, col] + c * S[i, 6, col]
-            )
-    for col in range(4 * n):
-        jacobian[4 * n, col] = 0.0
-    for row in range(13):
-        for col in range(4 * n):
-            jacobian[4 * n, col] += far[row] * S[n - 1, row, col]
