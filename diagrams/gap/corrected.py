@@ -26,7 +26,7 @@ def corrected_simulator(diagnosis: Diagnosis, vehicle: Vehicle) -> FlightConfig:
     reality = dc.replace(
         config.reality.nominal(),
         effects=[entry for cause in answer.causes if (entry := _entry(cause)) is not None],
-        disturbance=remaining_disturbance(answer.where),
+        disturbance=remaining_disturbance(answer.localisation),
         posterior=answer.posterior or Posterior(),
     )
     return dc.replace(config, name=NAME, reality=reality).check_and_step()

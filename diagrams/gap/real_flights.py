@@ -60,7 +60,7 @@ def fold(vehicle: Vehicle, train: Sequence[FlightLog], held_out: FlightLog) -> F
     total = unseen.y[:, 3:6] + unseen.nominal[:, 3:]
     flown = [make_flight_residuals(log, vehicle) for log in train]
     mean = np.concatenate([e.y[:, 3:6] + e.nominal[:, 3:] for e in flown]).mean(axis=0)
-    where = answer.where
+    where = answer.localisation
     name = held_out.name
     return Fold(name, answer.verdict, where.before[name], where.after[name], total, total - mean)
 

@@ -87,7 +87,9 @@ def diagnose(
     first = infer(fitted, judging, options)
     novel = novelty(first)
     tell(0.6, "how far")
-    answer = dc.replace(_answer(first, names, replay), novel=novel, wall=time.perf_counter() - start)
+    answer = dc.replace(
+        _answer(first, names, replay), new_on_held_out=novel, wall=time.perf_counter() - start
+    )
     if not (novel and adaptive_split):
         return answer
 
@@ -117,15 +119,15 @@ def _answer(found: Inference, names: dict[str, Any], replay: Replay | None) -> D
         judged_as=found.options.tolerance.name,
         verdict=tuple(c.identifier for c in found.causes) + ((UNKNOWN,) if found.unknown else ()),
         causes=tuple(found.causes),
-        check=checked,
-        where=located,
-        shrink=reduction,
+        identifiability=checked,
+        localisation=located,
+        gap_reduction=reduction,
         coverage=coverage(tuple(found.causes), found.flights, found.held_out),
         posterior=joint_posterior(found.ranking.best, found.causes),
         explanations=explanations_of(found.ranking, found.held_out, held),
         readings=Readings(noise, found.options.tolerance),
-        minor=tuple(found.minor),
-        remains=found.unexplained.findings,
+        below_threshold=tuple(found.below_threshold),
+        unexplained=found.unexplained.findings,
         unknown_probability=found.unknown_probability,
         warnings=(*checked.warnings, *reduction.warnings, *told),
     )

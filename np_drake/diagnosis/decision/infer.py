@@ -33,7 +33,7 @@ class Inference:
     held: HeldOut
     unexplained: Unexplained
     causes: list[Cause]
-    minor: list[Finding]
+    below_threshold: list[Finding]
     unknown_probability: float
 
     @property

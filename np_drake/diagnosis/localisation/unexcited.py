@@ -28,8 +28,8 @@ def unexcited_diagnosis(
     return {
         "verdict": (),
         "causes": (),
-        "check": checked,
-        "where": localise(held_out, {e.name: e.y for e in held_out}, noise, rows),
-        "shrink": GapReduction(size, size, 1.0, 0.0, (0.0, 0.0), ()),
+        "identifiability": checked,
+        "localisation": localise(held_out, {e.name: e.y for e in held_out}, noise, rows),
+        "gap_reduction": GapReduction(size, size, 1.0, 0.0, (0.0, 0.0), ()),
         "warnings": checked.warnings,
     }

@@ -12,7 +12,7 @@ LOOSE = 0.5  # half-width of an interval over the value, above which it is loose
 def next_steps(diagnosis: Diagnosis) -> list[str]:
     """Return what to do next, the most useful first."""
     if diagnosis.cannot_tell:
-        tried = [item.manoeuvre for item in diagnosis.check.not_identifiable if item.manoeuvre]
+        tried = [item.manoeuvre for item in diagnosis.identifiability.not_identifiable if item.manoeuvre]
         return [
             f"Fly with more motion in every axis{f', such as: {tried[0]}' if tried else ''}. Diagnose again."
         ]
@@ -33,8 +33,10 @@ def next_steps(diagnosis: Diagnosis) -> list[str]:
             out.append(
                 f"Intervals of {cause.identifier} are wide ({listed(loose)}); a better flight: {more}."
             )
-    if UNKNOWN in diagnosis.verdict and diagnosis.remains:
-        out.append(f"Look for the source of what remains: {described(main_remainder(diagnosis.remains))}.")
+    if UNKNOWN in diagnosis.verdict and diagnosis.unexplained:
+        out.append(
+            f"Look for the source of what remains: {described(main_remainder(diagnosis.unexplained))}."
+        )
     if any("not tested" in sentence for sentence in diagnosis.coverage):
         out.append("Hold out a flight that moves like the training flights.")
     if causes:

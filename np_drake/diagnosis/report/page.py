@@ -56,27 +56,27 @@ def _text(name: str) -> str:
 
 def content(diagnosis: Diagnosis, seed: int) -> dict[str, Any]:
     """Return all values that the template uses, with numbers formatted as text."""
-    check, reduction = diagnosis.check, diagnosis.shrink
+    identifiability, reduction = diagnosis.identifiability, diagnosis.gap_reduction
     replays = (reduction.replay_before, reduction.replay_after)
     return {
         **answer(diagnosis),
         "refit": None if diagnosis.refit is None else answer(diagnosis.refit),
-        "novel": [finding.text.rstrip(".") for finding in diagnosis.novel],
+        "new_on_held_out": [finding.text.rstrip(".") for finding in diagnosis.new_on_held_out],
         "next_steps": next_steps(diagnosis),
         "coverage": [*diagnosis.coverage, *filter(None, [summary.unseen(diagnosis)])],
-        "largest": largest(diagnosis.where),
+        "largest": largest(diagnosis.localisation),
         "alike": [
             (words.listed([words.bare_name(e) for e in item.effects], "or"), item.because, item.manoeuvre)
-            for item in check.not_identifiable
+            for item in identifiability.not_identifiable
         ],
         "replay": _replay_rows(*replays),
         "starts": next((gap.starts for gap in replays if gap), 0),
-        "minor": [_finding(finding) for finding in diagnosis.minor],
-        "usable": check.usable,
-        "excitation": [_with_unit(name, value) for name, value in check.excitation.items()],
+        "below_threshold": [_finding(finding) for finding in diagnosis.below_threshold],
+        "usable": identifiability.usable,
+        "excitation": [_with_unit(name, value) for name, value in identifiability.excitation.items()],
         "noise_floor": [
             (name, words.measure(value, "N" if name.startswith("force") else "N·m"))
-            for name, value in check.noise_floor.items()
+            for name, value in identifiability.noise_floor.items()
         ],
         "warnings": summary.warnings(diagnosis),
         "flights": [
@@ -104,23 +104,23 @@ def answer(diagnosis: Diagnosis) -> dict[str, Any]:
         "causes": rows,
         "gap_header": summary.GAP_HEADER,
         "gap": summary.gap_rows(diagnosis),
-        "remains": [words.described(finding) for finding in diagnosis.remains],
+        "unexplained": [words.described(finding) for finding in diagnosis.unexplained],
         "unknown": words.probability(diagnosis.unknown_probability),
         "cannot_tell": diagnosis.cannot_tell,
         "joined": diagnosis.joined,
     }
 
 
-def largest(where: Localisation) -> str:
+def largest(localisation: Localisation) -> str:
     """Return a sentence on the channel with the largest ratio of residual to noise, and the regime where it is so."""
-    known = [channel for channel in where.channels if channel.noise_floor > 0]
+    known = [channel for channel in localisation.channels if channel.noise_floor > 0]
     if not known:
         return ""
     worst = max(known, key=lambda channel: channel.rms / channel.noise_floor)
     before, after = (words.number(size / worst.noise_floor, 2) for size in (worst.rms, worst.after))
     text = f"The gap is largest in {worst.channel}: {before} times its noise before, {after} after"
-    place = [c.channel for c in where.channels].index(worst.channel)
-    regime = max(where.regimes, key=lambda r: r.rms[place], default=None)
+    place = [c.channel for c in localisation.channels].index(worst.channel)
+    regime = max(localisation.regimes, key=lambda r: r.rms[place], default=None)
     if regime is None:
         return f"{text}."
     span = f"{words.number(regime.lower, 2)} to {words.measure(regime.upper, regime.unit)}"

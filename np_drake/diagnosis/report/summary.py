@@ -58,12 +58,12 @@ def headline(diagnosis: Diagnosis) -> str:
         named = [f"something that no effect explains, {probability(diagnosis.unknown_probability)}"]
     if named:
         return capital("; ".join(named))
-    return "No cause is told" if _unexplained(diagnosis.shrink) else "Nothing material is missing"
+    return "No cause is told" if _unexplained(diagnosis.gap_reduction) else "Nothing material is missing"
 
 
 def lead(diagnosis: Diagnosis) -> str:
     """Return the sentence below the headline: how much the causes explain, and what remains."""
-    reduction, said = diagnosis.shrink, []
+    reduction, said = diagnosis.gap_reduction, []
     if diagnosis.cannot_tell:
         return "The training flights excite too little to tell one effect from another."
     judges = f"{'the second half of ' if diagnosis.joined else ''}{flights(len(diagnosis.held_out))}"
@@ -76,17 +76,17 @@ def lead(diagnosis: Diagnosis) -> str:
         said.append(f"on {judges} the simulator agrees with the logs: the residual is {residual}")
     if UNKNOWN in diagnosis.verdict:
         said.append(_what_remains(diagnosis, residual))
-    if diagnosis.novel:
-        said.append(f"new on {judges}: {diagnosis.novel[0].text.rstrip('.')}")
+    if diagnosis.new_on_held_out:
+        said.append(f"new on {judges}: {diagnosis.new_on_held_out[0].text.rstrip('.')}")
     return capital("; ".join(said)) + "."
 
 
 def _explains(diagnosis: Diagnosis, judges: str) -> str:
     """Return the share of the largest part of the gap that the causes take away on held-out flights."""
-    reduction, one = diagnosis.shrink, len(named_causes(diagnosis)) == 1
+    reduction, one = diagnosis.gap_reduction, len(named_causes(diagnosis)) == 1
     if not has_gap(reduction):
         return f"there is no gap above the noise to explain on {judges}"
-    parts = [part for part in gap_parts(diagnosis.where) if np.isfinite(part.explained)]
+    parts = [part for part in gap_parts(diagnosis.localisation) if np.isfinite(part.explained)]
     largest = max(parts, key=lambda part: part.before / part.noise, default=None)
     kind, share = (largest.kind, largest.explained) if largest else ("whole", reduction.fraction)
     if min(share, reduction.fraction) < 0:
@@ -98,8 +98,8 @@ def _explains(diagnosis: Diagnosis, judges: str) -> str:
 
 def _what_remains(diagnosis: Diagnosis, residual: str) -> str:
     named = bool(named_causes(diagnosis))
-    if diagnosis.remains:
-        trace = described(main_remainder(diagnosis.remains))
+    if diagnosis.unexplained:
+        trace = described(main_remainder(diagnosis.unexplained))
         return f"{'what remains' if named else 'its clearest trace'}: {trace}"
     if named:
         return f"something that no effect explains remains, {probability(diagnosis.unknown_probability)}"
@@ -127,11 +127,11 @@ def _unexplained(reduction: GapReduction) -> bool:
     return reduction.before > PLAIN_GAP * reduction.floor
 
 
-def gap_parts(where: Localisation) -> list[GapPart]:
+def gap_parts(localisation: Localisation) -> list[GapPart]:
     """Return the held-out gap in lateral force, lift and torque, each pooled over its body axes."""
     out = []
     for kind, names in KINDS.items():
-        channels = [c for c in where.channels if c.channel in names]
+        channels = [c for c in localisation.channels if c.channel in names]
         sizes = [[c.rms, c.after, c.noise_floor] for c in channels]
         before, after, noise = np.sqrt(np.sum(np.square(sizes), axis=0)) if channels else (0.0, 0.0, 0.0)
         if noise > 0 and before > 0:
@@ -149,11 +149,11 @@ GAP_HEADER = ["held-out residual, RMS", "nominal", "with causes", "noise", "expl
 def gap_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
     """Return (kind, before, after, noise, explained) of each kind of gap, and of all channels in noise units."""
     rows = []
-    for part in gap_parts(diagnosis.where):
+    for part in gap_parts(diagnosis.localisation):
         factor, unit = suited(part.before, part.unit)
         sizes = [number(factor * value, 2) for value in (part.before, part.after, part.noise)]
         rows.append((f"{part.kind} [{unit}]", *sizes, percent(part.explained)))
-    total = diagnosis.shrink
+    total = diagnosis.gap_reduction
     sizes = [number(value, 2) for value in (total.before, total.after, total.floor)]
     share = f"{percent(total.fraction)} ({percent_interval(total.ci95)})" if has_gap(total) else NOTHING
     return [*rows, ("all, over noise [1]", *sizes, share)]
@@ -184,7 +184,7 @@ def cause_table(diagnosis: Diagnosis, longest: int = 36) -> tuple[list[str], lis
 
 def unseen(diagnosis: Diagnosis) -> str:
     """Return which effects would leave no trace in the training flights at their usual size; empty: none."""
-    alone = [item.effects[0] for item in diagnosis.check.not_identifiable if len(item.effects) == 1]
+    alone = [item.effects[0] for item in diagnosis.identifiability.not_identifiable if len(item.effects) == 1]
     names = listed([bare_name(name) for name in alone])
     return f"At its usual size the training flights would not show: {names}." if alone else ""
 
@@ -192,7 +192,7 @@ def unseen(diagnosis: Diagnosis) -> str:
 def warnings(diagnosis: Diagnosis) -> list[str]:
     """Return every warning once; what holds of several flights names them in one line."""
     flights_of: dict[str, list[str]] = {}
-    for warning in dict.fromkeys((*diagnosis.check.warnings, *diagnosis.warnings)):
+    for warning in dict.fromkeys((*diagnosis.identifiability.warnings, *diagnosis.warnings)):
         name, _, text = warning.partition(": ")
         known = name in diagnosis.train + diagnosis.held_out
         flights_of.setdefault(text if known else warning, []).extend([name] if known else [])

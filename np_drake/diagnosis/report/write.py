@@ -59,7 +59,7 @@ def with_head(content: dict[str, Any], *, seed: int, config: dict[str, Any]) -> 
 
 def figures(diagnosis: Diagnosis) -> dict[str, Figure]:
     """Return by name the figures for which the diagnosis has data."""
-    localisation, reduction = diagnosis.where, diagnosis.shrink
+    localisation, reduction = diagnosis.localisation, diagnosis.gap_reduction
     out: dict[str, Figure] = {}
     if reduction.ladder:
         out["ladder"] = ladder_figure(reduction)

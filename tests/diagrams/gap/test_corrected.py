@@ -58,11 +58,11 @@ def cause(effect, onset=None, probability=0.97, deviation=0.01):
 
 def diagnosis(*causes, where=None, posterior=None):
     nothing = an.Identifiability(True, {}, {}, ())
-    shrink = an.GapReduction(1.0, 1.0, 1.0, 0.0, (0.0, 0.0), ())
+    gap_reduction = an.GapReduction(1.0, 1.0, 1.0, 0.0, (0.0, 0.0), ())
     verdict = tuple(c.identifier for c in causes)
     located = an.Localisation(()) if where is None else where
     return an.Diagnosis(
-        "paper", ("a",), ("b",), verdict, causes, nothing, located, shrink, posterior=posterior
+        "paper", ("a",), ("b",), verdict, causes, nothing, located, gap_reduction, posterior=posterior
     )
 
 

@@ -42,10 +42,10 @@ def logged(**reality) -> FlightLog:
 
 def found(*causes, joined=()) -> an.Diagnosis:
     check = an.Identifiability(True, {}, {}, ())
-    shrink = an.GapReduction(2.0, 1.0, 1.0, 1.0, (1.0, 1.0), ())
+    gap_reduction = an.GapReduction(2.0, 1.0, 1.0, 1.0, (1.0, 1.0), ())
     names = tuple(cause.identifier for cause in causes)
     where = an.Localisation(())
-    return an.Diagnosis("paper", ("t",), (NAME,), names, causes, check, where, shrink, joined=joined)
+    return an.Diagnosis("paper", ("t",), (NAME,), names, causes, check, where, gap_reduction, joined=joined)
 
 
 def cause(effect, onset=None) -> an.Cause:

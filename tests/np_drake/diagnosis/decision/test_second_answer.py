@@ -55,7 +55,7 @@ def diagnosed(logs):
 
 def test_what_training_does_not_excite_is_novel_and_the_second_answer_names_it(diagnosed):
     dut: Diagnosis = diagnosed(DRAG)
-    assert dut.novel
+    assert dut.new_on_held_out
     assert "linear_drag" not in dut.verdict
     assert dut.refit is not None
     assert dut.refit.verdict == ("linear_drag",)
@@ -67,7 +67,7 @@ def test_what_training_does_not_excite_is_novel_and_the_second_answer_names_it(d
 def test_the_second_answer_is_judged_by_second_halves_and_the_first_by_whole_flights(diagnosed):
     dut = diagnosed(DRAG)
     assert (dut.joined, dut.refit.joined) == ((), ("c",))
-    assert dut.shrink.fraction < 0.1 < 0.9 < dut.refit.shrink.fraction
+    assert dut.gap_reduction.fraction < 0.1 < 0.9 < dut.refit.gap_reduction.fraction
     assert dut.refit.refit is None
 
 
@@ -79,14 +79,14 @@ def test_the_half_that_joins_is_no_flight_of_the_answer(diagnosed):
 
 def test_a_held_out_flight_like_training_shows_nothing_novel(diagnosed):
     dut = diagnosed()
-    assert dut.novel == ()
+    assert dut.new_on_held_out == ()
     assert dut.refit is None
     assert dut.verdict == ()
 
 
 def test_without_a_second_answer_what_is_novel_is_told_all_the_same(logs):
     dut = diagnose(Vehicle(), *logs(DRAG), adaptive_split=False)
-    assert dut.novel
+    assert dut.new_on_held_out
     assert dut.refit is None
 
 

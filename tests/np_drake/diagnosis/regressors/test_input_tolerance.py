@@ -149,7 +149,7 @@ def test_a_log_without_torque_is_not_replayed_and_the_warnings_say_so(fly):
 
     logs = [without_torque(fly(name=str(i), seed=i, seconds=6.0, noise=1.0)) for i in (1, 2)]
     dut = diagnose(VEHICLE, logs[:1], logs[1:], replay)
-    assert dut.shrink is None or dut.shrink.replay_before is None
+    assert dut.gap_reduction is None or dut.gap_reduction.replay_before is None
     assert NO_REPLAY in dut.warnings
 
 
