@@ -65,7 +65,7 @@ def test_the_experiment_of_the_docs_flies_well(tmp_path):
 
 
 def test_the_tolerances_in_the_docs_are_those_of_the_code():
-    from np_drake.diagnosis.tolerance import IDEAL_SENSORS, Tolerance
+    from np_drake.diagnosis.options import IDEAL_SENSORS, Tolerance
 
     page = (ROOT / "docs" / "reference" / "diagnosis.md").read_text()
     rows = {

@@ -23,11 +23,10 @@ from np_drake.diagnosis.localisation import (
     unexcited_diagnosis,
 )
 from np_drake.diagnosis.numerics import Readings
-from np_drake.diagnosis.options import Options
+from np_drake.diagnosis.options import Options, Tolerance
 from np_drake.diagnosis.report.coverage import coverage
 from np_drake.diagnosis.residuals import FlightResiduals, make_flight_residuals, natural_step, require_flights
 from np_drake.diagnosis.result import UNKNOWN, Diagnosis, Replay
-from np_drake.diagnosis.tolerance import Tolerance
 from np_drake.flight_log import FlightLog
 from np_drake.logs.throttle_input import with_one_exponent
 from np_drake.vehicle import Vehicle

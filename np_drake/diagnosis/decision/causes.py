@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from np_drake.diagnosis.adequacy.linear_model import LinearModel
-from np_drake.diagnosis.decision.equivalence import indistinguishable
+from np_drake.diagnosis.decision.explanations import indistinguishable
 from np_drake.diagnosis.decision.judgement import Judged, judge
 from np_drake.diagnosis.fitting import Fit, interval
 from np_drake.diagnosis.forward_model import pendulum_error
@@ -14,6 +14,7 @@ from np_drake.diagnosis.options import Priors
 from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.diagnosis.result import Cause, Estimate, Finding
 from np_drake.diagnosis.selection import Ranking, names_of, names_of_fit
+from np_drake.effects.posterior import Posterior
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.vehicle import Vehicle
 
@@ -96,3 +97,24 @@ def without_missing_drag(causes: list[Cause], minor: list[Finding]) -> tuple[lis
     unfelt = [c for c in causes if c.effect and c.effect.needs and not named & {*c.effect.needs}]
     texts = [Finding(c.identifier, "no cause through which it would be felt", c.share, {}) for c in unfelt]
     return [c for c in causes if c not in unfelt], [*minor, *texts]
+
+
+def joint_posterior(fit: Fit, causes: Sequence[Cause]) -> Posterior:
+    """Return the covariance of the causes' parameters: correlations of the fit, deviations of the reported intervals.
+
+    A parameter that the fit does not move, such as the number of a rotor, is not among them.
+    """
+    reported = {
+        (c.identifier, name): (estimate.ci95[1] - estimate.ci95[0]) / (2 * 1.96)
+        for c in causes
+        for name, estimate in c.parameters.items()
+    }
+    names = [
+        (fit.terms[f.term].effect.identifier if not f.flight and f.term < len(fit.terms) else "", f.name)
+        for f in fit.free
+    ]
+    own = [k for k, name in enumerate(names) if reported.get(name, 0.0) > 0]
+    scale = np.sqrt(np.maximum(np.diag(fit.covariance)[own], 1e-300))
+    deviation = np.array([reported[names[k]] for k in own])
+    covariance = fit.covariance[np.ix_(own, own)] * np.outer(deviation / scale, deviation / scale)
+    return Posterior([".".join(names[k]) for k in own], (0.5 * (covariance + covariance.T)).tolist()).check()

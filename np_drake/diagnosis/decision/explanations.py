@@ -6,16 +6,16 @@ from collections.abc import Sequence
 import numpy as np
 
 from np_drake.diagnosis.decision.effect_size import size_of, within_calibration
-from np_drake.diagnosis.decision.equivalence import equivalents
 from np_drake.diagnosis.fitting import Fit, impossible, refit
 from np_drake.diagnosis.held_out import HeldOut
-from np_drake.diagnosis.regressors import Model
+from np_drake.diagnosis.regressors import Model, RegressionProblem
 from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.diagnosis.selection import Ranking, names_of, names_of_fit, score_of
 from np_drake.effects.explanation import CALIBRATION, STANDS, Explanation
 from np_drake.effects.library import LIBRARY, MEASURED_ROTORS
 
-MOST = 6  # further models that are refined; own choice
+MOST_REFINED = 6  # further models that are refined; own choice
+MOST_ALTERNATIVES = 2  # effects named as indistinguishable from a cause
 
 
 def explanations_of(
@@ -34,7 +34,7 @@ def explanations_of(
     swaps = _swaps(ranking)
     swapped = {names_of(problem, model) for model in swaps}
     fits = [*ranking.fits]
-    for model in [m for m in [*swaps, *_close(ranking)] if names_of(problem, m) not in known][:MOST]:
+    for model in [m for m in [*swaps, *_close(ranking)] if names_of(problem, m) not in known][:MOST_REFINED]:
         if names_of(problem, model) in known:
             continue
         fit = refit(problem, model, problem.options.tolerance, None, ranking.noise)
@@ -119,3 +119,36 @@ def _explanation(named: tuple[str, ...], fit: Fit, probability: float) -> Explan
     calibration = tuple(t.effect for t in fit.calibration if t.effect.identifier in known)
     effects = tuple(t.effect for t in fit.terms)
     return Explanation(named, probability, effects, calibration, names, 0.5 * (covariance + covariance.T))
+
+
+def indistinguishable(problem: RegressionProblem, model: Model) -> dict[str, tuple[str, ...]]:
+    """Return by effect of the model the effects that explain the logs as well in its place."""
+    return {name: tuple(found) for name, found in equivalents(problem, model).items()}
+
+
+def equivalents(problem: RegressionProblem, model: Model) -> dict[str, dict[str, Model]]:
+    """Return by effect of the model, by effect that explains the logs as well in its place, the model with that one.
+
+    The best `MOST_ALTERNATIVES`, the best first.
+    """
+    thresholds = problem.options.thresholds
+    out: dict[str, dict[str, Model]] = {}
+    for i in model.members:
+        if problem.candidates[i].generic:
+            continue
+        own = problem.candidates[i].identifiers
+        rest = tuple(j for j in model.members if j != i)
+        found: dict[str, Model] = {}
+        for k, other in enumerate(problem.candidates):
+            members = (*rest, k)
+            if other.generic or set(other.identifiers) & set(own) or not problem.fits_together(members):
+                continue
+            score = problem.score(members)
+            if model.score - score < thresholds.same:
+                name = other.identifiers[-1]
+                if name not in found or score > found[name].score:
+                    found[name] = Model(tuple(sorted(members)), score)
+        names = sorted(found, key=lambda n: -found[n].score)[:MOST_ALTERNATIVES]
+        for name in own:
+            out[name] = {n: found[n] for n in names}
+    return out

@@ -6,11 +6,16 @@ from collections.abc import Sequence
 from scipy import special
 
 from np_drake.diagnosis.adequacy.linear_model import LinearModel
-from np_drake.diagnosis.decision.effect_size import size_of, within_calibration
-from np_drake.diagnosis.decision.size_posterior import material_share, relative_sizes, wind_share
+from np_drake.diagnosis.decision.effect_size import (
+    material_share,
+    relative_sizes,
+    size_of,
+    wind_share,
+    within_calibration,
+)
 from np_drake.diagnosis.fitting import impossible
 from np_drake.diagnosis.held_out import HeldOut
-from np_drake.diagnosis.materiality import Size
+from np_drake.diagnosis.options import Size
 from np_drake.diagnosis.regressors import DRAG
 from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.diagnosis.selection import Ranking

@@ -7,12 +7,11 @@ import numpy as np
 
 from np_drake.diagnosis.doctor.traces import Trace
 from np_drake.diagnosis.numerics import Gram, NoiseModel, scale_only
-from np_drake.diagnosis.options import Options
+from np_drake.diagnosis.options import Options, Tolerance
 from np_drake.diagnosis.regressors import DRAG, Candidate, calibration, sensor_drift, tolerance_of, with_input
 from np_drake.diagnosis.residuals import WRENCH, FlightResiduals, find_shocks
 from np_drake.diagnosis.result import CHANNELS
 from np_drake.diagnosis.selection.initial_noise import noise_of
-from np_drake.diagnosis.tolerance import Tolerance
 
 LEAST_DRAG = 2.0  # posterior deviations from which a drag is taken as that of the vehicle [1]
 

@@ -10,8 +10,8 @@ from np_drake.diagnosis.fitting.map_estimate import Fit, refine
 from np_drake.diagnosis.fitting.swing_fit import fitted_to_whole_flight
 from np_drake.diagnosis.forward_model import Term, predicted_residual
 from np_drake.diagnosis.numerics import NoiseModel, scale_only
+from np_drake.diagnosis.options import Tolerance
 from np_drake.diagnosis.regressors import Model, RegressionProblem, calibration_terms
-from np_drake.diagnosis.tolerance import Tolerance
 
 ITERATIONS = 6
 AGAIN = 3  # largest number of restarts of a descent with a hidden swing; own choice

@@ -1,25 +1,21 @@
-"""Hidden state of a suspended payload: a pendulum driven by the measured motion of the quadrotor."""
+"""Terms of a model, and the hidden state of one that is a payload: a pendulum driven by the measured motion."""
 
 import dataclasses as dc
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from np_drake.diagnosis.options import Priors
 from np_drake.diagnosis.residuals import FORCE, FlightResiduals
+from np_drake.effects.base import Effect
 from np_drake.effects.pendulum import across, swing_many
 from np_drake.effects.rotor_inflow import hover_induced_velocity
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.vehicle import Vehicle
 
-if TYPE_CHECKING:
-    from np_drake.diagnosis.forward_model.term import Term
-
+NEVER = float("inf")  # onset of an effect that is absent from a flight [s]
 STATE = 4  # swing angles [rad] and their rates [rad/s] about the direction of rest
-MOST_JUMPS = (
-    4  # largest number of jumps in a flight; sampled motion does not show how a snap changes the swing
-)
+MOST_JUMPS = 4  # in a flight; sampled motion does not show how a snap changes the swing
 APART = 0.3  # least time between jumps [s]
 PENDULUM = {
     "mass": 1.0,
@@ -27,6 +23,29 @@ PENDULUM = {
     "hook": 0.05,
     "damping": 0.5,
 }  # errors over that of the mass [1, 1, m, 1/s]
+
+
+@dc.dataclass(frozen=True)
+class Term:
+    """Effect in a model of the logs.
+
+    onset: by flight, the time at which it begins [s]; missing or None: from the start; `NEVER`: absent.
+    hidden: by flight, the hidden state (size,), a payload's initial swing and its jumps at outliers. It may hold
+        several samples (k, size), whose mean prediction counts.
+    """
+
+    effect: Effect
+    onset: dict[str, float | None] = dc.field(default_factory=dict)
+    hidden: dict[str, np.ndarray] = dc.field(default_factory=dict)
+
+    @property
+    def swings(self) -> bool:
+        """Whether the effect has a hidden swing."""
+        return self.effect.has_hidden_state
+
+    def begins(self, flight: str) -> float | None:
+        """Return the onset in this flight [s]."""
+        return self.onset.get(flight)
 
 
 def pendulum_error(name: str, payload: SuspendedPayload, vehicle: Vehicle, priors: Priors) -> float:
@@ -54,7 +73,7 @@ def pendulum_error(name: str, payload: SuspendedPayload, vehicle: Vehicle, prior
 
 def jumps(flight: FlightResiduals, onset: float | None) -> np.ndarray:
     """Return the rows (k,) of the grid right after outliers, at which the swing may jump."""
-    if onset == float("inf"):
+    if onset == NEVER:
         return np.zeros(0, int)
     ends = np.flatnonzero(np.diff(flight.shocks.astype(int)) < 0) + 1
     after = (flight.t[0] if onset is None else onset) + APART
@@ -167,13 +186,13 @@ def specific_pull(
     return begun * (held @ flight.R_WB)
 
 
-def swing_wrenches(flight: FlightResiduals, terms: "Sequence[Term]") -> np.ndarray:
+def swing_wrenches(flight: FlightResiduals, terms: Sequence[Term]) -> np.ndarray:
     """Return the wrenches (n, m, 6) of payloads in B on the grid [N, N·m].
 
     All payloads begin at the onset of the first. Many cost little more than one.
     """
     onset = terms[0].begins(flight.name)
-    if onset == float("inf"):
+    if onset == NEVER:
         return np.zeros((len(flight.t), len(terms), 6))
     payloads = [t.effect.payload for t in terms]  # type: ignore[attr-defined]
     hooks = np.array([p.hook for p in payloads])
@@ -185,7 +204,7 @@ def swing_wrenches(flight: FlightResiduals, terms: "Sequence[Term]") -> np.ndarr
     return np.concatenate([force, np.cross(hooks, force)], axis=2)
 
 
-def swing_wrench(flight: FlightResiduals, term: "Term") -> np.ndarray:
+def swing_wrench(flight: FlightResiduals, term: Term) -> np.ndarray:
     """Return the wrench (n, 6) of one suspended payload in B on the grid [N, N·m].
 
     Where its hidden state has several samples, this is their mean.

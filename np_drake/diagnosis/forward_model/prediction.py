@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 
 from np_drake.diagnosis.forward_model.modified_inertia import ModifiedInertia
-from np_drake.diagnosis.forward_model.payload_state import swing_wrench
+from np_drake.diagnosis.forward_model.payload_state import NEVER, Term, swing_wrench
 from np_drake.diagnosis.forward_model.sensor_residual import sensor_residual, without_errors
-from np_drake.diagnosis.forward_model.term import NEVER, Term
 from np_drake.diagnosis.residuals import FlightResiduals, Instants
 from np_drake.diagnosis.residuals import flight_residuals as channels
 from np_drake.effects.base import (

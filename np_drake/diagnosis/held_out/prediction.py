@@ -27,6 +27,10 @@ class HeldOut:
     rows: dict[str, np.ndarray]
     whole_flight_terms: dict[str, list[Term]]
 
+    def swing_free_residual(self, e: FlightResiduals) -> np.ndarray:
+        """Return the residual (m, 15) of a flight with a payload's swing fitted to all of it, outliers interpolated."""
+        return e.bridged(e.y - predicted_residual(e, self.whole_flight_terms[e.name]))
+
 
 def on_held_out(fit: Fit, flights: Sequence[FlightResiduals], noise: NoiseModel, priors: Priors) -> HeldOut:
     """Return the fit on held-out flights."""

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
-from np_drake.diagnosis.tolerance import Tolerance
+from np_drake.diagnosis.options import Tolerance
 
 
 @dc.dataclass(frozen=True)

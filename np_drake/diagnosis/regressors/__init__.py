@@ -1,7 +1,6 @@
 """Regressors of the linear model: library effects, generic structure, nuisance parameters, payload."""
 
 from np_drake.diagnosis.regressors.generic import PREFIX, generic_candidates
-from np_drake.diagnosis.regressors.input_tolerance import with_input
 from np_drake.diagnosis.regressors.library import (
     DRAG,
     DRAGS,
@@ -20,6 +19,7 @@ from np_drake.diagnosis.regressors.nuisance import (
     calibration_terms,
     sensor_drift,
     tolerance_of,
+    with_input,
 )
 from np_drake.diagnosis.regressors.payload import AT_REST, SHAPE, WIDEST, Guess, PayloadColumns, heavy_enough
 from np_drake.diagnosis.regressors.payload_grid import payload_about, payload_candidates, payloads_of

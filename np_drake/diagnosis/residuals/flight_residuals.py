@@ -17,12 +17,11 @@ import numpy as np
 
 from np_drake import attitude
 from np_drake.diagnosis.numerics import Gram, NoiseModel
-from np_drake.diagnosis.residuals.accelerations import Instants, make_instants
+from np_drake.diagnosis.residuals.accelerations import Instants, make_instants, velocity_before
 from np_drake.diagnosis.residuals.attitude_smoothing import smooth_attitude
 from np_drake.diagnosis.residuals.outliers import bridge
 from np_drake.diagnosis.residuals.resampling import STEP, TAPS, Grid, Resampler, make_grid, to_grid
 from np_drake.diagnosis.residuals.rotor_thrust import Rotors
-from np_drake.diagnosis.residuals.velocity_before import velocity_before
 from np_drake.flight_log import FlightLog
 from np_drake.rigid_body import Q, V
 from np_drake.vehicle import Vehicle

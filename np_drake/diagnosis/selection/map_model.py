@@ -1,7 +1,7 @@
 """Search for the MAP model: search and fit, repeated with the noise that the fit leaves."""
 
 import dataclasses as dc
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import partial
 
 import numpy as np
@@ -11,7 +11,6 @@ from np_drake.diagnosis.numerics import NoiseModel
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors import Candidate, Model, RegressionProblem, tolerance_of, with_input
 from np_drake.diagnosis.residuals import FlightResiduals
-from np_drake.diagnosis.selection.beam_search import search
 from np_drake.diagnosis.selection.change_point import late_payloads, switched_candidates
 from np_drake.diagnosis.selection.initial_noise import Ready, noise_of, prepare
 from np_drake.diagnosis.selection.new_conditions import new_conditions
@@ -80,3 +79,71 @@ def _search_twice(ready: Ready, options: Options) -> tuple[RegressionProblem, li
 
 def _noise_left(ready: Ready, fit: Fit, options: Options, inexact: float = 0.0) -> NoiseModel:
     return noise_of(ready.flights, [fit.residual(e) for e in ready.flights], ready.raw, options, inexact)
+
+
+BEAM = 6  # sets kept from step to step
+MARGIN = 8.0  # log evidence below the best at which the beam stops growing
+MOST_EFFECTS = 8  # in a model
+
+
+def search(problem: RegressionProblem) -> list[Model]:
+    """Return all models met, best first.
+
+    A beam grows by one candidate at a time, then the best is swapped and reduced until it rests.
+    """
+    seen: dict[tuple[int, ...], float] = {(): 0.0}
+
+    def score_all(sets: Iterable[tuple[int, ...]]) -> None:
+        new = [members for members in sets if members not in seen]
+        seen.update(zip(new, problem.scores(new), strict=True))
+
+    everyone = range(len(problem.candidates))
+    layer: list[tuple[int, ...]] = [()]
+    for _ in range(MOST_EFFECTS):
+        grown = {
+            tuple(sorted((*m, i)))
+            for m in layer
+            for i in everyone
+            if i not in m and problem.fits_together((*m, i))
+        }
+        if not grown:
+            break
+        score_all(grown)
+        ranked = sorted(grown, key=lambda m: (-seen[m], m))
+        best = max(seen.values())
+        layer = _diverse(problem, ranked, BEAM)
+        if seen[layer[0]] < best - MARGIN:
+            break
+    current = max(seen, key=lambda m: seen[m])
+    while True:
+        better = _neighbours(problem, current)
+        score_all(better)
+        candidate = max(better, key=lambda m: seen[m], default=current)
+        if seen[candidate] <= seen[current]:
+            break
+        current = candidate
+    return [Model(m, s) for m, s in sorted(seen.items(), key=lambda item: -item[1]) if s > -np.inf]
+
+
+def _diverse(problem: RegressionProblem, ranked: list[tuple[int, ...]], beam: int) -> list[tuple[int, ...]]:
+    """The best of each set of effects: variants of one effect must not fill the beam."""
+    kept: dict[tuple[str, ...], tuple[int, ...]] = {}
+    for members in ranked:
+        names = tuple(sorted(name for i in members for name in problem.candidates[i].identifiers))
+        kept.setdefault(names, members)
+        if len(kept) == beam:
+            break
+    return list(kept.values())
+
+
+def _neighbours(problem: RegressionProblem, members: tuple[int, ...]) -> set[tuple[int, ...]]:
+    """One candidate fewer, or one exchanged."""
+    found = set()
+    for out in members:
+        rest = tuple(i for i in members if i != out)
+        found.add(rest)
+        for i in range(len(problem.candidates)):
+            new = tuple(sorted((*rest, i)))
+            if i not in members and problem.fits_together(new):
+                found.add(new)
+    return found

@@ -9,13 +9,14 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from np_drake.diagnosis.fitting import refit
 from np_drake.diagnosis.options import Options
-from np_drake.diagnosis.regressors import DRAG, GUSTY
+from np_drake.diagnosis.regressors import DRAG, GUSTY, Model, Onset, switched
 from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.diagnosis.result import Cause, Estimate
-from np_drake.diagnosis.wind.force_bins import blows, drag_trace
-from np_drake.diagnosis.wind.gauss_markov import WindForce, Z, wind_force
-from np_drake.diagnosis.wind.joint_onset import GustOnset
+from np_drake.diagnosis.selection import Ranking, names_of, names_of_fit
+from np_drake.diagnosis.wind.gauss_markov import Begins, WindForce, Z, blows, drag_trace, wind_force
+from np_drake.diagnosis.wind.wind_onset import ROUNDS, Begin, loss_of_calm, wind_begins, wind_onset
 from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.linear_drag import LinearDrag
 
@@ -111,3 +112,106 @@ def _statistics(
 
 def _half(estimate: Estimate) -> float:
     return 0.5 * (estimate.ci95[1] - estimate.ci95[0])
+
+
+@dc.dataclass(frozen=True)
+class GustOnset:
+    """Gusts felt through `drag`, with parameters from training flights, in these and in held-out flights.
+
+    felt: by flight, (m, 15) what drag and wind together leave in it.
+    """
+
+    flights: Sequence[FlightResiduals]
+    held_out: Sequence[FlightResiduals]
+    felt: Mapping[str, np.ndarray]
+    drag: Cause
+    options: Options
+
+    def begins(self, known: Begins) -> tuple[dict[str, float | None], dict[str, float | None]]:
+        """Return by flight when the wind begins [s], given the `known` onsets, and when the drag does.
+
+        A drag that begins with the wind in one flight does so in all. Flights of the fit say whether it does: what an
+        held-out one seems to show moves nothing in them.
+        """
+        priors = self.options.priors
+        acts: Begins = self.drag.onset
+        blown = {e.name: self._left(e, {}) for e in self._every}
+        at_once = 2 * priors.onset_gain * any(self.drag.onset.get(e.name) is not None for e in self.flights)
+        for _ in range(ROUNDS):
+            wind = wind_force(self.flights, {e.name: self._left(e, acts) for e in self.flights}, known)
+            apart = self._sought(blown, blown, known, wind)
+            together = self._sought(blown, self.felt, known, wind)
+            late = [e for e in self.flights if any(b[e.name].at is not None for b in (apart, together))]
+            gain = sum(apart[e.name].loss - together[e.name].loss for e in late or self.held_out)
+            both = gain + at_once > 0
+            known = {name: begin.at for name, begin in (together if both else apart).items()}
+            acts = known if both else self.drag.onset
+        return dict(known), dict(acts)
+
+    def _left(self, e: FlightResiduals, acts: Begins) -> np.ndarray:
+        """(m, 15) of what is felt without the drag, which acts from then on."""
+        assert isinstance(self.drag.effect, LinearDrag)
+        return self.felt[e.name] - drag_trace(e, self.drag.effect, acts)
+
+    @property
+    def _every(self) -> tuple[FlightResiduals, ...]:
+        return (*self.flights, *self.held_out)
+
+    def _sought(
+        self,
+        blown: Mapping[str, np.ndarray],
+        calm: Mapping[str, np.ndarray],
+        known: Begins,
+        wind: WindForce,
+    ) -> dict[str, Begin]:
+        """In every flight.   blown, calm: (m, 15) by flight, what is left of it with a wind and before."""
+        before = {e.name: loss_of_calm(e, calm[e.name], wind, self.options) for e in self._every}
+        priors = self.options.priors
+        found = {
+            e.name: wind_onset(e, blown[e.name], known.get(e.name), wind, before[e.name], priors.onset_gain)
+            for e in self.flights
+        }
+        late = any(begin.at is not None for begin in found.values())
+        for e in self.held_out:  # what acts throughout the others hardly begins late here
+            begin = known.get(e.name) if late else None
+            gain = priors.onset_gain if late else priors.new_onset_gain
+            found[e.name] = wind_onset(e, blown[e.name], begin, wind, before[e.name], gain)
+        return found
+
+
+def with_drag(ranking: Ranking) -> Ranking:
+    """Return the ranking with a linear drag in the named model, where flights do not speak against it.
+
+    Gusts and a drag are as rare together as something that is not in the library; what is left is what the flights
+    themselves say of the drag, its prior apart. Where the slow force begins in flight, so may the drag.
+    """
+    options, priors = ranking.options, ranking.options.priors
+    problem, key = ranking.problem, names_of_fit(ranking.best)
+    known = next((m for m in ranking.models if names_of(problem, m) == key), None)
+    if known is None or DRAG in key:
+        return ranking
+    drags = [i for i, c in enumerate(problem.candidates) if c.identifiers == (DRAG,) and not c.onset]
+    onset = _begins(ranking)
+    if onset:
+        late = [switched(problem.candidates[i], problem.flights, onset) for i in drags]
+        drags += [len(problem.candidates) + k for k in range(len(late))]
+        problem = problem.beside(late)
+    sets = [(*known.members, i) for i in drags if problem.fits_together((*known.members, i))]
+    best = max((Model(m, problem.score(m)) for m in sets), key=lambda m: m.score, default=None)
+    if best is None:
+        return ranking
+    odds = best.score - problem.score(known.members) - priors.of_effect(DRAG) + priors.generic
+    if odds < 0:
+        return ranking
+    named = refit(problem, best, options.tolerance, None, ranking.noise)
+    probability = ranking.probability | {DRAG: float(1 / (1 + np.exp(-odds)))}
+    models = (best, *ranking.models)
+    fits = (named, *ranking.fits)
+    return dc.replace(ranking, fits=fits, problem=problem, models=models, probability=probability)
+
+
+def _begins(ranking: Ranking) -> Onset:
+    """Flights in which the slow force that is left begins in flight, and when [s]: its own power pays for instants."""
+    flights = ranking.problem.flights
+    begins = wind_begins(flights, {e.name: ranking.best.residual(e) for e in flights}, {}, ranking.options)
+    return {name: begin for name, begin in begins.items() if begin is not None}

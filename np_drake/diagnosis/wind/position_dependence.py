@@ -6,8 +6,17 @@ import numpy as np
 from scipy import linalg, stats
 
 from np_drake.diagnosis.residuals import FlightResiduals
-from np_drake.diagnosis.wind.force_bins import binned, drags, factor, forces, spans, width
-from np_drake.diagnosis.wind.gauss_markov import Begins, WindForce, wind_force
+from np_drake.diagnosis.wind.gauss_markov import (
+    Begins,
+    WindForce,
+    binned,
+    drags,
+    factor,
+    forces,
+    spans,
+    width,
+    wind_force,
+)
 from np_drake.rigid_body import P
 
 TINY = 1e-9  # [m], for a height that is kept

@@ -134,3 +134,35 @@ def _loss(spectra: Sequence[_Spectra], z: np.ndarray, force: np.ndarray | None) 
         (pp, pr, rr) = (np.sum(s.values[i] * s.values[j], axis=1) for i, j in ((0, 0), (0, 1), (1, 1)))
         total += float(np.sum(0.5 * (read * pp - 2 * common * pr + position * rr) / det + np.log(det)))
     return total
+
+
+def gust_probability(
+    flights: Sequence[FlightResiduals],
+    residual: Mapping[str, np.ndarray],
+    held_out: Sequence[FlightResiduals],
+    held_out_residual: Mapping[str, np.ndarray],
+    options: Options,
+    *,
+    hidden: bool,
+) -> float:
+    """Return the probability of a slow force in the air; 0 where training flights show none.
+
+    It must be as large as structure has to be that is no effect.
+
+    Args:
+        flights: training flights.
+        residual: by flight, (m, 15) what a model leaves of them.
+        held_out: held-out flights.
+        held_out_residual: the same of these.
+        options: thresholds, and what sensors do alone.
+        hidden: whether the model has a payload, whose swing may have been lost.
+    """
+    seen = slow_force(flights, residual, options)
+    both = slow_force([*flights, *held_out], {**residual, **held_out_residual}, options)
+    vehicle, thresholds = flights[0].vehicle, options.thresholds
+    matters = both.deviation > options.materiality.force * vehicle.mass * vehicle.gravity
+    shown = seen.log_evidence > thresholds.held_out_share * thresholds.slow_force
+    lost = hidden and slow_power(flights, residual) < thresholds.held_out_share * slow_power(
+        flights, {e.name: e.y for e in flights}
+    )
+    return both.probability(thresholds.slow_force) if matters and shown and not lost else 0.0

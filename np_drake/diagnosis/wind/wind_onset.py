@@ -8,8 +8,16 @@ from scipy import linalg
 
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.residuals import FlightResiduals
-from np_drake.diagnosis.wind.force_bins import SPAN, factor, forces, instants, width
-from np_drake.diagnosis.wind.gauss_markov import Begins, WindForce, wind_force
+from np_drake.diagnosis.wind.gauss_markov import (
+    SPAN,
+    Begins,
+    WindForce,
+    factor,
+    forces,
+    instants,
+    width,
+    wind_force,
+)
 
 FIRST, LAST = 0.7, 1.0  # of a flight, in which no begin is looked for [s]
 CALM = 2.0  # that is quiet at least before a wind whose begin is not known at all [s]

@@ -16,7 +16,7 @@ from np_drake import attitude
 from np_drake.diagnosis.decision.infer import Inference, concluded
 from np_drake.diagnosis.fitting.map_estimate import Fit
 from np_drake.diagnosis.fitting.parameters import free_parameters, read
-from np_drake.diagnosis.forward_model.term import Term
+from np_drake.diagnosis.forward_model.payload_state import Term
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel, fit_noise
 from np_drake.diagnosis.options import Options, Priors
 from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals, make_flight_residuals

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from np_drake.diagnosis.diagnose import diagnose
+from np_drake.diagnosis.options import Tolerance
 from np_drake.diagnosis.residuals.requirements import require_flights
 from np_drake.diagnosis.result import Diagnosis
-from np_drake.diagnosis.tolerance import Tolerance
 from np_drake.effects.base import Parameter, WrenchEffect
 from np_drake.effects.command_delay import CommandDelay
 from np_drake.effects.library import register

@@ -6,8 +6,7 @@ import importlib
 import pytest
 
 from np_drake.diagnosis.diagnose import diagnose
-from np_drake.diagnosis.options import Options, Priors
-from np_drake.diagnosis.tolerance import IDEAL_SENSORS, Tolerance
+from np_drake.diagnosis.options import IDEAL_SENSORS, Options, Priors, Tolerance
 from np_drake.effects.mass_error import MassError
 from np_drake.vehicle import Vehicle
 

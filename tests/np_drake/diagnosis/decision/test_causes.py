@@ -9,12 +9,11 @@ from scipy import special
 from np_drake.diagnosis.adequacy.linear_model import LinearModel
 from np_drake.diagnosis.decision import causes as module
 from np_drake.diagnosis.decision.causes import causes_of, without_missing_drag
-from np_drake.diagnosis.decision.equivalence import indistinguishable
+from np_drake.diagnosis.decision.explanations import indistinguishable
 from np_drake.diagnosis.decision.judgement import Judged, judge
 from np_drake.diagnosis.forward_model import pendulum_error
 from np_drake.diagnosis.held_out.prediction import on_held_out
-from np_drake.diagnosis.materiality import Size
-from np_drake.diagnosis.options import Options
+from np_drake.diagnosis.options import Options, Size
 from np_drake.diagnosis.result import Cause
 from np_drake.effects.command_delay import CommandDelay
 from np_drake.effects.constant_wind import ConstantWind

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from np_drake.diagnosis.fitting.swing_fit import SwingFit
-from np_drake.diagnosis.forward_model.payload_state import STATE
+from np_drake.diagnosis.forward_model.payload_state import STATE, Term
 from np_drake.diagnosis.forward_model.prediction import predicted_residual
-from np_drake.diagnosis.forward_model.term import Term
 from np_drake.diagnosis.options import Options
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.suspended_payload import SuspendedPayload

@@ -10,7 +10,9 @@ from hypothesis import strategies as st
 from np_drake import attitude
 from np_drake.diagnosis.forward_model.payload_state import (
     MOST_JUMPS,
+    NEVER,
     STATE,
+    Term,
     hidden_size,
     hook_acceleration,
     hook_velocity,
@@ -19,7 +21,6 @@ from np_drake.diagnosis.forward_model.payload_state import (
     start_of_swing,
     swing_wrenches,
 )
-from np_drake.diagnosis.forward_model.term import NEVER, Term
 from np_drake.diagnosis.residuals.resampling import TAPS
 from np_drake.effects import pendulum
 from np_drake.effects.suspended_payload import SuspendedPayload

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from np_drake.diagnosis.adequacy.linear_model import LinearModel
 from np_drake.diagnosis.decision.causes import causes_of
-from np_drake.diagnosis.forward_model.term import NEVER
+from np_drake.diagnosis.forward_model.payload_state import NEVER
 from np_drake.diagnosis.gap import gap_reduction as dut
 from np_drake.diagnosis.held_out.prediction import on_held_out
 from np_drake.diagnosis.numerics.autoregressive_noise import scale_only

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from np_drake.diagnosis.fitting.swing_fit import fitted_to_whole_flight
+from np_drake.diagnosis.forward_model.payload_state import NEVER, Term
 from np_drake.diagnosis.forward_model.prediction import predicted_residual
-from np_drake.diagnosis.forward_model.term import NEVER, Term
 from np_drake.diagnosis.held_out.adaptation import (
     HIDDEN_SPAN,
     JUMP_SPAN,

@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 
 from np_drake.diagnosis.diagnose import NO_REPLAY, diagnose
-from np_drake.diagnosis.options import Options
+from np_drake.diagnosis.options import Options, Tolerance
 from np_drake.diagnosis.regressors import library_candidates
-from np_drake.diagnosis.regressors.input_tolerance import THROTTLE_SCALE, command_timing, with_input
+from np_drake.diagnosis.regressors.nuisance import THROTTLE_SCALE, command_timing, with_input
 from np_drake.diagnosis.residuals import TORQUE, make_flight_residuals
-from np_drake.diagnosis.tolerance import Tolerance
 from np_drake.effects.clock_offset import ClockOffset
 from np_drake.effects.command_delay import CommandDelay
 from np_drake.effects.library import unobservable

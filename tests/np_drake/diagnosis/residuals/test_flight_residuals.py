@@ -8,8 +8,8 @@ import pytest
 from scipy import signal
 
 from np_drake import attitude
+from np_drake.diagnosis.forward_model.payload_state import Term
 from np_drake.diagnosis.forward_model.prediction import predicted_residual
-from np_drake.diagnosis.forward_model.term import Term
 from np_drake.diagnosis.residuals import flight_residuals as ev
 from np_drake.diagnosis.residuals.accelerations import low_pass
 from np_drake.diagnosis.residuals.flight_residuals import make_flight_residuals

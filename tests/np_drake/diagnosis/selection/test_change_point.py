@@ -4,7 +4,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.forward_model.term import NEVER
+from np_drake.diagnosis.forward_model.payload_state import NEVER
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors.library import effect_candidates, library_candidates, switched
 from np_drake.diagnosis.regressors.regression_problem import RegressionProblem

@@ -4,7 +4,7 @@ import dataclasses as dc
 
 import pytest
 
-from np_drake.diagnosis.forward_model.term import NEVER
+from np_drake.diagnosis.forward_model.payload_state import NEVER
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.selection.map_model import find_map_model
 from np_drake.diagnosis.selection.new_conditions import new_conditions

@@ -3,7 +3,7 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.forward_model.term import Term
+from np_drake.diagnosis.forward_model.payload_state import Term
 from np_drake.diagnosis.regressors.regression_problem import Model
 from np_drake.diagnosis.selection.ranking import names_of, names_of_fit, score_of, simpler
 from np_drake.diagnosis.selection.ranking import ranked as ranked_from

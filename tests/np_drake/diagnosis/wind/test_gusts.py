@@ -3,8 +3,8 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.decision.gust_causes import in_gusts
-from np_drake.diagnosis.forward_model.term import Term
+from np_drake.diagnosis.decision.infer import in_gusts
+from np_drake.diagnosis.forward_model.payload_state import Term
 from np_drake.diagnosis.held_out.prediction import HeldOut
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.result import Cause, Estimate

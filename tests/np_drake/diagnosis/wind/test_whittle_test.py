@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from scipy import integrate, signal
 
 from np_drake import attitude
+from np_drake.diagnosis.forward_model.payload_state import Term
 from np_drake.diagnosis.forward_model.prediction import predicted_residual
-from np_drake.diagnosis.forward_model.term import Term
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.residuals.flight_residuals import FORCE, VELOCITY
 from np_drake.diagnosis.wind.whittle_test import _markov, slow_force, slow_power

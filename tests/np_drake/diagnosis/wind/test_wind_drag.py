@@ -4,7 +4,7 @@ import pytest
 
 from np_drake.diagnosis.decision.infer import concluded
 from np_drake.diagnosis.regressors.library import DRAG
-from np_drake.diagnosis.wind.wind_drag import with_drag
+from np_drake.diagnosis.wind.gusts import with_drag
 from np_drake.effects.center_of_mass_offset import CenterOfMassOffset
 from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.linear_drag import LinearDrag

@@ -2,8 +2,7 @@ import numpy as np
 import pytest
 
 from np_drake.diagnosis.options import Options
-from np_drake.diagnosis.wind.force_bins import BIN
-from np_drake.diagnosis.wind.gauss_markov import WindForce, wind_force
+from np_drake.diagnosis.wind.gauss_markov import BIN, WindForce, wind_force
 from np_drake.diagnosis.wind.wind_onset import loss_of_calm, wind_begins, wind_onset
 
 REAL, IDEAL = Options.for_sensors(True), Options.for_sensors(False)
