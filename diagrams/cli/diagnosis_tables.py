@@ -2,13 +2,13 @@
 
 from diagrams.cli.output import Table
 from np_drake.diagnosis.report import words
-from np_drake.diagnosis.report.next_steps import next_steps
 from np_drake.diagnosis.report.summary import (
     GAP_HEADER,
     cause_table,
     gap_rows,
     headline,
     lead,
+    next_steps,
     unseen,
     warnings,
 )

@@ -69,9 +69,8 @@ class Materiality:
 
     force: float = 0.006  # RMS force over weight, in all flights [1]; ideal sensors: 0.003
     torque: float = 0.01  # RMS torque over RMS commanded torque [1]; ideal sensors: 0.003
-    calibration_force: float = (
-        0.02  # of weight: mass and thrust below it are what vehicle files are off by [1]
-    )
+    # Of weight: mass and thrust below it are what vehicle files are off by [1].
+    calibration_force: float = 0.02
     still_air: float = 0.25  # mean level wind [m/s]; source: draught in rooms, ISO 7730
     sensor: float = 1.5  # size of a sensor error over the tolerance of that sensor [1]
     structure_share: float = 0.03  # of a channel's power, for a spectral line [1]

@@ -16,11 +16,13 @@ from diagrams.challenge.generate.collinearity import (
 from diagrams.challenge.generate.logged_input import best_known
 from np_drake.diagnosis.forward_model.payload_state import Term
 from np_drake.diagnosis.forward_model.prediction import gate, predicted_residual
-from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel, fit_noise
+from np_drake.diagnosis.numerics.noise_fit import fit_noise
+from np_drake.diagnosis.numerics.noise_model import NoiseModel
 from np_drake.diagnosis.options import Options, Priors, Tolerance
 from np_drake.diagnosis.regressors import with_input
 from np_drake.diagnosis.regressors.nuisance import tolerance_of
-from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals, make_flight_residuals
+from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals
+from np_drake.diagnosis.residuals.make_flight_residuals import make_flight_residuals
 from np_drake.effects.base import Effect
 from np_drake.flight_log import FlightLog
 

@@ -21,9 +21,8 @@ from np_drake.diagnosis.result import CHANNELS, Finding
 from np_drake.diagnosis.selection import Ranking
 from np_drake.diagnosis.wind import gust_probability
 
-STEEPNESS = (
-    6.0  # slope of a probability's logit in the logarithm of a ratio: no verdict depends on it; own choice
-)
+# Slope of a probability's logit in the logarithm of a ratio: no verdict depends on it; own choice.
+STEEPNESS = 6.0
 Indication = tuple[float, Finding]  # probability of a structure, and what it is
 
 

@@ -12,9 +12,8 @@ LONGEST = 0.2  # lag that is looked for [s]; own choice
 BAND = 10.0  # low-pass on both signals [Hz]; own choice: the same on both moves neither
 PARTS = 10  # of a flight, each left out once for the deviation [1]; own choice
 LEAST_PART = 0.5  # of a part [s]; own choice
-LEAST_CORRELATION = (
-    0.9  # below which no lag is told [1]; own choice: in a narrow band, other shifts fit as well
-)
+# Below which no lag is told [1]; own choice: in a narrow band, other shifts fit as well.
+LEAST_CORRELATION = 0.9
 MOST_DEVIATION = 0.02  # above which no lag is told [s]; own choice
 MOST_ROWS = 60_000  # of a flight that are used; own choice: the deviation is then far below a row
 

@@ -12,9 +12,8 @@ from np_drake.effects.base import Measurement, SensorEffect
 from np_drake.rigid_body import Q, V, W
 from np_drake.vehicle import Vehicle
 
-DIFFERENTIATED_BAND = (
-    2.0  # low-pass on accelerations from velocities where an attitude error turns them [Hz]; own choice
-)
+# Low-pass on accelerations from velocities where an attitude error turns them [Hz]; own choice.
+DIFFERENTIATED_BAND = 2.0
 
 
 def sensor_residual(flight: FlightResiduals, effect: SensorEffect) -> np.ndarray:

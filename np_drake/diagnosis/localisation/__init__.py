@@ -1,8 +1,12 @@
 """Localisation of the gap in channel, time, regime and frequency, and identifiability of effects from the logs."""
 
-from np_drake.diagnosis.localisation.identifiability import assess_identifiability, excitation, excited
+from np_drake.diagnosis.localisation.identifiability import (
+    assess_identifiability,
+    excitation,
+    excited,
+    unexcited_diagnosis,
+)
 from np_drake.diagnosis.localisation.localisation import localise
-from np_drake.diagnosis.localisation.unexcited import unexcited_diagnosis
 
 __all__ = [
     "assess_identifiability",

@@ -1,22 +1,21 @@
 """Identifiability: excitation of the logs, and effects that they cannot show or cannot tell apart."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
 from np_drake import attitude
-from np_drake.diagnosis.localisation.manoeuvres import manoeuvre
-from np_drake.diagnosis.numerics import NoiseModel
-from np_drake.diagnosis.regressors import Candidate
+from np_drake.diagnosis.held_out import pooled
+from np_drake.diagnosis.localisation.localisation import localise
+from np_drake.diagnosis.numerics import NoiseModel, fit_noise
+from np_drake.diagnosis.regressors import Candidate, library_candidates
 from np_drake.diagnosis.residuals import WRENCH, FlightResiduals
-from np_drake.diagnosis.result import CHANNELS, Confusable, Identifiability
+from np_drake.diagnosis.result import CHANNELS, Confusable, GapReduction, Identifiability
+from np_drake.effects.library import effect_of
 
-LEAST_EXCITATION = {
-    "speed": 0.08,
-    "rate": 0.05,
-    "tilt": 1.0,
-    "thrust variation": 0.01,
-}  # [m/s, rad/s, deg, 1]; own choice
+# Of any quantity, to tell effects apart [m/s, rad/s, deg, 1]; own choice.
+LEAST_EXCITATION = {"speed": 0.08, "rate": 0.05, "tilt": 1.0, "thrust variation": 0.01}
 BARELY = 10.0  # whitened size of an effect that is just visible [1]
 SAME = 9.0  # squared whitened distance below which two just visible effects are the same [1]
 
@@ -139,3 +138,37 @@ def assess_identifiability(
         not_identifiable=tuple(confusables(train, candidates, noise)),
         warnings=tuple(warnings),
     )
+
+
+def manoeuvre(effects: Sequence[str]) -> str:
+    """Return one line that names a manoeuvre for one effect or for a pair, by their identifiers."""
+    if len(effects) == 2 and (apart := tells_apart(*effects)):
+        return apart
+    known = [effect_of(name).excited_by for name in effects if effect_of(name).excited_by]
+    return "; or ".join(dict.fromkeys(known)) or "a flight that excites every axis at several speeds"
+
+
+def tells_apart(a: str, b: str) -> str:
+    """Return the manoeuvre of their own that tells effects a and b apart; empty where none is known."""
+    return effect_of(a).told_from.get(b, "") or effect_of(b).told_from.get(a, "")
+
+
+def unexcited_diagnosis(
+    flights: Sequence[FlightResiduals], held_out: Sequence[FlightResiduals]
+) -> dict[str, Any]:
+    """Return the fields of a `Diagnosis` for flights in which nothing moves: an empty verdict, nothing identifiable."""
+    noise = fit_noise([e.y - e.y.mean(axis=0) for e in flights], flights[0].grid.step)
+    pairs = confusables(flights, library_candidates(flights), noise)
+    rows = {e.name: np.ones(len(e.t), bool) for e in held_out}
+    checked = Identifiability(
+        False, excitation(flights), {}, tuple(pairs), ("nothing is excited: these logs cannot tell.",)
+    )
+    size = pooled([e.y for e in held_out], noise)
+    return {
+        "verdict": (),
+        "causes": (),
+        "identifiability": checked,
+        "localisation": localise(held_out, {e.name: e.y for e in held_out}, noise, rows),
+        "gap_reduction": GapReduction(size, size, 1.0, 0.0, (0.0, 0.0), ()),
+        "warnings": checked.warnings,
+    }

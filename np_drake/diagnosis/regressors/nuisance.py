@@ -98,15 +98,13 @@ def tolerance_of(flights: Sequence[FlightResiduals]) -> Tolerance:
 
 
 THROTTLE_SCALE = 0.2  # of thrust over throttle [1]; source: own choice, hover throttles are known to a fifth
-ROTOR_SPEED_SCALE = (
-    0.02  # of thrust over rotor speed squared [1]; source: density of air, 2 % for 6 K or 20 hPa
-)
+# Of thrust over rotor speed squared [1]; source: density of air, 2 % for 6 K or 20 hPa.
+ROTOR_SPEED_SCALE = 0.02
 THROTTLE_CURVE = 0.3  # of its exponent, once it is fitted [1]; source: own choice
 THROTTLE_DRIFT = 0.002  # of thrust over throttle [1/s]; source: own choice, a tenth in a minute
 MOUNTING = 0.02  # of an autopilot's axes [rad]; source: own choice, one degree
-EARLY = (
-    3.0  # deviations by which motion is ahead of commands, from which these are not held from their row [1]
-)
+# Deviations by which motion is ahead of commands, from which these are not held from their row [1].
+EARLY = 3.0
 LATENCY = 0.01  # of an estimator's attitude [s]; source: own choice, a few samples of its filters
 
 

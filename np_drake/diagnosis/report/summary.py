@@ -1,10 +1,11 @@
-"""Summary of a diagnosis: headline, table of causes, and the gap by kind; for page and terminal alike."""
+"""Summary of a diagnosis: headline, causes, gap by kind and next steps; for page and terminal alike."""
 
 import dataclasses as dc
 from collections.abc import Sequence
 
 import numpy as np
 
+from np_drake.diagnosis.localisation.identifiability import manoeuvre
 from np_drake.diagnosis.report.words import (
     NOTHING,
     bare_name,
@@ -13,6 +14,7 @@ from np_drake.diagnosis.report.words import (
     estimate,
     flights,
     listed,
+    name_of,
     number,
     onset,
     percent,
@@ -24,6 +26,7 @@ from np_drake.diagnosis.report.words import (
     unit_of,
 )
 from np_drake.diagnosis.result import UNKNOWN, Cause, Diagnosis, Finding, GapReduction, Localisation
+from np_drake.effects.library import effect_of
 
 PLAIN_GAP = 1.4  # residual over noise above which a simulator does not agree with the logs [1]; own choice
 LEAST_GAP = 1.05  # residual over noise below which a share of the gap has no meaning [1]; own choice
@@ -197,3 +200,54 @@ def warnings(diagnosis: Diagnosis) -> list[str]:
         known = name in diagnosis.train + diagnosis.held_out
         flights_of.setdefault(text if known else warning, []).extend([name] if known else [])
     return [f"{', '.join(names)}: {text}" if names else text for text, names in flights_of.items()]
+
+
+LOOSE = 0.5  # half-width of an interval over the value, above which it is loose [1]; own choice
+
+
+def next_steps(diagnosis: Diagnosis) -> list[str]:
+    """Return what to do next, the most useful first."""
+    if diagnosis.cannot_tell:
+        tried = [item.manoeuvre for item in diagnosis.identifiability.not_identifiable if item.manoeuvre]
+        return [
+            f"Fly with more motion in every axis{f', such as: {tried[0]}' if tried else ''}. Diagnose again."
+        ]
+    causes = named_causes(diagnosis)
+    out = [
+        f"To check {name_of(c.identifier)}: {check}."
+        for c in causes
+        if (check := effect_of(c.identifier).bench_check)
+    ]
+    for cause in causes:
+        others = cause.indistinguishable_from
+        if others:
+            between = f"{name_of(cause.identifier)} from {listed([name_of(o) for o in others], 'or')}"
+            how = manoeuvre((cause.identifier, *others)).rstrip(".")
+            out.append(f"To tell {between}, fly: {how}; or the flight of np-drake next-flight.")
+        elif loose := _loose(cause):
+            more = effect_of(cause.identifier).excited_by or "a longer one with more motion"
+            out.append(
+                f"Intervals of {cause.identifier} are wide ({listed(loose)}); a better flight: {more}."
+            )
+    if UNKNOWN in diagnosis.verdict and diagnosis.unexplained:
+        out.append(
+            f"Look for the source of what remains: {described(main_remainder(diagnosis.unexplained))}."
+        )
+    if any("not tested" in sentence for sentence in diagnosis.coverage):
+        out.append("Hold out a flight that moves like the training flights.")
+    if causes:
+        them = "it" if len(causes) == 1 else "them"
+        out.append(
+            f"Add {them} to the simulator with the values of the table, and diagnose new flights with that."
+        )
+    return [capital(step) for step in out]
+
+
+def _loose(cause: Cause) -> list[str]:
+    """Return the parameters whose interval is wide, if the widest of the effect's values is one of them."""
+    wide = {
+        name: 0.5 * (p.ci95[1] - p.ci95[0]) > LOOSE * abs(p.value) > 0 for name, p in cause.parameters.items()
+    }
+    alike = max((abs(p.value) for p in cause.parameters.values()), default=0.0)
+    main = [name for name, p in cause.parameters.items() if abs(p.value) == alike]
+    return [name for name in wide if wide[name]] if any(wide[name] for name in main) else []

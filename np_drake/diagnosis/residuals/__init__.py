@@ -10,11 +10,10 @@ from np_drake.diagnosis.residuals.flight_residuals import (
     VELOCITY,
     WRENCH,
     FlightResiduals,
-    make_flight_residuals,
 )
+from np_drake.diagnosis.residuals.make_flight_residuals import make_flight_residuals, require_flights
 from np_drake.diagnosis.residuals.outliers import APART, BOUNCE, LONGEST, MOST, bridge, find_shocks
 from np_drake.diagnosis.residuals.regressor_signals import FlightState, flight_state
-from np_drake.diagnosis.residuals.requirements import require_flights
 from np_drake.diagnosis.residuals.resampling import Resampler, natural_step
 
 __all__ = [

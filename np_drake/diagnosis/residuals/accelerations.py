@@ -1,4 +1,4 @@
-"""States at the instants at which force and torque are measured, with smoothed accelerations as regressors."""
+"""States at the instants of force and torque, with smoothed accelerations and known velocities as regressors."""
 
 import dataclasses as dc
 from functools import cached_property

@@ -119,9 +119,8 @@ def _held(t_row: np.ndarray, command: np.ndarray, t: np.ndarray, h: float) -> np
 
 BAND = 1.0  # least bandwidth over which spectra are averaged [Hz]; own choice
 THIRD = 2 ** (1 / 6) - 2 ** (-1 / 6)  # relative bandwidth of a one-third octave [1]; source: IEC 61260
-ANSWERED = (
-    0.5  # share of fast thrust to which the motion responds, above which it is no noise [1]; own choice
-)
+# Share of fast thrust to which the motion responds, above which it is no noise [1]; own choice.
+ANSWERED = 0.5
 LEAST_ROWS = 5  # of a piece whose noise shows: a fourth difference
 SURELY = 2.0  # standard deviations of a lower bound, and by which a band of signal exceeds the noise [1]
 

@@ -2,97 +2,106 @@
 
 import copy
 import dataclasses as dc
+import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from np_drake.diagnosis.forward_model import NEVER
 from np_drake.diagnosis.regressors import (
-    AT_REST,
-    PAYLOAD,
     Candidate,
     RegressionProblem,
     Sums,
     SwitchedRegressors,
     SwitchedSums,
-    switched,
 )
-from np_drake.diagnosis.selection.onset_grid import TriedOnsets, at_rows, possible_onsets
-from np_drake.diagnosis.selection.payload_search import PayloadSearch
-from np_drake.effects.library import effects_for
-from np_drake.effects.mass_error import MassError
-from np_drake.effects.thrust_scale import ThrustScale
 
-WEIGHTS = ((MassError.identifier,), (ThrustScale.identifier,))
+COARSE = 5  # rows between instants that are tried at first
+EDGE = 0.7  # from either end of a flight, without onsets [s]
+SPAN = 0.4  # that holds an onset as likely as possible [s]
 LEAST_GAIN = 1.0  # log evidence, prior included, from which an onset is tried
-MOST_COLUMNS = 8  # of a candidate that is scanned
-VARIANTS = 2  # of an effect that are scanned
 
 
-def switched_candidates(problem: RegressionProblem, members: Sequence[int] = ()) -> list[Candidate]:
-    """Return for every effect that gains by an onset the candidate from its best onsets on.
+class TriedOnsets:
+    """Sums of a candidate at the tried instants of one flight, in order."""
 
-    members: of a model. Every effect is tried alone, and beside those members that are another effect.
-    """
-    found: list[Candidate] = []
-    whole = OnsetScan(problem, members)
-    for own, variants in _that_begin(problem).items():
-        others = tuple(i for i in members if not set(own) & set(problem.candidates[i].identifiers))
-        tried = [(c, whole.sums(c)) for c in variants]
-        for scan in map(whole.beside, dict.fromkeys([(), others])):
-            for candidate, sums in sorted(tried, key=lambda pair: scan.rough_evidence(pair[1]))[-VARIANTS:]:
-                found_at = scan.best(candidate, sums)
-                late = dc.replace(
-                    switched(candidate, problem.flights, found_at.onset), onset_prior=found_at.prior
-                )
-                if found_at.onset and not any(_same(late, known) for known in found):
-                    found.append(late)
-    return found
+    def __init__(self, late: SwitchedSums, *, goes_on: bool):
+        self._late = late
+        self.ends = at_rows(late.whole, [0, -1])  # from the start, and never
+        self.start, self.never = at_rows(self.ends, [0]), at_rows(self.ends, [1])
+        self.now = self.start
+        self.onset: float | None = None
+        self._inside, self.goes_on = possible_onsets(late.t), goes_on
+        self.rows = self._inside[::COARSE]
+        self.sums = late.begun(self.rows)
+
+    def finer(self, profile: np.ndarray) -> np.ndarray:
+        """Return untried rows about the best of the profile (n,)."""
+        if not len(profile):
+            return self.rows
+        about = self._inside[np.abs(self._inside - self.rows[np.argmax(profile)]) < 2 * COARSE]
+        return np.setdiff1d(about, self.rows)
+
+    def add(self, rows: np.ndarray) -> None:
+        """Add the sums at these rows."""
+        order = np.argsort(np.concatenate([self.rows, rows]))
+        new = self._late.begun(rows)
+        self.rows = np.concatenate([self.rows, rows])[order]
+        XX, XB, Xy = (np.concatenate(pair)[order] for pair in zip(self.sums, new, strict=True))
+        self.sums = (XX, XB, Xy)
+
+    def log_width(self, profile: np.ndarray) -> float:
+        """Return the log width of the profile's peak, in shares of the flight."""
+        if not len(profile):
+            return -np.inf
+        width = np.gradient(self.rows.astype(float)) if len(self.rows) > 1 else np.ones(1)
+        return math.log(float(np.exp(profile - profile.max()) @ width) / len(self._inside))
+
+    def most_likely(self, profile: np.ndarray) -> int:
+        """Return the row in the middle of the span of `SPAN` that most likely holds the onset.
+
+        Source: own choice.
+        """
+        dense = np.interp(self._inside, self.rows, profile)
+        weight = np.exp(dense - dense.max())
+        step = self._late.t[1] - self._late.t[0]
+        width = max(1, round(SPAN / step))
+        mass = (
+            np.convolve(weight, np.ones(width), "valid") if width < len(weight) else np.array([weight.sum()])
+        )
+        first = int(np.argmax(mass))
+        span = np.cumsum(weight[first : first + width])
+        return int(self._inside[first + np.searchsorted(span, 0.5 * span[-1])])
+
+    @property
+    def begins(self) -> bool:
+        """Whether it is settled on an instant of the flight."""
+        return self.onset is not None and self.onset != NEVER
+
+    def leave_out(self) -> None:
+        """Settle on absence."""
+        self.now, self.onset = self.never, NEVER
+
+    def settle(self, row: int | None) -> None:
+        """Settle on this row; None: from the start."""
+        if row is None:
+            self.now, self.onset = self.start, None
+        else:
+            tried = np.flatnonzero(self.rows == row)
+            found = at_rows(self.sums, tried) if len(tried) else None
+            self.now = found or self._late.begun(np.array([row]))
+            self.onset = float(self._late.t[row])
 
 
-def _same(a: Candidate, b: Candidate) -> bool:
-    return (a.identifiers, a.variant, a.onset) == (b.identifiers, b.variant, b.onset)
+def at_rows(sums: Sums, rows) -> Sums:
+    """Return the sums of these rows alone."""
+    XX, XB, Xy = sums
+    return XX[rows], XB[rows], Xy[rows]
 
 
-def _that_begin(problem: RegressionProblem) -> dict[tuple[str, ...], list[Candidate]]:
-    """Variants of the effects that may begin in flight."""
-    library = effects_for(problem.flights[0].log.input)
-    found: dict[tuple[str, ...], list[Candidate]] = {}
-    for c in problem.candidates:
-        scanned = c.size <= MOST_COLUMNS and not c.onset
-        if scanned and all(library[name].begins for name in c.identifiers):
-            found.setdefault(c.identifiers, []).append(c)
-    return found
-
-
-def late_payloads(problem: RegressionProblem, late: list[Candidate]) -> list[Candidate]:
-    """Return payloads that begin where a weight does, as a payload at rest, a mass or a thrust shows it.
-
-    A payload from the start that swings as it likes may explain more than such a weight; which is there is told later.
-    """
-    at_start = [c for c in problem.candidates if c.identifiers == (PAYLOAD,) and not c.onset]
-    scan, options = OnsetScan(problem), problem.options
-    weights = [_at_rest(c) for c in at_start[:1]]
-    weights += [c for c in problem.candidates if c.identifiers in WEIGHTS and not c.onset]
-    heavy = [f for f in map(scan.best, weights) if f.onset and f.gain + f.prior > options.priors.onset_gain]
-    if not heavy:
-        return []
-    found = max(heavy, key=lambda f: f.evidence + f.prior)
-    unlike = [c for c in late if c.onset != found.onset]  # what begins when it does stands for it
-    others = [c for c in (*problem.candidates, *unlike) if c.size <= 3 and PAYLOAD not in c.identifiers]
-    first = PayloadSearch(problem.flights, options, found.onset)
-    guesses = [guess for guess, _ in first.followed(problem.noise, problem.nuisance, others)]
-    if not guesses:
-        return []
-    onset = first.when(problem.noise, problem.nuisance, guesses[0])
-    sharp = PayloadSearch(problem.flights, options, onset).from_guesses(
-        problem.noise, problem.nuisance, guesses
-    )
-    return [dc.replace(c, onset_prior=found.prior) for _, c in sharp]
-
-
-def _at_rest(payload: Candidate) -> Candidate:
-    """Its mass and hook alone, as if its swing were known."""
-    return dc.replace(payload, columns={n: X[..., :AT_REST] for n, X in payload.columns.items()})
+def possible_onsets(t: np.ndarray) -> np.ndarray:
+    """Return rows, of whitened ones at t (m,) [s], that may be onsets."""
+    return np.flatnonzero((t > t[0] + EDGE) & (t < t[-1] - EDGE))
 
 
 @dc.dataclass(frozen=True)

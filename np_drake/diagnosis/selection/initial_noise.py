@@ -16,8 +16,7 @@ from np_drake.diagnosis.regressors import (
     wind_candidates,
 )
 from np_drake.diagnosis.residuals import FORCE, FlightResiduals, find_shocks
-from np_drake.diagnosis.selection.change_point import switched_candidates
-from np_drake.diagnosis.selection.new_conditions import new_conditions
+from np_drake.diagnosis.selection.onset_candidates import new_conditions, switched_candidates
 from np_drake.diagnosis.selection.payload_search import PayloadSearch
 
 

@@ -11,9 +11,8 @@ from np_drake.diagnosis.numerics import NoiseModel
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors import Candidate, Model, RegressionProblem, tolerance_of, with_input
 from np_drake.diagnosis.residuals import FlightResiduals
-from np_drake.diagnosis.selection.change_point import late_payloads, switched_candidates
 from np_drake.diagnosis.selection.initial_noise import Ready, noise_of, prepare
-from np_drake.diagnosis.selection.new_conditions import new_conditions
+from np_drake.diagnosis.selection.onset_candidates import late_payloads, new_conditions, switched_candidates
 
 
 @dc.dataclass(frozen=True)

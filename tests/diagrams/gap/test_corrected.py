@@ -9,9 +9,7 @@ from pydrake.math import RigidTransform
 from pydrake.multibody.math import SpatialVelocity
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 
-from diagrams.gap.corrected import corrected_simulator, drawn
-from diagrams.gap.corrected_file import FILE, write_corrected
-from diagrams.gap.remaining import remaining_disturbance
+from diagrams.gap.corrected import FILE, corrected_simulator, drawn, remaining_disturbance, write_corrected
 from diagrams.loop.flight import default_flight, load_flight
 from diagrams.loop.flight_result import fly
 from diagrams.loop.real_vehicle import make_real_vehicle

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from diagrams.gap.drake_replay import DrakeReplay
-from diagrams.gap.replay_page import write_side_by_side
-from diagrams.gap.side_by_side import LONGEST, RESTART, NoReplay, side_by_side
+from diagrams.gap.side_by_side import LONGEST, RESTART, NoReplay, side_by_side, write_side_by_side
 from diagrams.loop.flight import default_flight
 from diagrams.loop.flight_result import fly
 from diagrams.loop.replay.film import FRAME_RATE

@@ -17,9 +17,11 @@ from np_drake.diagnosis.decision.infer import Inference, concluded
 from np_drake.diagnosis.fitting.map_estimate import Fit
 from np_drake.diagnosis.fitting.parameters import free_parameters, read
 from np_drake.diagnosis.forward_model.payload_state import Term
-from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel, fit_noise
+from np_drake.diagnosis.numerics.noise_fit import fit_noise
+from np_drake.diagnosis.numerics.noise_model import NoiseModel
 from np_drake.diagnosis.options import Options, Priors
-from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals, make_flight_residuals
+from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals
+from np_drake.diagnosis.residuals.make_flight_residuals import make_flight_residuals
 from np_drake.diagnosis.selection import payload_search
 from np_drake.diagnosis.selection.map_model import SearchResult, find_map_model
 from np_drake.diagnosis.selection.ranking import Ranking

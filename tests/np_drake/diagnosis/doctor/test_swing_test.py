@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.doctor.residual_noise import nuisance_of
 from np_drake.diagnosis.doctor.swing_test import evident, swing_test
-from np_drake.diagnosis.doctor.traces import nearest_usual, traces
+from np_drake.diagnosis.doctor.traces import nearest_usual, nuisance_of, traces
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors import tolerance_of
 from np_drake.effects.accelerometer_bias import AccelerometerBias

@@ -6,7 +6,7 @@ import pytest
 
 from np_drake.diagnosis.fitting.multi_start import first_fit, refit, restarted
 from np_drake.diagnosis.forward_model.payload_state import Term
-from np_drake.diagnosis.numerics.autoregressive_noise import fit_noise
+from np_drake.diagnosis.numerics.noise_fit import fit_noise
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors.nuisance import tolerance_of
 from np_drake.diagnosis.regressors.payload import Guess

@@ -12,9 +12,9 @@ from np_drake.diagnosis.decision.causes import causes_of
 from np_drake.diagnosis.forward_model.payload_state import NEVER
 from np_drake.diagnosis.gap import gap_reduction as dut
 from np_drake.diagnosis.held_out.prediction import on_held_out
-from np_drake.diagnosis.numerics.autoregressive_noise import scale_only
+from np_drake.diagnosis.numerics.noise_fit import scale_only
 from np_drake.diagnosis.options import Options
-from np_drake.diagnosis.residuals.flight_residuals import make_flight_residuals
+from np_drake.diagnosis.residuals.make_flight_residuals import make_flight_residuals
 from np_drake.diagnosis.result import ReplayGap
 from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.linear_drag import LinearDrag

@@ -18,7 +18,8 @@ from np_drake.diagnosis.held_out.adaptation import (
     without_shocks,
 )
 from np_drake.diagnosis.options import Options
-from np_drake.diagnosis.residuals.flight_residuals import WRENCH, make_flight_residuals
+from np_drake.diagnosis.residuals.flight_residuals import WRENCH
+from np_drake.diagnosis.residuals.make_flight_residuals import make_flight_residuals
 from np_drake.effects.constant_wind import ConstantWind
 from np_drake.effects.gyro_bias import GyroBias
 from np_drake.effects.linear_drag import LinearDrag

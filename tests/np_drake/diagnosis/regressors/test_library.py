@@ -21,7 +21,7 @@ from np_drake.diagnosis.regressors.library import (
 from np_drake.diagnosis.regressors.payload import SURELY, heavy_enough
 from np_drake.diagnosis.regressors.payload_grid import payload_candidates
 from np_drake.diagnosis.residuals import flight_residuals as ev
-from np_drake.diagnosis.residuals.flight_residuals import make_flight_residuals
+from np_drake.diagnosis.residuals.make_flight_residuals import make_flight_residuals
 from np_drake.effects.library import LIBRARY
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError

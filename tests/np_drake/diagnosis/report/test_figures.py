@@ -5,8 +5,8 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.report.localisation_figures import smoothed
-from np_drake.diagnosis.report.write import figures
+from np_drake.diagnosis.report.figures import smoothed
+from np_drake.diagnosis.report.page import figures
 from np_drake.files import figure_file
 from np_drake.files.figure_file import png
 

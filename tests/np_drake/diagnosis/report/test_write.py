@@ -11,9 +11,8 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from np_drake.diagnosis.report import write
-from np_drake.diagnosis.report.page import largest
-from np_drake.diagnosis.report.write import write_report
+from np_drake.diagnosis.report import page
+from np_drake.diagnosis.report.page import largest, write_report
 from np_drake.diagnosis.result import Finding, as_json
 
 HOSTILE = '<script>alert("x")</script>&$\\frac{$ 飞.csv'
@@ -30,7 +29,7 @@ def folder(diagnosis, tmp_path_factory):
 @pytest.fixture
 def undrawn(monkeypatch):
     """Pictures are made and not drawn, where a test reads the page alone."""
-    monkeypatch.setattr(write, "png", lambda figure: b"picture")
+    monkeypatch.setattr(page, "png", lambda figure: b"picture")
 
 
 def test_the_folder_holds_page_data_and_pictures(folder):

@@ -8,7 +8,7 @@ import pytest
 from np_drake.diagnosis.adequacy.residual_statistics import slow_torque
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.residuals.accelerations import low_pass
-from np_drake.diagnosis.residuals.flight_residuals import make_flight_residuals
+from np_drake.diagnosis.residuals.make_flight_residuals import make_flight_residuals
 from np_drake.diagnosis.residuals.rotor_thrust import most_likely, read_thrust
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.flight_log import FlightLog

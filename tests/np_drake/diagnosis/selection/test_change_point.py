@@ -8,14 +8,9 @@ from np_drake.diagnosis.forward_model.payload_state import NEVER
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors.library import effect_candidates, library_candidates, switched
 from np_drake.diagnosis.regressors.regression_problem import RegressionProblem
-from np_drake.diagnosis.residuals.flight_residuals import make_flight_residuals
-from np_drake.diagnosis.selection.change_point import (
-    WEIGHTS,
-    OnsetScan,
-    _onsets,
-    late_payloads,
-    switched_candidates,
-)
+from np_drake.diagnosis.residuals.make_flight_residuals import make_flight_residuals
+from np_drake.diagnosis.selection.change_point import OnsetScan, _onsets
+from np_drake.diagnosis.selection.onset_candidates import WEIGHTS, late_payloads, switched_candidates
 from np_drake.diagnosis.selection.payload_search import PayloadSearch
 from np_drake.effects.center_of_mass_offset import CenterOfMassOffset
 from np_drake.effects.linear_drag import LinearDrag

@@ -1,7 +1,8 @@
-"""States of a logged flight from which a replay starts and with which it is compared."""
+"""What a replay takes from a logged flight, states and payload to start from, and its error."""
 
 import dataclasses as dc
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from scipy import signal
@@ -9,7 +10,10 @@ from scipy.integrate import cumulative_trapezoid
 
 from np_drake import attitude
 from np_drake.diagnosis.residuals import smooth_attitude
-from np_drake.effects.base import Measurement, SensorEffect
+from np_drake.diagnosis.result import ReplayGap
+from np_drake.effects.base import Measurement, Motion, SensorEffect
+from np_drake.effects.combine import EffectsByPlace, mass_properties, total_wrench
+from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.flight_log import FlightLog
 from np_drake.rigid_body import P, Q, V, W
 from np_drake.vehicle import Vehicle
@@ -115,3 +119,87 @@ def local_polynomial(
     if window <= order:
         return value
     return signal.savgol_filter(value, window, order, deriv=derivative, delta=step, axis=0)
+
+
+SPAN = 0.1  # half width of the local parabolas through velocity, force and direction [s]
+SLACK = 0.2  # pull over the payload's weight below which its direction is unknown [1]
+
+
+class Track(NamedTuple):
+    """Payload relative to its hook in W: t (n,) [s], r (n, 3) [m], r_rate (n, 3) [m/s]."""
+
+    t: np.ndarray
+    r: np.ndarray
+    r_rate: np.ndarray
+
+    def at(self, time: float) -> tuple[np.ndarray, np.ndarray]:
+        """Return r (3,) [m] and r_rate (3,) [m/s] at `time` [s], by linear interpolation."""
+        r, rate = (np.array([np.interp(time, self.t, column) for column in value.T]) for value in self[1:])
+        return r, rate
+
+
+def payload_track(
+    log: FlightLog, states: States, vehicle: Vehicle, effects: EffectsByPlace, payload: SuspendedPayload
+) -> Track:
+    """Return the payload's track along the force that the flight shows beyond thrust, weight and the other effects.
+
+    m (a + g z) = R z f + f_effects + T r / L, smoothed over ± `SPAN`. Where the tether hardly pulls, r lies along the
+    apparent gravity.
+
+    Args:
+        log: the flight, for its commands.
+        states: states of the quadrotor.
+        vehicle: the nominal vehicle.
+        effects: all effects except the payload.
+        payload: the payload.
+    Source: Newton's second law for the quadrotor.
+    """
+    step = float(np.median(np.diff(states.t)))
+    gravity = np.array([0.0, 0.0, vehicle.gravity])
+    specific = local_polynomial(states.x[:, V], step, SPAN, order=2, derivative=1) + gravity
+    pushed = local_polynomial(_other_forces(log, states, vehicle, effects), step, SPAN, order=2)
+    pull = mass_properties(vehicle, effects.mass).mass * specific - pushed
+    strong = np.linalg.norm(pull, axis=1, keepdims=True) > SLACK * payload.mass * vehicle.gravity
+    down = np.where(strong, pull, -specific)
+    r = payload.length * down / np.maximum(np.linalg.norm(down, axis=1, keepdims=True), 1e-9)
+    return Track(states.t, r, local_polynomial(r, step, SPAN, order=2, derivative=1))
+
+
+def _other_forces(log: FlightLog, states: States, vehicle: Vehicle, effects: EffectsByPlace) -> np.ndarray:
+    """Return thrust plus the forces of the other effects (n, 3) in W [N]."""
+    u = np.stack([np.interp(states.t, log.t, column) for column in log.u.T], axis=1)
+    thrust = vehicle.saturate(u) @ vehicle.unmixer.T
+    for effect in effects.actuator:
+        thrust = effect.respond(vehicle, states.t, thrust)
+    force = total_wrench(vehicle, effects.wrench, Motion(states.t, states.x, thrust))[:, :3]
+    return force + attitude.body_z(states.x[:, Q]) * thrust.sum(axis=1, keepdims=True)
+
+
+DRAWS = 1000  # bootstrap samples
+SEED = 0  # bootstrap seed, so that equal errors give equal intervals
+
+
+def state_error(x: np.ndarray, x_true: np.ndarray) -> np.ndarray:
+    """Return distance [m], velocity difference [m/s] and attitude difference [deg] (..., 3) of states (..., 13)."""
+    turn = attitude.multiply(x_true[..., Q] * [1.0, -1.0, -1.0, -1.0], x[..., Q])
+    angle = 2 * np.degrees(np.arctan2(np.linalg.norm(turn[..., 1:], axis=-1), np.abs(turn[..., 0])))
+    distance = np.linalg.norm(x[..., P] - x_true[..., P], axis=-1)
+    difference = np.linalg.norm(x[..., V] - x_true[..., V], axis=-1)
+    return np.stack([distance, difference, angle], axis=-1)
+
+
+def replay_gap(errors: np.ndarray, horizons: tuple[float, ...]) -> ReplayGap:
+    """Return the median error over starts with its 95 % bootstrap interval.
+
+    Args:
+        errors: (starts, horizons, 3) position [m], velocity [m/s] and attitude [deg]; infinite for a start that
+            diverged.
+        horizons: horizons of the replay [s].
+    """
+    draws = np.random.default_rng(SEED).integers(len(errors), size=(DRAWS, len(errors)))
+    medians = np.array([np.median(errors[draw], axis=0) for draw in draws])
+    with np.errstate(invalid="ignore"):  # inf - inf where many starts diverged
+        lower, upper = np.quantile(medians, [0.025, 0.975], axis=0, method="nearest")
+    values = np.stack([np.median(errors, axis=0), lower, upper], axis=-1)  # (h, 3 quantities, 3)
+    position, velocity, turned = values[:, 0], values[:, 1], values[:, 2]
+    return ReplayGap(tuple(horizons), position, velocity, turned, len(errors))
