@@ -5,23 +5,18 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from np_drake.diagnosis.decision import (
-    Inference,
-    explanations_of,
-    infer,
-    joint_posterior,
-    novelty,
-    second_answer,
-    without_onsets_in,
-)
-from np_drake.diagnosis.gap import measure_gap_reduction
-from np_drake.diagnosis.localisation import (
+from np_drake.diagnosis.decision.causes import joint_posterior
+from np_drake.diagnosis.decision.explanations import explanations_of
+from np_drake.diagnosis.decision.infer import Inference, infer
+from np_drake.diagnosis.decision.second_answer import novelty, second_answer, without_onsets_in
+from np_drake.diagnosis.gap.gap_reduction import measure_gap_reduction
+from np_drake.diagnosis.localisation.identifiability import (
     assess_identifiability,
     excitation,
     excited,
-    localise,
     unexcited_diagnosis,
 )
+from np_drake.diagnosis.localisation.localisation import localise
 from np_drake.diagnosis.numerics import Readings
 from np_drake.diagnosis.options import Options, Tolerance
 from np_drake.diagnosis.report.coverage import coverage
@@ -112,7 +107,7 @@ def _answer(found: Inference, names: dict[str, Any], replay: Replay | None) -> D
     located = localise(found.held_out, held.residual, noise, held.rows)
     flyable = all(e.knows_torque for e in found.held_out)
     told = () if flyable or replay is None else (NO_REPLAY,)
-    reduction = measure_gap_reduction(found.causes, found.held_out, noise, held, replay if flyable else None)
+    reduction = measure_gap_reduction(found.causes, noise, held, replay if flyable else None)
     return Diagnosis(
         **names,
         judged_as=found.options.tolerance.name,
@@ -123,7 +118,7 @@ def _answer(found: Inference, names: dict[str, Any], replay: Replay | None) -> D
         gap_reduction=reduction,
         coverage=coverage(tuple(found.causes), found.flights, found.held_out),
         posterior=joint_posterior(found.ranking.best, found.causes),
-        explanations=explanations_of(found.ranking, found.held_out, held),
+        explanations=explanations_of(found.ranking, held),
         readings=Readings(noise, found.options.tolerance),
         below_threshold=tuple(found.below_threshold),
         unexplained=found.unexplained.findings,

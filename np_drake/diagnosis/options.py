@@ -34,7 +34,7 @@ class Tolerance:
         return "rig" if self.real else "laboratory"
 
     @property
-    def lean(self) -> float:
+    def attitude_error(self) -> float:
         """Attitude error against the rotors' axes, all together [rad]."""
         return float(np.hypot(self.attitude, self.mounting))
 
@@ -117,7 +117,7 @@ class Priors:
     effect: float = -3.0  # log prior of every effect named: about one in twenty
     generic: float = 3.0  # less in log prior, for structure that is no effect
     generic_size: float = 0.04  # deviation of its force over weight, of its torque over weight times arm [1]
-    twist: float = 0.3  # deviation of a twist's torque over the commanded one [1]
+    twist_torque: float = 0.3  # deviation of a twist's torque over the commanded one [1]
     # Onsets.
     onset: float = math.log(1 / 4)  # log prior of an onset in a flight, and of absence beside an onset
     onset_gain: float = 8.0  # log likelihood that a known onset must bring on a held-out flight
@@ -131,7 +131,7 @@ class Priors:
     # Relative model error of a pendulum's mass [1]; ideal sensors: 0.006. Source: simulated flights.
     pendulum: float = 0.02
     # Slow forces: what sensors do alone, and gusts.
-    attitude_wander: tuple[float, float] = (10.0, 0.45)  # correlation time [s] and its deviation [e-folds]
+    attitude_drift: tuple[float, float] = (10.0, 0.45)  # correlation time [s] and its deviation [e-folds]
     attitude_spread: float = 0.25  # deviation of an attitude error's size about the tolerance [e-folds]
     accelerometer_flicker: tuple[float, float] = (0.55, 0.4)  # tolerances a root e-fold, deviation [e-folds]
     gust_time: tuple[float, float] = (1.0, 0.6)  # correlation time of gusts [s] and its deviation [e-folds]
@@ -149,19 +149,21 @@ class Thresholds:
     """
 
     # A cause.
-    sure: float = 0.5  # least probability; ideal sensors: 0.75
-    same: float = 3.5  # difference of log evidence below which two effects are indistinguishable
+    cause_probability: float = 0.5  # least probability; ideal sensors: 0.75
+    indistinguishable_evidence: float = (
+        3.5  # difference of log evidence below which two effects are indistinguishable
+    )
     # Second answer.
-    misfit: float = 1.6  # held-out residual over noise, for a second answer; ideal sensors: 1.25
+    misfit_ratio: float = 1.6  # held-out residual over noise, for a second answer; ideal sensors: 1.25
     # Tests of what is left.
-    burst: float = 8.0  # of a slow force over its usual deviation
-    line: float = 20.0  # power of a spectral line over its neighbourhood
-    slow_torque: float = 12.0  # over that of gyro noise; ideal sensors: 9
+    burst_ratio: float = 8.0  # of a slow force over its usual deviation
+    line_ratio: float = 20.0  # power of a spectral line over its neighbourhood
+    slow_torque_ratio: float = 12.0  # over that of gyro noise; ideal sensors: 9
     # Share of a threshold that held-out flights must show, and of slow power that a swing which was lost leaves.
     held_out_share: float = 0.5
     # Gusts.
-    slow_force: float = 5.0  # log evidence of a slow force at even odds
-    place: float = 1e-3  # probability below which a slow force does not follow the place by chance
+    slow_force_evidence: float = 5.0  # log evidence of a slow force at even odds
+    position_p_value: float = 1e-3  # probability below which a slow force does not follow the place by chance
 
 
 @dc.dataclass(frozen=True)
@@ -187,5 +189,5 @@ class Options:
             tolerance or IDEAL_SENSORS,
             Materiality(force=0.003, torque=0.003),
             Priors(pendulum=0.006),
-            Thresholds(sure=0.75, misfit=1.25, slow_torque=9.0),
+            Thresholds(cause_probability=0.75, misfit_ratio=1.25, slow_torque_ratio=9.0),
         )

@@ -8,7 +8,7 @@ import numpy as np
 from np_drake.diagnosis.fitting import prior_whitening, scaled_jacobian
 from np_drake.diagnosis.forward_model import predicted_residual
 from np_drake.diagnosis.numerics import Gram
-from np_drake.diagnosis.regressors import Candidate, generic_candidates, prior_of, sum_grams
+from np_drake.diagnosis.regressors import Candidate, generic_candidates, prior_of
 from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.diagnosis.selection import Ranking
 
@@ -26,8 +26,8 @@ class LinearModel:
         drifting = [c for c in ranking.problem.nuisance if c.variant == "sensor drift"]
         now, free = self.fit.everything, self.fit.free
         self._root = np.linalg.inv(prior_whitening(now, free))
-        grams = [self._gram(e, ranking, drifting) for e in self.flights]
-        self._total = sum_grams(grams).tempered(ranking.problem.temperature)
+        total: Gram = sum(self._gram(e, ranking, drifting) for e in self.flights)
+        self._total = total.tempered(ranking.problem.temperature)
         self._own = {i: [k for k, f in enumerate(free) if f.term == i] for i in range(len(now))}
         first = len(free) + sum(c.size for c in drifting)
         self._nuisance = np.arange(len(free), first)
@@ -54,7 +54,7 @@ class LinearModel:
         variants = sum(self.structure[g].log_prior for g in structure)
         return self._total.log_evidence(self._index(without, structure)) + sum(priors) + variants
 
-    def described(
+    def select_structure(
         self, without: Collection[int] = (), first: Sequence[int] = ()
     ) -> tuple[float, tuple[int, ...]]:
         """Return the log evidence with the structure that describes the rest best, and that structure.
@@ -79,7 +79,7 @@ class LinearModel:
         names = [t.effect.identifier for t in self.fit.terms]
         left = [name for k, name in enumerate(names) if k not in gone]
         prior = prior_of(names, self._priors) - prior_of(left, self._priors) + self._onset_prior(i)
-        others = max(self.described(gone)[0], self.described(gone, structure)[0])
+        others = max(self.select_structure(gone)[0], self.select_structure(gone, structure)[0])
         return self.evidence((), structure) - others + prior
 
     def part(self, structure: Sequence[int], g: int, e: FlightResiduals) -> np.ndarray:

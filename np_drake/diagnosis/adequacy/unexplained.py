@@ -43,14 +43,21 @@ def find_unexplained(
     ranking: Ranking,
     linear: LinearModel,
     structure: Sequence[int],
-    held_out: Sequence[FlightResiduals],
     held: HeldOut,
 ) -> Unexplained:
-    """Return the generic structure beside the best model, and what the tests find in the residual of all flights."""
+    """Return the generic structure beside the best model, and what the tests find in the residual of all flights.
+
+    Args:
+        ranking: of the models.
+        linear: the best model, linear about its fit.
+        structure: positions of the generic structure that describes the rest.
+        held: the best fit on held-out flights.
+    """
     options, best, flights = ranking.options, ranking.best, ranking.problem.flights
+    held_out = held.flights
     residual = {e.name: best.residual(e) for e in flights}
     swung = {e.name: held.swing_free_residual(e) for e in held_out}
-    hidden = any(t.swings for t in best.terms)
+    hidden = any(t.has_hidden_state for t in best.terms)
     slowly = gust_probability(flights, residual, held_out, swung, options, hidden=hidden)
     said: list[Indication] = [indication(linear, structure, g, options.materiality) for g in structure]
     if not (hidden or slowly > 0.5):
@@ -73,7 +80,7 @@ def indication(linear: LinearModel, structure: Sequence[int], g: int, materialit
     least_force, least_torque = least_structure(flights, materiality)
     figures = {"force": force, "torque": torque, **candidate.figures}
     name = candidate.identifiers[0].removeprefix(PREFIX)
-    weight = flights[0].vehicle.mass * flights[0].vehicle.gravity
+    weight = flights[0].weight
     finding = Finding(name, candidate.variant, force / weight, figures)
     return there if force >= least_force or torque >= least_torque else 0.0, finding
 
@@ -85,7 +92,7 @@ def burst_test(
 
     A payload, whose swing may be lost, and gusts do the like: beside these it is not asked.
     """
-    burst, limit = strongest_burst(flights, residual), options.thresholds.burst
+    burst, limit = strongest_burst(flights, residual), options.thresholds.burst_ratio
     axis, figures = CHANNELS[burst.axis], {"time": burst.time, "force": burst.size}
     text = f"a {axis} that comes now and then, as in {burst.flight} at {burst.time:.1f} s, {burst.size:.2g} N"
     large = burst.size > least_structure(flights, options.materiality)[0]
@@ -106,10 +113,10 @@ def line_test(
     """
     thresholds = options.thresholds
     loud = line.rms >= least_lines(flights, options.materiality)[line.channel]
-    again = strongest_line(held_out, residual).prominence > thresholds.held_out_share * thresholds.line
+    again = strongest_line(held_out, residual).prominence > thresholds.held_out_share * thresholds.line_ratio
     text = f"a line in {CHANNELS[line.channel]} at {line.frequency:.2f} Hz"
     figures = {"frequency": line.frequency, "rms": line.rms}
-    probability = _above(line.prominence, thresholds.line) if loud and again else 0.0
+    probability = _above(line.prominence, thresholds.line_ratio) if loud and again else 0.0
     return probability, Finding("line", text, line.prominence, figures)
 
 
@@ -127,7 +134,7 @@ def slow_torque_test(
     torque: `slow_torque` of flights.   residual: of held-out ones.   hidden: may a swing have been lost?
     """
     ratio, share, rms = torque
-    thresholds, limit = options.thresholds, options.thresholds.slow_torque
+    thresholds, limit = options.thresholds, options.thresholds.slow_torque_ratio
     large = rms > least_structure(flights, options.materiality)[1]
     large = large and (share > thresholds.held_out_share or not hidden)
     again = slow_torque(held_out, residual)[0] > thresholds.held_out_share * limit
@@ -143,7 +150,7 @@ def _above(ratio: float, threshold: float) -> float:
 def least_structure(flights: Sequence[FlightResiduals], materiality: Materiality) -> tuple[float, float]:
     """Return the least RMS force [N] and torque [N·m] of material structure."""
     tau = np.concatenate([e.nominal[:, 3:] - e.nominal[:, 3:].mean(axis=0) for e in flights])
-    weight = flights[0].vehicle.mass * flights[0].vehicle.gravity
+    weight = flights[0].weight
     commanded = float(np.sqrt(np.mean(np.sum(tau**2, axis=1))))
     return materiality.force * weight, materiality.torque * commanded
 

@@ -15,14 +15,12 @@ from np_drake.diagnosis.doctor.traces import (
     GUSTS,
     explain,
     nearest_usual,
-    nuisance_of,
     options_of,
     payload_at,
     traces,
 )
-from np_drake.diagnosis.localisation import excitation, excited
-from np_drake.diagnosis.localisation.identifiability import manoeuvre, tells_apart
-from np_drake.diagnosis.regressors import DRAG, PAYLOAD, WIND
+from np_drake.diagnosis.localisation.identifiability import excitation, excited, manoeuvre, tells_apart
+from np_drake.diagnosis.regressors import DRAG, PAYLOAD, WIND, nuisance_of
 from np_drake.diagnosis.residuals import FORCE, FlightResiduals, make_flight_residuals, natural_step
 from np_drake.effects.library import LIBRARY, effects_for, unobservable
 from np_drake.effects.parameter import usual_size
@@ -117,8 +115,8 @@ def _judged(report: LogReport, logs: Sequence[FlightLog], vehicle: Vehicle, tell
 
 def _residual_force(flights: Sequence[FlightResiduals]) -> dict[str, float]:
     """Return by axis of B the RMS of the residual force over weight [1]."""
-    y = np.concatenate([e.y[~e.shocks, FORCE] for e in flights])
-    weight = flights[0].vehicle.mass * flights[0].vehicle.gravity
+    y = np.concatenate([e.y[~e.outliers, FORCE] for e in flights])
+    weight = flights[0].weight
     return dict(zip("xyz", (np.sqrt(np.mean(y**2, axis=0)) / weight).tolist(), strict=True))
 
 

@@ -7,24 +7,22 @@ from collections.abc import Sequence
 import numpy as np
 
 from np_drake.diagnosis.numerics import Gram, NoiseModel, scale_only
-from np_drake.diagnosis.options import Options, Priors, Tolerance
+from np_drake.diagnosis.options import Options, Priors
 from np_drake.diagnosis.regressors import (
     DRAG,
     PAYLOAD,
     WIND,
     Candidate,
     PayloadColumns,
-    calibration,
     library_candidates,
     payloads_of,
-    sensor_drift,
     tolerance_of,
     wind_candidates,
     with_input,
 )
-from np_drake.diagnosis.residuals import WRENCH, FlightResiduals, find_shocks
+from np_drake.diagnosis.residuals import WRENCH, FlightResiduals, find_outliers
 from np_drake.diagnosis.result import CHANNELS
-from np_drake.diagnosis.selection.initial_noise import noise_of
+from np_drake.diagnosis.selection.conditioning import noise_of
 from np_drake.effects.base import Parameter
 from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.library import LIBRARY, effects_for
@@ -156,7 +154,7 @@ def explain(
     blocks = [c.columns for c in nuisance] + [t.columns for t in traces]
     step = flights[0].grid.step
     _, _, residual = _fitted(flights, blocks, scale_only([e.y for e in flights], step))
-    flights = [dc.replace(e, shocks=find_shocks(r, step)) for e, r in zip(flights, residual, strict=True)]
+    flights = [dc.replace(e, outliers=find_outliers(r, step)) for e, r in zip(flights, residual, strict=True)]
     raw = [e.bridged(e.y) for e in flights]
     _, _, residual = _fitted(flights, blocks, scale_only(raw, step))
     noise = noise_of(flights, residual, raw, options, options.priors.linear_error)
@@ -170,8 +168,7 @@ def _fitted(
     flights: Sequence[FlightResiduals], blocks: Sequence[dict[str, np.ndarray]], noise: NoiseModel
 ) -> tuple[np.ndarray, np.ndarray, list[np.ndarray]]:
     """Return coefficients (k,), their deviations, and by flight the residual (m, 15) without outliers."""
-    grams = [e.gram(noise, [b[e.name] for b in blocks]) for e in flights]
-    total: Gram = sum(grams[1:], grams[0])
+    total: Gram = sum(e.gram(noise, [b[e.name] for b in blocks]) for e in flights)
     mean, covariance = total.posterior(np.arange(len(total.Xy)))
     sizes = [next(iter(b.values())).shape[-1] for b in blocks]
     parts = np.split(mean, np.cumsum(sizes)[:-1])
@@ -190,12 +187,6 @@ def _drag(mean, deviation, nuisance: Sequence[Candidate], traces: Sequence[Trace
             return size * trace.typical[0] if size > LEAST_DRAG * weight.sum() ** -0.5 else None
         at += next(iter(trace.columns.values())).shape[-1]
     return None
-
-
-def nuisance_of(flights: Sequence[FlightResiduals], tolerance: Tolerance) -> list[Candidate]:
-    """Return errors of the vehicle file and of the sensors within tolerance, as columns with prior N(0, 1)."""
-    drift = sensor_drift(flights, tolerance)
-    return [*calibration(flights, tolerance), *([drift] if drift else [])]
 
 
 def options_of(flights: Sequence[FlightResiduals], *, real: bool) -> Options:

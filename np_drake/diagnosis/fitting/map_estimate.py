@@ -169,7 +169,7 @@ def scaled_jacobian(now: Sequence[Term], free: Sequence[Free], flight: FlightRes
             step = -step
         moved = write(now, [f], np.array([values[k] + step]))
         group = _group(now, f.term)
-        if now[f.term].swings and len(group) == 1:
+        if now[f.term].has_hidden_state and len(group) == 1:
             swinging.setdefault(f.term, []).append((k, step, moved[f.term]))
             continue
         if group not in base:
@@ -204,7 +204,7 @@ def _group(terms: Sequence[Term], i: int) -> tuple[int, ...]:
 
     def alone(t: Term) -> bool:
         sensor = isinstance(t.effect, SensorEffect) and not t.effect.clock_shift
-        return sensor or t.swings
+        return sensor or t.has_hidden_state
 
     if alone(terms[i]):
         return (i,)

@@ -48,7 +48,7 @@ def free_parameters(
             if not p.choices:
                 scale = scales.get(i, width * usual_size(p, vehicle))
                 found.append(Free(i, p.name, scale, p.neutral, p.lower, p.upper))
-        if not term.swings:
+        if not term.has_hidden_state:
             continue
         for e in flights:
             if term.begins(e.name) != NEVER:

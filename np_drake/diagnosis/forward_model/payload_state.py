@@ -39,7 +39,7 @@ class Term:
     hidden: dict[str, np.ndarray] = dc.field(default_factory=dict)
 
     @property
-    def swings(self) -> bool:
+    def has_hidden_state(self) -> bool:
         """Whether the effect has a hidden swing."""
         return self.effect.has_hidden_state
 
@@ -75,7 +75,7 @@ def jumps(flight: FlightResiduals, onset: float | None) -> np.ndarray:
     """Return the rows (k,) of the grid right after outliers, at which the swing may jump."""
     if onset == NEVER:
         return np.zeros(0, int)
-    ends = np.flatnonzero(np.diff(flight.shocks.astype(int)) < 0) + 1
+    ends = np.flatnonzero(np.diff(flight.outliers.astype(int)) < 0) + 1
     after = (flight.t[0] if onset is None else onset) + APART
     kept: list[int] = []
     for k in ends:

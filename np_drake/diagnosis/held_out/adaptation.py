@@ -10,10 +10,10 @@ from np_drake.diagnosis.forward_model import MOST_JUMPS, NEVER, STATE, Term, jum
 from np_drake.diagnosis.numerics import NoiseModel
 from np_drake.diagnosis.options import Priors
 from np_drake.diagnosis.regressors import SwitchedRegressors
-from np_drake.diagnosis.residuals import APART, BOUNCE, LONGEST, MOST, FlightResiduals, find_shocks
+from np_drake.diagnosis.residuals import APART, BOUNCE, LONGEST, MOST, FlightResiduals, find_outliers
 
 HIDDEN_SPAN = 2.0  # over which a hidden start is fitted; these rows are not scored [s]
-JUMP_SPAN = 1.5  # after a shock, over which a swing is fitted anew; not scored either [s]
+JUMP_SPAN = 1.5  # after an outlier, over which a swing is fitted anew; not scored either [s]
 
 
 def adapt(terms: Sequence[Term], flight: FlightResiduals, noise: NoiseModel, priors: Priors) -> list[Term]:
@@ -22,9 +22,9 @@ def adapt(terms: Sequence[Term], flight: FlightResiduals, noise: NoiseModel, pri
     fitted = list(terms)
     terms = [dc.replace(t, onset={}, hidden={}) for t in terms]
     terms = [_anchored(terms, i, flight, noise, priors) for i in range(len(terms))]
-    felt_by = {i: _felt_by(fitted, i) for i in range(len(terms))}
-    for i in sorted(range(len(terms)), key=lambda i: (not known[i], felt_by[i] is not None)):
-        j = felt_by[i]
+    drag_of = {i: _drag_of(fitted, i) for i in range(len(terms))}
+    for i in sorted(range(len(terms)), key=lambda i: (not known[i], drag_of[i] is not None)):
+        j = drag_of[i]
         if j is not None:
             terms[i] = dc.replace(terms[i], onset=terms[j].onset)
         elif type(terms[i].effect).begins:
@@ -55,35 +55,35 @@ def predictive_terms(
     return out
 
 
-def _felt_by(terms: Sequence[Term], i: int) -> int | None:
+def _drag_of(terms: Sequence[Term], i: int) -> int | None:
     """The drag that feels the wind which is term i, if they began together in the flights of the fit."""
     needed = type(terms[i].effect).needs
     together = (j for j, t in enumerate(terms) if t.effect.identifier in needed and t.onset == terms[i].onset)
     return next(together, None)
 
 
-def without_shocks(
+def mark_outliers(
     terms: Sequence[Term], flight: FlightResiduals, noise: NoiseModel, priors: Priors
 ) -> FlightResiduals:
-    """Return the flight with its shocks marked, as the residual of the terms shows them.
+    """Return the flight with its outliers marked, as the residual of the terms shows them.
 
-    A swing is lost at a shock, and what it misses from there on looks like more of them: they are taken in turn.
+    A swing is lost at an outlier, and what it misses from there on looks like more of them: they are taken in turn.
     """
-    for _ in range(MOST_JUMPS if any(t.swings for t in terms) else 0):
-        found = _shocks(terms, flight, noise, priors, most=1.0)  # where a swing is lost it misses ever more
-        first = _first_run(found & (flight.t > _end_of(flight.t, flight.shocks) + APART))
+    for _ in range(MOST_JUMPS if any(t.has_hidden_state for t in terms) else 0):
+        found = _outliers(terms, flight, noise, priors, most=1.0)  # where a swing is lost it misses ever more
+        first = _first_run(found & (flight.t > _end_of(flight.t, flight.outliers) + APART))
         if not first.any():
             return flight
-        flight = dc.replace(flight, shocks=flight.shocks | first)
-    return dc.replace(flight, shocks=flight.shocks | _shocks(terms, flight, noise, priors))
+        flight = dc.replace(flight, outliers=flight.outliers | first)
+    return dc.replace(flight, outliers=flight.outliers | _outliers(terms, flight, noise, priors))
 
 
-def _shocks(
+def _outliers(
     terms: Sequence[Term], flight: FlightResiduals, noise: NoiseModel, priors: Priors, most: float = MOST
 ) -> np.ndarray:
     residual = flight.y - predicted_residual(flight, adapt(terms, flight, noise, priors))
-    longest = BOUNCE if any(t.swings for t in terms) else LONGEST
-    return find_shocks(residual, flight.grid.step, longest, most)
+    longest = BOUNCE if any(t.has_hidden_state for t in terms) else LONGEST
+    return find_outliers(residual, flight.grid.step, longest, most)
 
 
 def _first_run(found: np.ndarray) -> np.ndarray:
@@ -102,9 +102,9 @@ def _end_of(t: np.ndarray, rows: np.ndarray) -> float:
 
 
 def hidden_state_rows(term: Term, flight: FlightResiduals) -> list[np.ndarray]:
-    """Return rows (m,) to which the hidden state is fitted: at its start, and after every shock."""
+    """Return rows (m,) to which the hidden state is fitted: at its start, and after every outlier."""
     start = term.begins(flight.name)
-    if not term.swings or start == NEVER:
+    if not term.has_hidden_state or start == NEVER:
         return []
     begin = flight.t[0] if start is None else start
     spans = [(begin, HIDDEN_SPAN), *((float(flight.t[k]), JUMP_SPAN) for k in jumps(flight, start))]
@@ -112,14 +112,14 @@ def hidden_state_rows(term: Term, flight: FlightResiduals) -> list[np.ndarray]:
 
 
 def scored_rows(terms: Sequence[Term], flight: FlightResiduals) -> np.ndarray:
-    """Return (m,) the rows that count: seen by no fit and no hidden state, without a tether's shocks.
+    """Return (m,) the rows that count: seen by no fit and no hidden state, without a tether's outliers.
 
     In a flight so short that none would be left, all rows that no fit has seen (`scored_on_fitted_rows`).
     """
     rows = ~flight.joined
     for term in terms:
         fitted = hidden_state_rows(term, flight)
-        for some in [*fitted, flight.shocks] if fitted else []:
+        for some in [*fitted, flight.outliers] if fitted else []:
             rows = rows & ~some
     return rows if rows.any() else ~flight.joined
 
@@ -138,7 +138,7 @@ def _anchored(
     priors: Priors,
     onset: float | None = None,
 ) -> Term:
-    """The term, its swing fitted to the rows at its start, then every jump to those after the shock."""
+    """The term, its swing fitted to the rows at its start, then every jump to those after the outlier."""
     now = list(terms)
     for k, rows in enumerate(hidden_state_rows(dc.replace(terms[i], onset={flight.name: onset}), flight)):
         fit = SwingFit(now, i, flight, noise, onset, rows, priors)
@@ -158,7 +158,9 @@ def _with_onset(
     term = terms[i]
     rest = predicted_residual(flight, [t for j, t in enumerate(terms) if j != i])
     trace = (
-        _span_by_span(terms, i, flight, noise, priors) if term.swings else predicted_residual(flight, terms)
+        _span_by_span(terms, i, flight, noise, priors)
+        if term.has_hidden_state
+        else predicted_residual(flight, terms)
     )
     t, profile = onset_log_likelihood(flight, noise, flight.y - rest, trace - rest)
     k = int(np.argmax(profile))

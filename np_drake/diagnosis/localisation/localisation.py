@@ -8,6 +8,7 @@ import ruptures
 from scipy import signal
 
 from np_drake import attitude
+from np_drake.diagnosis.held_out import closed_fraction
 from np_drake.diagnosis.numerics import NoiseModel
 from np_drake.diagnosis.residuals import WRENCH, FlightResiduals
 from np_drake.diagnosis.result import CHANNELS, Band, ChannelGap, Localisation, Regime, Segment
@@ -68,9 +69,7 @@ def channel_gaps(
     out = []
     for c, name in enumerate(CHANNELS):
         b, a, floor = rms(before, c), rms(after, c), float(noise.rms[c])
-        gap = b**2 - floor**2
-        explained = float(np.clip(1 - (a**2 - floor**2) / gap, -1.0, 1.0)) if gap > 0.02 * floor**2 else 0.0
-        out.append(ChannelGap(name, UNITS[c], b, floor, a, explained))
+        out.append(ChannelGap(name, UNITS[c], b, floor, a, closed_fraction(b, a, floor)))
     return tuple(out)
 
 

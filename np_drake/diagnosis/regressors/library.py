@@ -19,7 +19,6 @@ from np_drake.effects.parameter_prior import prior_root
 from np_drake.effects.suspended_payload import SuspendedPayload
 
 DRAG = LinearDrag.identifier  # the effect through which winds act
-DRAGS = ConstantWind.needs
 WIND = ConstantWind.identifier
 GUSTY = (DRAG, WIND)  # effects that gusts mask in a held-out flight
 PAYLOAD = SuspendedPayload.identifier

@@ -60,6 +60,17 @@ def calibration(flights: Sequence[FlightResiduals], tolerance: Tolerance) -> lis
     return out
 
 
+def nuisance_of(flights: Sequence[FlightResiduals], tolerance: Tolerance) -> list[Candidate]:
+    """Return errors of the vehicle file and of the sensors within tolerance, as columns with prior N(0, 1).
+
+    Args:
+        flights: the flights.
+        tolerance: standard deviations of the errors.
+    """
+    drift = sensor_drift(flights, tolerance)
+    return [*calibration(flights, tolerance), *([drift] if drift else [])]
+
+
 def sensor_drift(flights: Sequence[FlightResiduals], tolerance: Tolerance) -> Candidate | None:
     """Return the sensor errors of every flight as one candidate; None for ideal sensors."""
     if not tolerance.real:

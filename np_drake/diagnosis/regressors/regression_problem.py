@@ -66,7 +66,8 @@ class RegressionProblem:
     @cached_property
     def total(self) -> Gram:
         """Gram matrix of nuisance and candidates over all flights."""
-        return sum_grams([self._gram(e) for e in self.flights]).tempered(self.temperature)
+        total: Gram = sum(self._gram(e) for e in self.flights)
+        return total.tempered(self.temperature)
 
     @cached_property
     def _rest(self) -> Gram:
@@ -88,7 +89,7 @@ class RegressionProblem:
             kept[key] = e.white(noise, candidate.columns[e.name])
         return kept[key]
 
-    def beside(self, more: list[Candidate]) -> "RegressionProblem":
+    def extended(self, more: list[Candidate]) -> "RegressionProblem":
         """Return the problem with more candidates, after the present ones."""
         return RegressionProblem(
             self.flights,
@@ -149,11 +150,3 @@ class RegressionProblem:
         """Return whether no effect occurs twice and at most one is a pure delay: these predict the same."""
         names = [name for i in members for name in self.candidates[i].identifiers]
         return len(names) == len(set(names)) and sum(effect_of(name).pure_delay for name in names) < 2
-
-
-def sum_grams(grams: list[Gram]) -> Gram:
-    """Return the sum of Gram matrices."""
-    total = grams[0]
-    for g in grams[1:]:
-        total = total + g
-    return total

@@ -12,7 +12,7 @@ from np_drake.diagnosis.residuals.flight_residuals import (
     FlightResiduals,
 )
 from np_drake.diagnosis.residuals.make_flight_residuals import make_flight_residuals, require_flights
-from np_drake.diagnosis.residuals.outliers import APART, BOUNCE, LONGEST, MOST, bridge, find_shocks
+from np_drake.diagnosis.residuals.outliers import APART, BOUNCE, LONGEST, MOST, bridge, find_outliers
 from np_drake.diagnosis.residuals.regressor_signals import FlightState, flight_state
 from np_drake.diagnosis.residuals.resampling import Resampler, natural_step
 
@@ -32,7 +32,7 @@ __all__ = [
     "Instants",
     "Resampler",
     "bridge",
-    "find_shocks",
+    "find_outliers",
     "flight_state",
     "low_pass",
     "make_flight_residuals",

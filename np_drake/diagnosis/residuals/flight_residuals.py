@@ -40,7 +40,7 @@ class FlightResiduals:
     w (m, 3): body rates in B on the grid [rad/s].
     attitude_noise: white attitude noise found [rad].
     turned: `a` was rotated to W with the attitude readings, not with the smoothed attitude.
-    shocks (m,): outlier rows of the grid, which are interpolated; none until `find_shocks` has been applied.
+    outliers (m,): outlier rows of the grid, which are interpolated; none until `find_outliers` has been applied.
     joined (m,): rows of a held-out flight that joined the fit (adaptive split).
     goes_on: the flight continues after these rows, so that an effect absent here may begin later.
     knows_torque: whether the log tells the rotors' torque; without it the torque channels are empty.
@@ -58,7 +58,7 @@ class FlightResiduals:
     w: np.ndarray
     attitude_noise: float
     turned: bool
-    shocks: np.ndarray
+    outliers: np.ndarray
     joined: np.ndarray
     goes_on: bool = False
     knows_torque: bool = True
@@ -67,6 +67,11 @@ class FlightResiduals:
     def name(self) -> str:
         """Name of the flight."""
         return self.log.name
+
+    @property
+    def weight(self) -> float:
+        """Weight of the nominal vehicle [N]."""
+        return self.vehicle.mass * self.vehicle.gravity
 
     @property
     def measured_rotors(self) -> bool:
@@ -94,7 +99,7 @@ class FlightResiduals:
         return Rotors(self.log, self.vehicle)
 
     @cached_property
-    def states_felt(self) -> tuple[np.ndarray, np.ndarray]:
+    def wrench_states(self) -> tuple[np.ndarray, np.ndarray]:
         """(n, 13) states at `rows` and `mids` on which wrench effects depend, with velocities known before.
 
         Where accelerations are logged they are the states themselves: force is measured at once, before the velocity
@@ -179,12 +184,12 @@ class FlightResiduals:
         The cut lies beyond the interpolation of outliers and the reach of the low-pass, so that the first `rows` rows
         do not change.
         """
-        known = np.append(np.flatnonzero(~self.shocks[rows - 1 :]), len(self.t))
+        known = np.append(np.flatnonzero(~self.outliers[rows - 1 :]), len(self.t))
         n = rows + int(known[0]) + TAPS  # past interpolated outliers and the reach of the low-pass
         if n >= len(self.t):
             return self
         grid = dc.replace(self.grid, t=self.t[:n], fine=self.grid.fine[: (n - 1) * self.grid.factor + 1])
-        parts = {name: getattr(self, name)[:n] for name in ("y", "nominal", "w", "shocks", "joined")}
+        parts = {name: getattr(self, name)[:n] for name in ("y", "nominal", "w", "outliers", "joined")}
         return dc.replace(self, grid=grid, **parts)
 
     def begun(self, onset: float | None) -> np.ndarray:
@@ -221,7 +226,7 @@ class FlightResiduals:
 
     def bridged(self, values: np.ndarray) -> np.ndarray:
         """Return channels or columns (m, ...) with outlier rows interpolated."""
-        return bridge(values, self.shocks)
+        return bridge(values, self.outliers)
 
     def white(self, noise: NoiseModel, values: np.ndarray) -> np.ndarray:
         """Return channels or columns (m, 15, ...) with outlier rows interpolated, whitened to (m - p, ...)."""

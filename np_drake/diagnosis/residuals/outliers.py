@@ -1,4 +1,4 @@
-"""Outliers ("shocks"): one or two samples, as of a tether that snaps taut or a collision, that outweigh a whole flight.
+"""Outliers: one or two samples, as of a tether that snaps taut or a collision, that outweigh a whole flight.
 
 Sampled and smoothed motion does not show their time and strength, and least squares would bend every parameter to them.
 Their rows are interpolated linearly, in channels and columns alike, which keeps the model linear.
@@ -18,7 +18,7 @@ LONGEST = 0.07  # a longer deviation is motion, not an outlier [s]
 BOUNCE = 0.3  # longest with a payload, whose tether may snap taut several times in a row [s]
 
 
-def find_shocks(
+def find_outliers(
     residual: np.ndarray, step: float, longest: float = LONGEST, most: float = MOST
 ) -> np.ndarray:
     """Find rows with a spike in any channel.
@@ -51,11 +51,11 @@ def _short(found: np.ndarray, longest: int) -> np.ndarray:
     return out
 
 
-def bridge(values: np.ndarray, shocks: np.ndarray) -> np.ndarray:
-    """Return values (m, ...) with the rows of `shocks` (m,) interpolated linearly between their neighbours."""
-    if not shocks.any():
+def bridge(values: np.ndarray, outliers: np.ndarray) -> np.ndarray:
+    """Return values (m, ...) with the rows of `outliers` (m,) interpolated linearly between their neighbours."""
+    if not outliers.any():
         return values
-    good, bad = np.flatnonzero(~shocks), np.flatnonzero(shocks)
+    good, bad = np.flatnonzero(~outliers), np.flatnonzero(outliers)
     after = np.searchsorted(good, bad)
     low, high = good[np.maximum(after - 1, 0)], good[np.minimum(after, len(good) - 1)]
     share = np.where(high > low, (bad - low) / np.maximum(high - low, 1), 0.0)

@@ -41,7 +41,7 @@ def flight_state(flight: FlightResiduals) -> FlightState:
     u = flight.nominal[:, 2:]
     arm = float(np.mean(np.linalg.norm(np.array(vehicle.rotor_positions), axis=1)))
     return FlightState(
-        v=_above_noise(flight.from_mids(attitude.rotate_back(mids.q, flight.states_felt[1][:, V])), log.v),
+        v=_above_noise(flight.from_mids(attitude.rotate_back(mids.q, flight.wrench_states[1][:, V])), log.v),
         p=flight.from_mids(mids.x[:, :3]),
         w=_above_noise(flight.w, log.w),
         R=flight.from_mids(attitude.rotation_matrix(mids.q)),

@@ -145,7 +145,7 @@ class OnsetScan:
         self._covariance[np.ix_(on, on)] = own
         self._mean[on] = own @ self._products[on, -1]
 
-    def beside(self, members: Sequence[int]) -> "OnsetScan":
+    def given(self, members: Sequence[int]) -> "OnsetScan":
         """Return the scan beside nuisance and some of its members alone, from the same sums."""
         fewer = copy.copy(self)
         fewer._regress(np.flatnonzero(np.isin(self._owner, [-1, *members])))

@@ -34,7 +34,7 @@ def switched_candidates(problem: RegressionProblem, members: Sequence[int] = ())
     for own, variants in _that_begin(problem).items():
         others = tuple(i for i in members if not set(own) & set(problem.candidates[i].identifiers))
         tried = [(c, whole.sums(c)) for c in variants]
-        for scan in map(whole.beside, dict.fromkeys([(), others])):
+        for scan in map(whole.given, dict.fromkeys([(), others])):
             for candidate, sums in sorted(tried, key=lambda pair: scan.rough_evidence(pair[1]))[-VARIANTS:]:
                 found_at = scan.best(candidate, sums)
                 late = dc.replace(

@@ -25,7 +25,7 @@ from np_drake.diagnosis.regressors import (
     payloads_of,
 )
 from np_drake.diagnosis.residuals import FlightResiduals
-from np_drake.diagnosis.selection.payload_evidence import HORIZONS, Beside
+from np_drake.diagnosis.selection.payload_evidence import HORIZONS, OtherRegressors
 from np_drake.effects.library import LIBRARY
 
 LENGTHS = (0.15, 2.5, 96)  # shortest, longest [m], number: 3 % apart
@@ -66,13 +66,13 @@ class PayloadSearch:
         """Return the best payloads with their guesses."""
         if PAYLOAD not in LIBRARY:
             return []
-        rich = Beside(self._flights, noise, [*nuisance, *others], self._onset)
-        alone = Beside(self._flights, noise, nuisance, self._onset)
-        asked = [(b, h) for b in (rich, alone) for h in ENDS]
-        gains = self._profiles(rich, alone)
+        everything = OtherRegressors(self._flights, noise, [*nuisance, *others], self._onset)
+        nuisance_only = OtherRegressors(self._flights, noise, nuisance, self._onset)
+        asked = [(b, h) for b in (everything, nuisance_only) for h in ENDS]
+        gains = self._profiles(everything, nuisance_only)
         if max(g.max() for g in gains[: len(ENDS)]) < self._priors.onset_gain:
             return []
-        starts: dict[tuple[Beside, int, float], None] = {}
+        starts: dict[tuple[OtherRegressors, int, float], None] = {}
         for (beside, horizon), profile in zip(asked, gains, strict=True):
             best, *others_of_it = _peaks(profile)[:FOLLOWED]
             starts |= dict.fromkeys((beside, best, first) for first in (ENDS[0], horizon))
@@ -81,16 +81,18 @@ class PayloadSearch:
         for beside, i, first in starts:
             payload = self._follow(beside, Guess(float(self.lengths[i])), first)
             if payload is not None:
-                found.append((rich.gain(rich.white(payload), math.inf)[0], payload))
+                found.append((everything.gain(everything.white(payload), math.inf)[0], payload))
         return self._distinct(found)
 
     def from_guesses(
         self, noise: NoiseModel, nuisance: Sequence[Candidate], guesses: Sequence[Guess]
     ) -> list[tuple[Guess, Candidate]]:
         """Return payloads followed from guesses whose swing is not known."""
-        alone = Beside(self._flights, noise, nuisance, self._onset)
-        found = [self._follow(alone, dc.replace(g, swing={}), HORIZONS[0]) for g in guesses]
-        return self._distinct([(alone.gain(alone.white(p), math.inf)[0], p) for p in found if p is not None])
+        nuisance_only = OtherRegressors(self._flights, noise, nuisance, self._onset)
+        found = [self._follow(nuisance_only, dc.replace(g, swing={}), HORIZONS[0]) for g in guesses]
+        return self._distinct(
+            [(nuisance_only.gain(nuisance_only.white(p), math.inf)[0], p) for p in found if p is not None]
+        )
 
     def _distinct(self, found: Sequence[tuple[float, PayloadColumns]]) -> list[tuple[Guess, Candidate]]:
         """The best, of different lengths."""
@@ -106,21 +108,22 @@ class PayloadSearch:
 
     def profile(self, noise: NoiseModel, others: Sequence[Candidate]) -> np.ndarray:
         """Return (lengths,) the log evidence that a payload adds to the others."""
-        beside = Beside(self._flights, noise, others, self._onset)
+        beside = OtherRegressors(self._flights, noise, others, self._onset)
         return self._profiles(beside, beside)[len(ENDS) - 1]
 
-    def _profiles(self, rich: Beside, alone: Beside) -> list[np.ndarray]:
-        """(lengths,) beside either, up to either of `ENDS`.   alone: has the first of the columns of rich."""
+    def _profiles(self, everything: OtherRegressors, nuisance_only: OtherRegressors) -> list[np.ndarray]:
+        """Return (lengths,) beside either, up to either of `ENDS`; nuisance comes first among all columns."""
         gains = []
         for start in range(0, len(self.lengths), CHUNK):
             some_lengths = self.lengths[start : start + CHUNK]
             for c in payloads_of(self._flights, some_lengths, self._priors, self._onset):
-                white = rich.white(c)
-                joints = rich.joints(white, ENDS)
-                own = np.r_[: alone.size, rich.size : len(joints[0].Xy)]
-                some = [rich.gain_of(both, white, h) for both, h in zip(joints, ENDS, strict=True)]
+                white = everything.white(c)
+                joints = everything.joints(white, ENDS)
+                own = np.r_[: nuisance_only.size, everything.size : len(joints[0].Xy)]
+                some = [everything.gain_of(both, white, h) for both, h in zip(joints, ENDS, strict=True)]
                 some += [
-                    alone.gain_of(both.only(own), white, h) for both, h in zip(joints, ENDS, strict=True)
+                    nuisance_only.gain_of(both.only(own), white, h)
+                    for both, h in zip(joints, ENDS, strict=True)
                 ]
                 gains.append(some)
         return list(np.transpose(gains))
@@ -145,11 +148,11 @@ class PayloadSearch:
     ) -> float:
         """The best instant of one flight within `span` of `near` [s]."""
         head = e.head(int(np.searchsorted(e.t, near + AFTER_ONSET)))
-        beside = Beside([head], noise, nuisance, {e.name: near}, horizons=(AFTER_ONSET,))
+        beside = OtherRegressors([head], noise, nuisance, {e.name: near}, horizons=(AFTER_ONSET,))
         times = np.arange(max(e.t[1], near - span), min(e.t[-1], near + span), max(step, e.grid.step))
         return float(times[np.argmax([self._gain_from(head, float(t), beside, guess) for t in times])])
 
-    def _gain_from(self, e: FlightResiduals, begin: float, beside: Beside, guess: Guess) -> float:
+    def _gain_from(self, e: FlightResiduals, begin: float, beside: OtherRegressors, guess: Guess) -> float:
         """Log evidence of a payload that begins there, in one flight."""
         payload = payload_about([e], dc.replace(guess, swing={}), self._priors, {e.name: begin})
         for _ in range(STEPS):
@@ -157,7 +160,7 @@ class PayloadSearch:
             payload = payload_about([e], payload.moved(mean), self._priors, {e.name: begin})
         return beside.gain(beside.white(payload), AFTER_ONSET)[0]
 
-    def _follow(self, beside: Beside, guess: Guess, first: float) -> PayloadColumns | None:
+    def _follow(self, beside: OtherRegressors, guess: Guess, first: float) -> PayloadColumns | None:
         """From a guess through the horizons, to the payload about which it fits best; none where it is lost.
 
         At every further horizon swings move alone at first: out of step, a lighter payload would fit better than

@@ -154,7 +154,7 @@ def spans(e: FlightResiduals, values: np.ndarray, begin: float | None) -> list[n
     return [later[i : i + most] for i in range(0, len(later), most) if len(later) - i > 1]
 
 
-def blows(e: FlightResiduals, begin: float | None) -> bool:
+def has_bins(e: FlightResiduals, begin: float | None) -> bool:
     """Return whether there are bins from `begin` on [s] (None: from the start) to estimate a wind from."""
     return bool(spans(e, instants(e)[:, None], begin))
 

@@ -15,8 +15,8 @@ from np_drake.diagnosis.regressors import DRAG, GUSTY, Model, Onset, switched
 from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.diagnosis.result import Cause, Estimate
 from np_drake.diagnosis.selection import Ranking, names_of, names_of_fit
-from np_drake.diagnosis.wind.gauss_markov import Begins, WindForce, Z, blows, drag_trace, wind_force
-from np_drake.diagnosis.wind.wind_onset import ROUNDS, Begin, loss_of_calm, wind_begins, wind_onset
+from np_drake.diagnosis.wind.gauss_markov import Begins, WindForce, Z, drag_trace, has_bins, wind_force
+from np_drake.diagnosis.wind.wind_onset import ROUNDS, Begin, still_air_loss, wind_begins, wind_onset
 from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.linear_drag import LinearDrag
 
@@ -44,7 +44,7 @@ def as_gusts(
     if drag is None:
         return causes
     known = _known(causes, drag)
-    if not any(blows(e, known.get(e.name)) for e in flights):
+    if not any(has_bins(e, known.get(e.name)) for e in flights):
         return causes
     onset, begun = GustOnset(flights, held_out, felt, drag, options).begins(known)
     drag = dc.replace(drag, onset=begun)
@@ -54,7 +54,7 @@ def as_gusts(
     force = wind_force(flights, residual, onset)
     if _too_strong(force, drag):
         return causes
-    weight = flights[0].vehicle.mass * flights[0].vehicle.gravity
+    weight = flights[0].weight
     if force.deviation[0] < options.materiality.force * weight:
         return causes
     parameters = _statistics(flights, force, drag, options)
@@ -91,7 +91,7 @@ def _statistics(
     level = float(np.abs(d[:2]).mean())
     known = max(_half(drag.parameters[f"d_{axis}"]) for axis in "xy") / level
     tolerance = options.tolerance
-    weight = flights[0].vehicle.mass * flights[0].vehicle.gravity
+    weight = flights[0].weight
     tilt = tolerance.attitude / np.sqrt(len(flights))
     off = weight * Z * np.array([tilt, tilt, np.hypot(tolerance.mass, tolerance.thrust)])
     out = {}
@@ -165,7 +165,7 @@ class GustOnset:
         wind: WindForce,
     ) -> dict[str, Begin]:
         """In every flight.   blown, calm: (m, 15) by flight, what is left of it with a wind and before."""
-        before = {e.name: loss_of_calm(e, calm[e.name], wind, self.options) for e in self._every}
+        before = {e.name: still_air_loss(e, calm[e.name], wind, self.options) for e in self._every}
         priors = self.options.priors
         found = {
             e.name: wind_onset(e, blown[e.name], known.get(e.name), wind, before[e.name], priors.onset_gain)
@@ -185,8 +185,7 @@ def with_drag(ranking: Ranking) -> Ranking:
     Gusts and a drag are as rare together as something that is not in the library; what is left is what the flights
     themselves say of the drag, its prior apart. Where the slow force begins in flight, so may the drag.
     """
-    options, priors = ranking.options, ranking.options.priors
-    problem, key = ranking.problem, names_of_fit(ranking.best)
+    priors, problem, key = ranking.options.priors, ranking.problem, names_of_fit(ranking.best)
     known = next((m for m in ranking.models if names_of(problem, m) == key), None)
     if known is None or DRAG in key:
         return ranking
@@ -195,7 +194,7 @@ def with_drag(ranking: Ranking) -> Ranking:
     if onset:
         late = [switched(problem.candidates[i], problem.flights, onset) for i in drags]
         drags += [len(problem.candidates) + k for k in range(len(late))]
-        problem = problem.beside(late)
+        problem = problem.extended(late)
     sets = [(*known.members, i) for i in drags if problem.fits_together((*known.members, i))]
     best = max((Model(m, problem.score(m)) for m in sets), key=lambda m: m.score, default=None)
     if best is None:
@@ -203,7 +202,7 @@ def with_drag(ranking: Ranking) -> Ranking:
     odds = best.score - problem.score(known.members) - priors.of_effect(DRAG) + priors.generic
     if odds < 0:
         return ranking
-    named = refit(problem, best, options.tolerance, None, ranking.noise)
+    named = refit(problem, best, None, ranking.noise)
     probability = ranking.probability | {DRAG: float(1 / (1 + np.exp(-odds)))}
     models = (best, *ranking.models)
     fits = (named, *ranking.fits)

@@ -107,7 +107,7 @@ def _prior(options: Options, gravity: float, channels: int) -> tuple[np.ndarray,
     """Centre and spread of the logarithms of what sensors do: attitude (RMS [m/s²], time [s], white), accelerometer."""
     tolerance, priors = options.tolerance, options.priors
     turned = gravity * tolerance.attitude
-    found = [(turned, priors.attitude_spread), priors.attitude_wander, (0.02 * turned, WHITE)]
+    found = [(turned, priors.attitude_spread), priors.attitude_drift, (0.02 * turned, WHITE)]
     if channels == 2:
         size, spread = priors.accelerometer_flicker
         found += [(size * tolerance.acceleration, spread)]
@@ -161,8 +161,8 @@ def gust_probability(
     both = slow_force([*flights, *held_out], {**residual, **held_out_residual}, options)
     vehicle, thresholds = flights[0].vehicle, options.thresholds
     matters = both.deviation > options.materiality.force * vehicle.mass * vehicle.gravity
-    shown = seen.log_evidence > thresholds.held_out_share * thresholds.slow_force
+    shown = seen.log_evidence > thresholds.held_out_share * thresholds.slow_force_evidence
     lost = hidden and slow_power(flights, residual) < thresholds.held_out_share * slow_power(
         flights, {e.name: e.y for e in flights}
     )
-    return both.probability(thresholds.slow_force) if matters and shown and not lost else 0.0
+    return both.probability(thresholds.slow_force_evidence) if matters and shown and not lost else 0.0

@@ -20,7 +20,7 @@ from np_drake.diagnosis.wind.gauss_markov import (
 )
 
 FIRST, LAST = 0.7, 1.0  # of a flight, in which no begin is looked for [s]
-CALM = 2.0  # that is quiet at least before a wind whose begin is not known at all [s]
+LEAST_STILL = 2.0  # that is quiet at least before a wind whose begin is not known at all [s]
 ROUNDS = 2  # of wind and its begins: at first it is that of all the flight
 SIZES = (0.35, 0.5, 0.7, 1.0, 1.4, 2.0)  # of that error, in tolerances [1]; own choice
 WHITES = (
@@ -52,7 +52,7 @@ def wind_onset(
     it. What was known stays where a better one brings less than `gain` in log likelihood: it was found beside the
     drag, which is felt without gusts as well.
     Source: likelihood of a change point; the two sides independent (own choice).
-    residual: (m, 15) what is left of the flight while it blows.   before: (k,) `loss_of_calm` of what is left until
+    residual: (m, 15) what is left of the flight while it blows.   before: (k,) `still_air_loss` of what is left until
     then.
     """
     bins, t = forces(e, residual)[:, :2], instants(e)
@@ -61,7 +61,7 @@ def wind_onset(
     root = factor(len(t), width(e), *wind.figures, wind.deviation[0])
     # A stationary process is the same backwards: one solution has those from every bin to the last.
     loss = before + np.cumsum(_loss_of_bins((bins - wind.mean[:2, 0])[::-1], root))[::-1]
-    near = (t > t[0] + (CALM if begin is None else FIRST)) & (t < t[-1] - LAST)
+    near = (t > t[0] + (LEAST_STILL if begin is None else FIRST)) & (t < t[-1] - LAST)
     tried = np.union1d(k[near], [0, here])
     best = int(tried[np.argmin(loss[tried])])
     if loss[here] - loss[best] <= 2 * gain:
@@ -79,7 +79,7 @@ def wind_begins(
     begins = known
     for _ in range(ROUNDS):
         wind = wind_force(flights, residual, begins)
-        calm = {e.name: loss_of_calm(e, residual[e.name], wind, options) for e in flights}
+        calm = {e.name: still_air_loss(e, residual[e.name], wind, options) for e in flights}
         begins = {
             e.name: wind_onset(
                 e, residual[e.name], begins.get(e.name), wind, calm[e.name], options.priors.onset_gain
@@ -89,7 +89,7 @@ def wind_begins(
     return begins
 
 
-def loss_of_calm(e: FlightResiduals, residual: np.ndarray, wind: WindForce, options: Options) -> np.ndarray:
+def still_air_loss(e: FlightResiduals, residual: np.ndarray, wind: WindForce, options: Options) -> np.ndarray:
     """Return (k,) the -2 log likelihood of the level forces in the bins before each bin, without a wind.
 
     residual: (m, 15) what is left of it while it is calm.   Ideal sensors leave white noise, as the wind has it
@@ -102,8 +102,8 @@ def loss_of_calm(e: FlightResiduals, residual: np.ndarray, wind: WindForce, opti
         power = _before(np.sum(bins**2, axis=1))
         noise = np.maximum(wind.white**2, power / np.maximum(count, 1))
         return power / noise + count * np.log(noise)
-    size = e.vehicle.mass * e.vehicle.gravity * options.tolerance.attitude
-    (wander, _), spread = options.priors.attitude_wander, options.priors.attitude_spread
+    size = e.weight * options.tolerance.attitude
+    (wander, _), spread = options.priors.attitude_drift, options.priors.attitude_spread
     rough = np.sqrt(np.mean(np.diff(bins, 2, axis=0) ** 2) / 6)
     n = min(len(bins), round(SPAN / width(e)))
     losses = [

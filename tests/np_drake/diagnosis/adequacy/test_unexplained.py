@@ -20,7 +20,7 @@ from np_drake.effects.motor_lag import MotorLag
 REAL, IDEAL = Options.for_sensors(True), Options.for_sensors(False)
 
 CLEAR = 10.0  # prominence of a line in these short flights that noise does not have [1]
-SENSITIVE = dc.replace(REAL, thresholds=dc.replace(REAL.thresholds, line=CLEAR))
+SENSITIVE = dc.replace(REAL, thresholds=dc.replace(REAL.thresholds, line_ratio=CLEAR))
 SURE = 0.5  # least probability of what is unknown
 
 
@@ -32,7 +32,7 @@ def linear():
     def made(case):
         if id(case) not in known:
             model = LinearModel(case.ranking)
-            known[id(case)] = model, model.described()[1]
+            known[id(case)] = model, model.select_structure()[1]
         return known[id(case)]
 
     return made
@@ -48,7 +48,7 @@ def left(linear):
         ranking = dc.replace(case.ranking, problem=problem, options=options or case.ranking.options)
         held_out = held_out or case.held_out
         held = on_held_out(ranking.best, held_out, ranking.noise, ranking.options.priors)
-        return find_unexplained(ranking, *linear(case), held_out, held)
+        return find_unexplained(ranking, *linear(case), held)
 
     return answer
 

@@ -5,7 +5,7 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.decision.effect_size import size_of, within_calibration
+from np_drake.diagnosis.decision.term_assessment import size_of, within_calibration
 from np_drake.diagnosis.forward_model.payload_state import Term
 from np_drake.diagnosis.options import IDEAL_SENSORS, Options, Tolerance
 from np_drake.effects.gyro_bias import GyroBias

@@ -111,7 +111,7 @@ def test_gusts_which_repeat_nowhere_and_a_swing_that_may_be_lost_are_not_novel(f
 def test_where_no_flight_is_long_enough_for_two_halves_there_is_no_second_answer(first, monkeypatch):
     monkeypatch.setattr(module, "find_map_model", None)  # which is never asked
     short = [dc.replace(e, log=e.log.rows(0, 780)) for e in first.held_out]
-    assert second_answer(dc.replace(first, held_out=short)) is None
+    assert second_answer(dc.replace(first, held=dc.replace(first.held, flights=short))) is None
 
 
 def test_a_half_is_the_flight_up_to_its_middle_and_its_rows_do_not_count(seen):

@@ -122,13 +122,13 @@ def test_before_its_onset_nothing_pulls_and_what_never_begins_never_does(seen):
 
 def knocked(e, *at):
     """Return the flight with outliers of two rows at these times."""
-    shocks = np.zeros(len(e.t), bool)
+    outliers = np.zeros(len(e.t), bool)
     for t in at:
-        shocks[np.searchsorted(e.t, t) : np.searchsorted(e.t, t) + 2] = True
-    return dc.replace(e, shocks=shocks)
+        outliers[np.searchsorted(e.t, t) : np.searchsorted(e.t, t) + 2] = True
+    return dc.replace(e, outliers=outliers)
 
 
-def test_a_swing_may_jump_after_every_shock_that_is_not_too_close_to_another(seen):
+def test_a_swing_may_jump_after_every_outlier_that_is_not_too_close_to_another(seen):
     dut = knocked(seen(seconds=8.0), 1.0, 1.2, 3.0)
     np.testing.assert_allclose(dut.t[jumps(dut, None)], [1.04, 3.04], atol=0.021)
     np.testing.assert_allclose(dut.t[jumps(dut, 2.0)], [3.04], atol=0.021)

@@ -69,7 +69,7 @@ def test_where_training_flights_are_known_to_be_calm_no_wind_acts_in_them(seen):
         for i, n in enumerate("ab")
     ]
     flights[1] = dc.replace(flights[1], goes_on=True)
-    found = find_map_model(flights, calm=True)
+    found = find_map_model(flights, still_air=True)
     tried = [c for c in found.problem.candidates if "constant_wind" in c.identifiers]
     assert tried
     assert all(c.onset for c in tried)
