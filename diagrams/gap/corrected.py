@@ -26,6 +26,10 @@ def corrected_simulator(diagnosis: Diagnosis, vehicle: Vehicle) -> FlightConfig:
 
     Where held-out flights gave a second answer, that one counts: it knows all flights. The reference is the default
     circle of the vehicle, the noise that of its sensors in the simulator.
+
+    Args:
+        diagnosis: the result.
+        vehicle: the nominal vehicle.
     """
     answer = diagnosis.refit or diagnosis
     config = default_flight(vehicle)
@@ -58,6 +62,10 @@ def _onset(seen: list[float]) -> float | None:
 def drawn(config: FlightConfig, count: int, seed: int) -> list[FlightConfig]:
     """Return simulators drawn from the posterior of a corrected one, each with a disturbance of its own.
 
+    Args:
+        config: the corrected simulator.
+        count: of draws.
+        seed: of the draws.
     Raises: ValueError: if the scenario has no posterior and no uncertain effect, so that all draws were the same.
     """
     reality = config.reality
@@ -135,6 +143,10 @@ HEAD = """\
 def write_corrected(config: FlightConfig, diagnosis: Diagnosis, path: Path) -> None:
     """Write the scenario with the 95 % interval of every parameter beside its value.
 
+    Args:
+        config: the corrected simulator.
+        diagnosis: that it is of.
+        path: of the file.
     Raises: OSError: if the file cannot be written.
     """
     verdict = ", ".join((diagnosis.refit or diagnosis).verdict) or "nothing is missing"

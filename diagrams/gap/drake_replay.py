@@ -122,7 +122,10 @@ class DrakeReplay:
     ) -> list[Leg]:
         """Return the open-loop replay along each leg, started anew from the logged state of its first row.
 
-        Args: legs: rows of the log, increasing; on its own clock the replay is at row k where the log is.
+        Args:
+            log: the flight log.
+            effects: with their onset by flight [s].
+            legs: rows of the log, increasing; on its own clock the replay is at row k where the log is.
         """
         flight = self._prepared(log, effects)
         t, x = flight.states.t, flight.states.x

@@ -54,6 +54,11 @@ def fold(vehicle: Vehicle, train: Sequence[FlightLog], held_out: FlightLog) -> F
     """Diagnose on `train` and evaluate on `held_out`, to which nothing is fitted.
 
     `mean`: of the total torque in the training flights [N·m].
+
+    Args:
+        vehicle: the nominal vehicle.
+        train: training flights.
+        held_out: the flight held out.
     """
     answer = diagnose(vehicle, train, [held_out], adaptive_split=False)
     unseen = make_flight_residuals(held_out, vehicle)
@@ -96,6 +101,10 @@ def leave_one_out(
 ) -> list[Fold]:
     """Return a fold for every agile flight, held out in turn, with the others as training flights.
 
+    Args:
+        folder: of the data set.
+        workers: on which the diagnoses run.
+        on_progress: called with the number done and the number of all.
     Raises: OSError, LogError: where a flight is missing or cannot be read; FailedRun: where a fold has no result.
     """
     cases = [{"flight": log.name} for log in agile_flights(folder)]

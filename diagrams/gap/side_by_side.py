@@ -75,7 +75,12 @@ def side_by_side(
     """Return the first held-out flight that can be replayed, in both simulators.
 
     Of a flight whose first half joined the fit, the second half is shown.
-    Args: replay: of the nominal vehicle, with what it has built; None: a new one.
+
+    Args:
+        diagnosis: the result.
+        vehicle: the nominal vehicle.
+        held_out: logs of held-out flights.
+        replay: of the nominal vehicle, with what it has built; None: a new one.
     Raises: NoReplay: where no flight can be replayed.
     """
     answer = diagnosis.refit or diagnosis
@@ -134,6 +139,10 @@ PALE = 0.45  # opacity of a ghost [1]
 def write_side_by_side(found: SideBySide, vehicle: Vehicle, path: str | Path) -> None:
     """Write an HTML page that plays the flight (solid) and its replays (ghosts), with the distance of each from it.
 
+    Args:
+        found: flight and replays.
+        vehicle: the nominal vehicle.
+        path: of the file.
     Raises: OSError: if it cannot be written.
     """
     meshcat, film, size = new_scene(), Film(), arm_length(vehicle)

@@ -39,7 +39,10 @@ def learned_timing(
 
     The criterion of `learned_rotor_lag`, as the likelihood of normal steps; a delay other than the first of `delays`
     has the prior odds of `command_delay.believed_before`.
-    Args: flights: logs with accelerations, and the vehicle of each.   delays: that are tried [s].
+
+    Args:
+        flights: logs with accelerations, and the vehicle of each.
+        delays: that are tried [s].
     """
     told = [(log, v) for log, v in flights if log.input == "command"]
     if not told:
@@ -60,6 +63,10 @@ def delayed(log: FlightLog, delay: float) -> FlightLog:
     """Return the log with the command that acts, without lag, where it acts `delay` [s] late; the first acts before.
 
     Measured rotor speed is never late.
+
+    Args:
+        log: the flight log.
+        delay: [s].
     """
     if delay == 0.0 or log.input != "command":
         return log

@@ -49,7 +49,12 @@ class LinearModel:
         return Gram(products[:-1, :-1], products[:-1, -1], float(products[-1, -1]), rows)
 
     def evidence(self, without: Collection[int] = (), structure: Sequence[int] = ()) -> float:
-        """Return the log evidence, priors of structure included, without some terms and with some structure [nat]."""
+        """Return the log evidence, priors of structure included, without some terms and with some structure [nat].
+
+        Args:
+            without: positions of terms that are left out.
+            structure: positions of generic structure that is added.
+        """
         priors = (self._priors.of_effect(self.structure[g].identifiers[0]) for g in structure)
         variants = sum(self.structure[g].log_prior for g in structure)
         return self._total.log_evidence(self._index(without, structure)) + sum(priors) + variants
@@ -60,6 +65,10 @@ class LinearModel:
         """Return the log evidence with the structure that describes the rest best, and that structure.
 
         Forward selection from `first`, one variant of each kind.
+
+        Args:
+            without: positions of terms that are left out.
+            first: structure from which the selection begins.
         """
         found, best = tuple(first), self.evidence(without, first)
         while True:
@@ -74,6 +83,10 @@ class LinearModel:
         """Return the log odds of term i, priors included, against structure of any kind in its place [nat].
 
         What acts through the term alone goes with it.
+
+        Args:
+            i: position of the term.
+            structure: positions of the generic structure beside the effects.
         """
         gone = {i, *self._through(i)}
         names = [t.effect.identifier for t in self.fit.terms]
@@ -83,7 +96,13 @@ class LinearModel:
         return self.evidence((), structure) - others + prior
 
     def part(self, structure: Sequence[int], g: int, e: FlightResiduals) -> np.ndarray:
-        """Return the part (m, 15) of structure g in the channels of a flight, beside the rest of `structure`."""
+        """Return the part (m, 15) of structure g in the channels of a flight, beside the rest of `structure`.
+
+        Args:
+            structure: positions of the generic structure beside the effects.
+            g: position of the structure asked for.
+            e: the flight.
+        """
         index = self._index((), structure)
         mean, _ = self._total.posterior(index)
         own = np.isin(index, self._columns[g])

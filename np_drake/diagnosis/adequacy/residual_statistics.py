@@ -49,6 +49,10 @@ def strongest_burst(flights: Sequence[FlightResiduals], residual: dict[str, np.n
 
     Noise and sensors that wander are normal, and stay within five deviations in minutes of flight; what acts now and
     then does not count in a median.   Source: own choice.
+
+    Args:
+        flights: the flights.
+        residual: by flight, (m, 15) what a model leaves of it.
     """
     parts = [_slow_force(e, residual[e.name]) for e in flights]
     parts = [f - np.median(f, axis=0) for f in parts]
@@ -80,7 +84,10 @@ def strongest_line(
     median about it. In noise that ratio of an average of n flights is a gamma variate of shape n.   Where slow noise
     is steep (gusts), the neighbourhood is narrow: a median over slower and much faster ones would be too low.
 
-    least: (6,) RMS of a material line [N, N·m]; default: any.
+    Args:
+        flights: the flights.
+        residual: by flight, (m, 15) what a model leaves of it.
+        least: (6,) RMS of a material line [N, N·m]; default: any.
     """
     rate = 1.0 / flights[0].grid.step
     size = 2 ** int(np.ceil(np.log2(max(len(e.t) for e in flights))))
@@ -116,6 +123,10 @@ def slow_torque(
     The noise is that of the middle band. The share is of the slow torque of that axis before anything was explained.
 
     The derivative of white gyro noise has power proportional to frequency squared; noise of rotor speed is white.
+
+    Args:
+        flights: the flights.
+        residual: by flight, (m, 15) what a model leaves of it.
     """
     slow, middle, before = np.zeros(3), np.zeros(3), np.zeros(3)
     for e in flights:

@@ -71,7 +71,14 @@ def find_unexplained(
 
 
 def indication(linear: LinearModel, structure: Sequence[int], g: int, materiality) -> Indication:
-    """Return structure g beside the best model as a finding, with the probability that it is there and material."""
+    """Return structure g beside the best model as a finding, with the probability that it is there and material.
+
+    Args:
+        linear: the best model, linear about its fit.
+        structure: positions of the generic structure beside the effects.
+        g: position of the structure.
+        materiality: bounds of what matters.
+    """
     flights, candidate = linear.flights, linear.structure[g]
     rest = tuple(k for k in structure if k != g)
     there = float(special.expit(linear.evidence((), structure) - linear.evidence((), rest)))
@@ -91,6 +98,11 @@ def burst_test(
     """Return the probability of a material burst, which neither noise nor sensors make.
 
     A payload, whose swing may be lost, and gusts do the like: beside these it is not asked.
+
+    Args:
+        flights: the flights.
+        residual: by flight, (m, 15) what a model leaves of it.
+        options: all that steers the answer.
     """
     burst, limit = strongest_burst(flights, residual), options.thresholds.burst_ratio
     axis, figures = CHANNELS[burst.axis], {"time": burst.time, "force": burst.size}
@@ -109,7 +121,12 @@ def line_test(
 ) -> Indication:
     """Return the probability of a material spectral line that held-out flights show as well.
 
-    residual: of held-out flights, (m, 15) by flight.
+    Args:
+        line: the strongest of the training flights.
+        flights: training flights.
+        held_out: held-out flights.
+        residual: by held-out flight, (m, 15) what the model leaves of it.
+        options: all that steers the answer.
     """
     thresholds = options.thresholds
     loud = line.rms >= least_lines(flights, options.materiality)[line.channel]
@@ -131,7 +148,13 @@ def slow_torque_test(
 ) -> Indication:
     """Return the probability of a material slow torque that held-out flights show as well.
 
-    torque: `slow_torque` of flights.   residual: of held-out ones.   hidden: may a swing have been lost?
+    Args:
+        torque: `slow_torque` of the training flights.
+        flights: training flights.
+        held_out: held-out flights.
+        residual: by held-out flight, (m, 15) what the model leaves of it.
+        options: all that steers the answer.
+        hidden: whether a swing may have been lost.
     """
     ratio, share, rms = torque
     thresholds, limit = options.thresholds, options.thresholds.slow_torque_ratio
@@ -148,7 +171,12 @@ def _above(ratio: float, threshold: float) -> float:
 
 
 def least_structure(flights: Sequence[FlightResiduals], materiality: Materiality) -> tuple[float, float]:
-    """Return the least RMS force [N] and torque [N·m] of material structure."""
+    """Return the least RMS force [N] and torque [N·m] of material structure.
+
+    Args:
+        flights: the flights.
+        materiality: bounds of what matters.
+    """
     tau = np.concatenate([e.nominal[:, 3:] - e.nominal[:, 3:].mean(axis=0) for e in flights])
     weight = flights[0].weight
     commanded = float(np.sqrt(np.mean(np.sum(tau**2, axis=1))))
@@ -156,7 +184,12 @@ def least_structure(flights: Sequence[FlightResiduals], materiality: Materiality
 
 
 def least_lines(flights: Sequence[FlightResiduals], materiality: Materiality) -> np.ndarray:
-    """Return (6,) the least RMS of a material line by channel of the wrench [N, N·m]."""
+    """Return (6,) the least RMS of a material line by channel of the wrench [N, N·m].
+
+    Args:
+        flights: the flights.
+        materiality: bounds of what matters.
+    """
     y = np.concatenate([e.y[:, WRENCH] for e in flights])
     least = np.repeat(least_structure(flights, materiality), 3)
     return np.maximum(np.sqrt(materiality.structure_share * np.mean(y**2, axis=0)), least)

@@ -69,6 +69,11 @@ def split_flights(
 
 
 def without_onsets_in(flights: Sequence[FlightResiduals], cause: Cause) -> Cause:
-    """Return the cause without its onsets in these flights, which are parts of others."""
+    """Return the cause without its onsets in these flights, which are parts of others.
+
+    Args:
+        flights: parts of others.
+        cause: the cause.
+    """
     names = {e.name for e in flights}
     return dc.replace(cause, onset={n: t for n, t in cause.onset.items() if n not in names})

@@ -21,7 +21,9 @@ MOST_ROWS = 60_000  # of a flight that are used; own choice: the deviation is th
 def lags(log: FlightLog, vehicle: Vehicle | None = None) -> tuple[Lag, ...]:
     """Return the lags between states, and between command and response, as far as the log tells them.
 
-    Args: vehicle: for the torque of measured rotor speed; None: that lag is left out.
+    Args:
+        log: the flight log.
+        vehicle: for the torque of measured rotor speed; None: that lag is left out.
     """
     log = log.rows(0, MOST_ROWS)
     dt = np.diff(log.t)[:, None]

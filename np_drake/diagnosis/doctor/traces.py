@@ -54,6 +54,10 @@ def traces(flights: Sequence[FlightResiduals], priors: Priors) -> list[Trace]:
     """Return the traces of all variants of all effects that such logs can show; payloads at `LENGTHS`.
 
     Gusts have none: they are a noise.
+
+    Args:
+        flights: the flights.
+        priors: priors of parameters, swings and onsets.
     """
     plain = library_candidates(flights)
     found = [_of_candidate(c, flights) for c in plain]
@@ -91,7 +95,13 @@ def _of_payloads(flights: Sequence[FlightResiduals], priors: Priors) -> list[Tra
 
 
 def payload_at(flights: Sequence[FlightResiduals], length: float, priors: Priors) -> Trace:
-    """Return the trace of a payload on a tether of this length [m]."""
+    """Return the trace of a payload on a tether of this length [m].
+
+    Args:
+        flights: the flights.
+        length: of the tether [m].
+        priors: priors of parameters, swings and onsets.
+    """
     (payload,) = payloads_of(flights, np.array([length]), priors)
     return _of_payload(payload, flights)
 
@@ -192,7 +202,9 @@ def _drag(mean, deviation, nuisance: Sequence[Candidate], traces: Sequence[Trace
 def options_of(flights: Sequence[FlightResiduals], *, real: bool) -> Options:
     """Return the options of a diagnosis of these flights, with what their input leaves open.
 
-    Args: real: sensors are real ones; else as the flights look.
+    Args:
+        flights: the flights.
+        real: whether sensors are real ones; else as the flights look.
     """
     options = Options.for_sensors(real or tolerance_of(flights).real)
     return with_input(options, flights)

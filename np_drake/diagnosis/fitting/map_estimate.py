@@ -154,6 +154,11 @@ def scaled_jacobian(now: Sequence[Term], free: Sequence[Free], flight: FlightRes
     """Return the derivative (m, 15, k) of the predicted residual by the free parameters over their scales.
 
     By finite differences; only terms that interact with the changed one are evaluated again.
+
+    Args:
+        now: terms at the point of linearisation.
+        free: free parameters of the terms.
+        flight: the flight.
     """
     values = read(now, free)
     scale = np.array([f.scale for f in free])

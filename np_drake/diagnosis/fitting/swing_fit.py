@@ -33,6 +33,14 @@ class SwingFit:
     The term is a payload that begins at `onset`. A swing (size,) holds angles [rad] and rates [rad/s] at the start, and
     jumps at outliers (`hidden_size`).
 
+    Args:
+        terms: terms of a model, with their onsets and hidden states.
+        i: position of the payload among them.
+        flight: the flight.
+        noise: noise model of the channels.
+        onset: time at which the payload begins [s]; None: from the start.
+        rows: (m,) bool, rows that count.
+        priors: priors of parameters, swings and onsets.
     Source: nonlinear least squares from a grid. The grid is own choice: after a snap any swing is possible.
     """
 
@@ -88,7 +96,12 @@ class SwingFit:
         return ends[np.argmin(self.costs(ends))]
 
     def descend(self, swing: np.ndarray, free: slice = slice(None)) -> np.ndarray:
-        """Return the best swing (size,) on the path of Gauss-Newton in the free entries."""
+        """Return the best swing (size,) on the path of Gauss-Newton in the free entries.
+
+        Args:
+            swing: (size,) to begin with.
+            free: entries that may change.
+        """
         best, least = swing, np.inf
         for _ in range(STEPS + 1):
             miss, X, A = self._normal(swing, free)
@@ -139,6 +152,12 @@ def fitted_to_whole_flight(
     """Return the terms with hidden states, jumps included, that fit the whole flight.
 
     What remains of the flight is then not due to the swing. These swings are no prediction: they have seen the flight.
+
+    Args:
+        terms: terms of a model, with their onsets and hidden states.
+        flight: the flight.
+        noise: noise model of the channels.
+        priors: priors of parameters, swings and onsets.
     """
     terms = list(terms)
     for i, term in enumerate(terms):

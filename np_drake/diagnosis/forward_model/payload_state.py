@@ -72,7 +72,12 @@ def pendulum_error(name: str, payload: SuspendedPayload, vehicle: Vehicle, prior
 
 
 def jumps(flight: FlightResiduals, onset: float | None) -> np.ndarray:
-    """Return the rows (k,) of the grid right after outliers, at which the swing may jump."""
+    """Return the rows (k,) of the grid right after outliers, at which the swing may jump.
+
+    Args:
+        flight: the flight.
+        onset: time at which it begins [s]; None: from the start; infinite: not at all.
+    """
     if onset == NEVER:
         return np.zeros(0, int)
     ends = np.flatnonzero(np.diff(flight.outliers.astype(int)) < 0) + 1
@@ -86,7 +91,12 @@ def jumps(flight: FlightResiduals, onset: float | None) -> np.ndarray:
 
 
 def hidden_size(flight: FlightResiduals, onset: float | None) -> int:
-    """Return the size of a payload's hidden state in a flight: its initial swing, and a jump after every outlier."""
+    """Return the size of a payload's hidden state in a flight: its initial swing, and a jump after every outlier.
+
+    Args:
+        flight: the flight.
+        onset: time at which it begins [s]; None: from the start; infinite: not at all.
+    """
     return STATE * (1 + len(jumps(flight, onset)))
 
 
@@ -94,12 +104,21 @@ def swing_units(size: int, rate: float) -> np.ndarray:
     """Return the scale (size,) of a hidden state at natural rate `rate` [1/s].
 
     It is 1 rad for angles, and for rates the value of equal energy.
+
+    Args:
+        size: of the hidden state.
+        rate: natural rate [1/s].
     """
     return np.tile([1.0, 1.0, rate, rate], size // STATE)
 
 
 def padded(hidden: np.ndarray | None, size: int) -> np.ndarray:
-    """Return the known entries of a hidden state, padded with zeros to (size,)."""
+    """Return the known entries of a hidden state, padded with zeros to (size,).
+
+    Args:
+        hidden: known entries; None: none.
+        size: of the result.
+    """
     known = np.zeros(0) if hidden is None else hidden[:size]
     return np.concatenate([known, np.zeros(size - len(known))])
 
@@ -116,7 +135,12 @@ def hook_acceleration(flight: FlightResiduals, hooks: np.ndarray) -> np.ndarray:
 
 
 def hook_velocity(flight: FlightResiduals, hooks: np.ndarray) -> np.ndarray:
-    """Return the velocity of hooks in W at the middles of the grid's steps [m/s]; shapes as `hook_acceleration`."""
+    """Return the velocity of hooks in W at the middles of the grid's steps [m/s]; shapes as `hook_acceleration`.
+
+    Args:
+        flight: the flight.
+        hooks: (m, 3) positions p_BoTo_B [m].
+    """
     return _at_hooks(flight.moving, hooks)
 
 
@@ -190,6 +214,10 @@ def swing_wrenches(flight: FlightResiduals, terms: Sequence[Term]) -> np.ndarray
     """Return the wrenches (n, m, 6) of payloads in B on the grid [N, N·m].
 
     All payloads begin at the onset of the first. Many cost little more than one.
+
+    Args:
+        flight: the flight.
+        terms: payloads.
     """
     onset = terms[0].begins(flight.name)
     if onset == NEVER:
@@ -208,6 +236,10 @@ def swing_wrench(flight: FlightResiduals, term: Term) -> np.ndarray:
     """Return the wrench (n, 6) of one suspended payload in B on the grid [N, N·m].
 
     Where its hidden state has several samples, this is their mean.
+
+    Args:
+        flight: the flight.
+        term: the payload.
     """
     ways = np.atleast_2d(term.hidden.get(flight.name, np.zeros(0)))
     terms = [dc.replace(term, hidden={flight.name: way}) for way in ways]

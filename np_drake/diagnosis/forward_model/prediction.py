@@ -33,7 +33,13 @@ class StageCache:
         self._known: dict[tuple, Any] = {}
 
     def once(self, stage: str, key: tuple, make: Callable[[], Any]) -> Any:
-        """Return the cached value of a stage for this key, computed by `make` on first use."""
+        """Return the cached value of a stage for this key, computed by `make` on first use.
+
+        Args:
+            stage: name of the stage.
+            key: what its value depends on.
+            make: computes the value.
+        """
         if (stage, key) not in self._known:
             self._known[stage, key] = make()
         return self._known[stage, key]
@@ -92,7 +98,12 @@ def predicted_residual(
 
 
 def gate(t: np.ndarray, onset: float | None) -> np.ndarray:
-    """Return a step (n, 1) that is one from the onset on."""
+    """Return a step (n, 1) that is one from the onset on.
+
+    Args:
+        t: (n,) instants [s].
+        onset: time at which it begins [s]; None: from the start; infinite: not at all.
+    """
     return np.ones((len(t), 1)) if onset is None else (np.asarray(t) >= onset).astype(float)[:, None]
 
 

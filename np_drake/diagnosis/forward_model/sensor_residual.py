@@ -20,6 +20,10 @@ def sensor_residual(flight: FlightResiduals, effect: SensorEffect) -> np.ndarray
     """Return the channels as measured less the true ones (m, 15), exact to third order in the sensor error.
 
     Of a small error to first order.
+
+    Args:
+        flight: the flight.
+        effect: a sensor error.
     """
     return _small(flight, effect) if effect.small else _exact(flight, effect)
 
@@ -96,6 +100,10 @@ def without_errors(flight: FlightResiduals, effects: Sequence[SensorEffect]) -> 
     """Return the flight with its instants and rates corrected for the sensor errors.
 
     Other effects act on the true motion. Channels and log stay as measured.
+
+    Args:
+        flight: the flight.
+        effects: sensor errors.
     """
     acting = [effect for effect in effects if effect.corrupts and not effect.clock_shift and not effect.small]
     if not acting:

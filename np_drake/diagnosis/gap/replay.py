@@ -61,7 +61,13 @@ def true_states(log: FlightLog, vehicle: Vehicle, effects: Sequence[SensorEffect
 
 
 def unread(vehicle: Vehicle, x: np.ndarray, effects: Sequence[SensorEffect]) -> np.ndarray:
-    """Return the states (n, 13) whose measurement through the effects is `x` (n, 13), by fixed-point iteration."""
+    """Return the states (n, 13) whose measurement through the effects is `x` (n, 13), by fixed-point iteration.
+
+    Args:
+        vehicle: the nominal vehicle.
+        x: (n, 13) states as measured.
+        effects: sensor errors.
+    """
     truth = x
     still = np.zeros((len(x), 3))
     for _ in range(_SWEEPS if effects else 0):
@@ -78,6 +84,10 @@ def smooth_states(t: np.ndarray, x: np.ndarray) -> np.ndarray:
 
     Positions are unchanged. The attitude error of an initial state grows into a position error g θ t² / 2, so that
     attitude matters most.
+
+    Args:
+        t: (n,) times [s].
+        x: (n, 13) states.
     """
     smooth, step = x.copy(), float(np.median(np.diff(t)))
     smooth[:, Q], _ = smooth_attitude(t, x[:, Q], x[:, W])
@@ -93,6 +103,10 @@ def slow_velocity_error(t: np.ndarray, x: np.ndarray, step: float) -> np.ndarray
     An estimator's velocity is off by some cm/s for about a second, which moves a replay by as many cm. The position
     corrects this. A constant offset is left: it is an effect to be found (`velocity_bias`).
 
+    Args:
+        t: (n,) times [s].
+        x: (n, 13) states.
+        step: sample interval [s].
     Source: complementary filter, run in both directions; the span is own choice.
     """
     missed = x[:, P] - cumulative_trapezoid(x[:, V], t, axis=0, initial=0.0)
@@ -180,7 +194,12 @@ SEED = 0  # bootstrap seed, so that equal errors give equal intervals
 
 
 def state_error(x: np.ndarray, x_true: np.ndarray) -> np.ndarray:
-    """Return distance [m], velocity difference [m/s] and attitude difference [deg] (..., 3) of states (..., 13)."""
+    """Return distance [m], velocity difference [m/s] and attitude difference [deg] (..., 3) of states (..., 13).
+
+    Args:
+        x: states of a replay.
+        x_true: states of the log.
+    """
     turn = attitude.multiply(x_true[..., Q] * [1.0, -1.0, -1.0, -1.0], x[..., Q])
     angle = 2 * np.degrees(np.arctan2(np.linalg.norm(turn[..., 1:], axis=-1), np.abs(turn[..., 0])))
     distance = np.linalg.norm(x[..., P] - x_true[..., P], axis=-1)

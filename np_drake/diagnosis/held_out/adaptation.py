@@ -17,7 +17,14 @@ JUMP_SPAN = 1.5  # after an outlier, over which a swing is fitted anew; not scor
 
 
 def adapt(terms: Sequence[Term], flight: FlightResiduals, noise: NoiseModel, priors: Priors) -> list[Term]:
-    """Return the terms with onset and initial swing adapted to a held-out flight, parameters kept."""
+    """Return the terms with onset and initial swing adapted to a held-out flight, parameters kept.
+
+    Args:
+        terms: terms of a model, with their onsets and hidden states.
+        flight: the flight.
+        noise: noise model of the channels.
+        priors: priors of parameters, swings and onsets.
+    """
     known = [any(begin is not None for begin in t.onset.values()) for t in terms]
     fitted = list(terms)
     terms = [dc.replace(t, onset={}, hidden={}) for t in terms]
@@ -41,6 +48,11 @@ def predictive_terms(
     motion tells for long after its tether went slack, fades to the weight that hangs.   Source: mean of a posterior;
     own choice: by Laplace's approximation, parameters kept.
 
+    Args:
+        terms: terms of a model, with their onsets and hidden states.
+        flight: the flight.
+        noise: noise model of the channels.
+        priors: priors of parameters, swings and onsets.
     Returns: the terms; hidden swings are (`WAYS`, size) [rad, rad/s].
     """
     out = list(terms)
@@ -68,6 +80,12 @@ def mark_outliers(
     """Return the flight with its outliers marked, as the residual of the terms shows them.
 
     A swing is lost at an outlier, and what it misses from there on looks like more of them: they are taken in turn.
+
+    Args:
+        terms: terms of a model, with their onsets and hidden states.
+        flight: the flight.
+        noise: noise model of the channels.
+        priors: priors of parameters, swings and onsets.
     """
     for _ in range(MOST_JUMPS if any(t.has_hidden_state for t in terms) else 0):
         found = _outliers(terms, flight, noise, priors, most=1.0)  # where a swing is lost it misses ever more
@@ -102,7 +120,12 @@ def _end_of(t: np.ndarray, rows: np.ndarray) -> float:
 
 
 def hidden_state_rows(term: Term, flight: FlightResiduals) -> list[np.ndarray]:
-    """Return rows (m,) to which the hidden state is fitted: at its start, and after every outlier."""
+    """Return rows (m,) to which the hidden state is fitted: at its start, and after every outlier.
+
+    Args:
+        term: of a model.
+        flight: the flight.
+    """
     start = term.begins(flight.name)
     if not term.has_hidden_state or start == NEVER:
         return []
@@ -115,6 +138,10 @@ def scored_rows(terms: Sequence[Term], flight: FlightResiduals) -> np.ndarray:
     """Return (m,) the rows that count: seen by no fit and no hidden state, without a tether's outliers.
 
     In a flight so short that none would be left, all rows that no fit has seen (`scored_on_fitted_rows`).
+
+    Args:
+        terms: terms of a model, with their onsets and hidden states.
+        flight: the flight.
     """
     rows = ~flight.joined
     for term in terms:
@@ -125,7 +152,12 @@ def scored_rows(terms: Sequence[Term], flight: FlightResiduals) -> np.ndarray:
 
 
 def scored_on_fitted_rows(terms: Sequence[Term], flight: FlightResiduals) -> bool:
-    """Return whether a short flight is scored on rows to which its own swing was fitted."""
+    """Return whether a short flight is scored on rows to which its own swing was fitted.
+
+    Args:
+        terms: terms of a model, with their onsets and hidden states.
+        flight: the flight.
+    """
     rows = scored_rows(terms, flight)
     return any(bool(np.any(rows & fitted)) for term in terms for fitted in hidden_state_rows(term, flight))
 
@@ -202,7 +234,14 @@ def _span_by_span(
 def onset_log_likelihood(
     flight: FlightResiduals, noise: NoiseModel, target: np.ndarray, own: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return (n,) times of the grid, the last one "not at all", and log likelihoods if `own` begins there."""
+    """Return (n,) times of the grid, the last one "not at all", and log likelihoods if `own` begins there.
+
+    Args:
+        flight: the flight.
+        noise: noise model of the channels.
+        target: (m, 15) residual without the effect.
+        own: (m, 15) what the effect leaves.
+    """
     columns = SwitchedRegressors(flight, noise, target, np.zeros((*target.shape, 0)))
     t, X = columns.t, own[..., None]
     rows = np.arange(1, len(t))

@@ -149,14 +149,24 @@ def manoeuvre(effects: Sequence[str]) -> str:
 
 
 def tells_apart(a: str, b: str) -> str:
-    """Return the manoeuvre of their own that tells effects a and b apart; empty where none is known."""
+    """Return the manoeuvre of their own that tells effects a and b apart; empty where none is known.
+
+    Args:
+        a: identifier of an effect.
+        b: identifier of another.
+    """
     return effect_of(a).told_from.get(b, "") or effect_of(b).told_from.get(a, "")
 
 
 def unexcited_diagnosis(
     flights: Sequence[FlightResiduals], held_out: Sequence[FlightResiduals]
 ) -> dict[str, Any]:
-    """Return the fields of a `Diagnosis` for flights in which nothing moves: an empty verdict, nothing identifiable."""
+    """Return the fields of a `Diagnosis` for flights in which nothing moves: an empty verdict, nothing identifiable.
+
+    Args:
+        flights: training flights.
+        held_out: held-out flights.
+    """
     noise = fit_noise([e.y - e.y.mean(axis=0) for e in flights], flights[0].grid.step)
     pairs = confusables(flights, library_candidates(flights), noise)
     rows = {e.name: np.ones(len(e.t), bool) for e in held_out}

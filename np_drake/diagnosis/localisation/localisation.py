@@ -76,6 +76,9 @@ def channel_gaps(
 def segments(flight: FlightResiduals, noise: NoiseModel) -> list[Segment]:
     """Return the segments of a flight between change points of the residual's mean.
 
+    Args:
+        flight: the flight.
+        noise: noise model of the channels.
     Source: exact segmentation by dynamic programming, PELT (Killick et al. 2012), as in ruptures; the penalty is own
         choice.
     """

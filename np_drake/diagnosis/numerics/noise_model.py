@@ -137,7 +137,13 @@ class NoiseModel:
         return channels, driven.reshape(n, len(parts), *values.shape[2:])
 
     def driven_in(self, channel: int, values: np.ndarray, flight: str = "") -> np.ndarray:
-        """Return the innovations (m - p, ...) of one channel with values (m, ...)."""
+        """Return the innovations (m - p, ...) of one channel with values (m, ...).
+
+        Args:
+            channel: its index.
+            values: (m, ...) of the channel.
+            flight: name of the flight, whose `loudness` applies.
+        """
         flat = np.ascontiguousarray(values, float).reshape(len(values), math.prod(values.shape[1:]))
         driven = (
             filtered(self._bands[channel], flat) if self.phi[channel].any() else flat[self.phi.shape[1] :]

@@ -27,7 +27,12 @@ Pushes = Callable[[FlightState], np.ndarray]  # (m, 6, k) force and torque in B 
 
 
 def generic_candidates(flights: Sequence[FlightResiduals], priors: Priors) -> list[Candidate]:
-    """Return all groups as candidates; their `generic` gives the columns on any flight."""
+    """Return all groups as candidates; their `generic` gives the columns on any flight.
+
+    Args:
+        flights: the flights.
+        priors: priors of parameters, swings and onsets.
+    """
     states = {e.name: flight_state(e) for e in flights}
     found = [
         _candidate(flights, states, priors, name, text, pushes)

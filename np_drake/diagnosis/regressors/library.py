@@ -209,6 +209,11 @@ def wind_candidates(
 
     A drag that is weak or negative starts as a weak positive one, with a wind of the same force. Drag and wind of
     opposite sign push alike, and a local optimiser cannot pass from one to the other.
+
+    Args:
+        flights: the flights.
+        plain: candidates, the drags among which are taken.
+        onset: onsets of the wind by flight [s].
     """
     if WIND not in LIBRARY or DRAG not in LIBRARY:
         return []
@@ -241,7 +246,13 @@ def wind_candidates(
 
 
 def switched(candidate: Candidate, flights: Sequence[FlightResiduals], onset: Onset) -> Candidate:
-    """Return the candidate switched on at its onsets; not for hidden states, which begin anew at an onset."""
+    """Return the candidate switched on at its onsets; not for hidden states, which begin anew at an onset.
+
+    Args:
+        candidate: the candidate.
+        flights: the flights.
+        onset: onsets by flight [s].
+    """
     columns = {e.name: candidate.columns[e.name] * e.begun(onset.get(e.name))[..., None] for e in flights}
 
     def terms(c: np.ndarray) -> list[Term]:

@@ -32,6 +32,10 @@ def calibration_terms(vehicle: Vehicle, tolerance: Tolerance) -> list[tuple[Term
     """Return the terms that all flights share, each with the standard deviation of its prior.
 
     Mass and thrust of the vehicle file, and what the input of the logs leaves open.
+
+    Args:
+        vehicle: the nominal vehicle.
+        tolerance: standard deviations of vehicle file and sensors.
     """
     open_ = [
         (Term(ThrottleCurve(0.0)), tolerance.throttle_curve),
@@ -48,7 +52,12 @@ def calibration_terms(vehicle: Vehicle, tolerance: Tolerance) -> list[tuple[Term
 
 
 def calibration(flights: Sequence[FlightResiduals], tolerance: Tolerance) -> list[Candidate]:
-    """Return the mass and thrust terms as candidates, whose columns carry the prior's scale."""
+    """Return the mass and thrust terms as candidates, whose columns carry the prior's scale.
+
+    Args:
+        flights: the flights.
+        tolerance: standard deviations of vehicle file and sensors.
+    """
     out = []
     for term, deviation in calibration_terms(flights[0].vehicle, tolerance):
         moved = [
@@ -72,7 +81,12 @@ def nuisance_of(flights: Sequence[FlightResiduals], tolerance: Tolerance) -> lis
 
 
 def sensor_drift(flights: Sequence[FlightResiduals], tolerance: Tolerance) -> Candidate | None:
-    """Return the sensor errors of every flight as one candidate; None for ideal sensors."""
+    """Return the sensor errors of every flight as one candidate; None for ideal sensors.
+
+    Args:
+        flights: the flights.
+        tolerance: standard deviations of vehicle file and sensors.
+    """
     if not tolerance.real:
         return None
     sensors: tuple[type[Effect], ...] = (AccelerometerBias, AttitudeBias, GyroBias, VelocityBias)
@@ -120,7 +134,12 @@ LATENCY = 0.01  # of an estimator's attitude [s]; source: own choice, a few samp
 
 
 def with_input(options: Options, flights: Sequence[FlightResiduals]) -> Options:
-    """Return the options whose tolerance holds what vehicle file and input of these flights leave open."""
+    """Return the options whose tolerance holds what vehicle file and input of these flights leave open.
+
+    Args:
+        options: with the tolerance of the sensors.
+        flights: the flights.
+    """
     tolerance = options.tolerance.with_vehicle(flights[0].vehicle)
     timing = command_timing(flights)
     open_ = {"timing": max(tolerance.timing, timing)}

@@ -37,7 +37,12 @@ class Guess:
     damping: float = 0.0
 
     def at(self, flight: str, size: int) -> np.ndarray:
-        """Return the hidden state (size,) in a flight."""
+        """Return the hidden state (size,) in a flight.
+
+        Args:
+            flight: its name.
+            size: of the hidden state there.
+        """
         return padded(self.swing.get(flight), size)
 
 

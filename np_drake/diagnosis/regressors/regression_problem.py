@@ -19,6 +19,9 @@ def prior_of(identifiers: Iterable[str], priors: Priors) -> float:
 
     An effect that needs another is acting through it, as a wind through drag; the other then adds no cost.
 
+    Args:
+        identifiers: of the effects.
+        priors: priors of parameters, swings and onsets.
     Source: own choice: a wind without drag has no influence.
     """
     every = set(identifiers)
@@ -81,6 +84,11 @@ class RegressionProblem:
         """Return the whitened columns (m - p, 15, k) of a candidate or nuisance in a flight.
 
         They are cached until another noise model is used.
+
+        Args:
+            noise: noise model that whitens.
+            e: the flight.
+            candidate: one of the problem's.
         """
         if self._white[0] is not noise:
             self._white = (noise, {})

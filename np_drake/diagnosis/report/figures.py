@@ -54,6 +54,10 @@ def replay_figure(before: ReplayGap | None, after: ReplayGap | None) -> Figure:
     """Return the median replay error against horizon on logarithmic axes, with 95 % intervals.
 
     One panel each shows position, velocity and attitude.
+
+    Args:
+        before: without the causes.
+        after: with them.
     """
     figure, grid = new_figure(1, 3, width=9.0, height=3.1)
     panels = (("position", "position [m]"), ("velocity", "velocity [m/s]"), ("attitude", "attitude [deg]"))
@@ -152,7 +156,12 @@ def _ranges(group: Sequence[Regime]) -> list[str]:
 
 
 def timeline_figure(localisation: Localisation, onsets: Onsets) -> Figure:
-    """Return the running RMS of force and torque residual of each flight, with noise, change points and onsets."""
+    """Return the running RMS of force and torque residual of each flight, with noise, change points and onsets.
+
+    Args:
+        localisation: residuals by flight, before and after the causes.
+        onsets: by flight, effects and when they begin [s].
+    """
     flights = list(localisation.times)[:FLIGHTS]
     kinds = [kind for kind in _KINDS if any(np.any(localisation.before[f][:, kind[2]]) for f in flights)]
     figure, grid = new_figure(
@@ -246,7 +255,12 @@ def spectrum_figure(bands: Sequence[Band]) -> Figure:
 
 
 def smoothed(frequency: np.ndarray, density: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return frequency and density averaged over `_OCTAVES` ranges in an octave, without frequency zero."""
+    """Return frequency and density averaged over `_OCTAVES` ranges in an octave, without frequency zero.
+
+    Args:
+        frequency: (m,) [Hz].
+        density: (m,) in any unit.
+    """
     frequency, density = frequency[frequency > 0], density[frequency > 0]
     place = np.round(_OCTAVES * np.log2(frequency / frequency[0])).astype(int)
     count = np.bincount(place)

@@ -67,7 +67,12 @@ def _text(name: str) -> str:
 
 
 def content(diagnosis: Diagnosis, seed: int) -> dict[str, Any]:
-    """Return all values that the template uses, with numbers formatted as text."""
+    """Return all values that the template uses, with numbers formatted as text.
+
+    Args:
+        diagnosis: the result.
+        seed: of the diagnosis.
+    """
     identifiability, reduction = diagnosis.identifiability, diagnosis.gap_reduction
     replays = (reduction.replay_before, reduction.replay_after)
     return {
@@ -210,7 +215,13 @@ def write_report(
 
 
 def with_head(content: dict[str, Any], *, seed: int, config: dict[str, Any]) -> dict[str, Any]:
-    """Return the content after the head that every file of the project begins with (docs/reference/files.md)."""
+    """Return the content after the head that every file of the project begins with (docs/reference/files.md).
+
+    Args:
+        content: of the file.
+        seed: of the diagnosis.
+        config: configuration of the diagnosis.
+    """
     head = {"schema": content["schema"], "version": version("np_drake"), "seed": seed, "config": config}
     return {**head, **content}
 

@@ -167,7 +167,9 @@ def cause_table(diagnosis: Diagnosis, longest: int = 36) -> tuple[list[str], lis
 
     When an effect begins, and what it cannot be told from, are columns only where there is such a thing to say.
 
-    Args: longest: characters of a flight's name.
+    Args:
+        diagnosis: the result.
+        longest: characters of a flight's name.
     """
     header = ["cause", "probability", "parameter", "value", "95 % interval", "begins", "or else"]
     rows: list[tuple[str, ...]] = []

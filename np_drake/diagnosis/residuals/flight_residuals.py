@@ -229,18 +229,33 @@ class FlightResiduals:
         return bridge(values, self.outliers)
 
     def white(self, noise: NoiseModel, values: np.ndarray) -> np.ndarray:
-        """Return channels or columns (m, 15, ...) with outlier rows interpolated, whitened to (m - p, ...)."""
+        """Return channels or columns (m, 15, ...) with outlier rows interpolated, whitened to (m - p, ...).
+
+        Args:
+            noise: noise model of the channels.
+            values: (m, 15, ...) channels or columns.
+        """
         return noise.whiten(self.bridged(values), self.name)
 
     def gram(self, noise: NoiseModel, columns: Sequence[np.ndarray]) -> Gram:
-        """Return the Gram matrix of columns, in groups (m, 15, k_i), with the channels as target, all whitened."""
+        """Return the Gram matrix of columns, in groups (m, 15, k_i), with the channels as target, all whitened.
+
+        Args:
+            noise: noise model of the channels.
+            columns: groups (m, 15, k_i).
+        """
         products = noise.products([self.bridged(X) for X in (*columns, self.y[..., None])], self.name)
         rows = len(self.t) - noise.phi.shape[1]
         return Gram(products[:-1, :-1], products[:-1, -1], float(products[-1, -1]), rows)
 
 
 def row_resampler(grid: Grid, log: FlightLog) -> Resampler:
-    """Return the map of force to the grid: read at the rows, or as a mean between them without accelerations."""
+    """Return the map of force to the grid: read at the rows, or as a mean between them without accelerations.
+
+    Args:
+        grid: of the flight.
+        log: the flight log.
+    """
     of = Resampler.of_intervals if log.a is None else Resampler.of_instants
     return of(grid, log.t)
 
@@ -251,5 +266,10 @@ def _by_channel(force: np.ndarray, others: np.ndarray) -> np.ndarray:
 
 
 def after_rows(f_rows: np.ndarray, f_mids: np.ndarray) -> np.ndarray:
-    """Return the mean thrust until the next row, f_mids (n-1,), less that at the row, f_rows (n,) [N]."""
+    """Return the mean thrust until the next row, f_mids (n-1,), less that at the row, f_rows (n,) [N].
+
+    Args:
+        f_rows: (n,) thrust at the rows [N].
+        f_mids: (n-1,) mean thrust between them [N].
+    """
     return f_mids - f_rows[:-1]

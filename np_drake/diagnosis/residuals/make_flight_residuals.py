@@ -128,6 +128,9 @@ def _channels(
 def require_flights(train: Sequence[FlightLog], held_out: Sequence[FlightLog]) -> None:
     """Check names, inputs and accelerations of the flights, and that no held-out flight is a training flight.
 
+    Args:
+        train: training flights.
+        held_out: held-out flights.
     Raises: ValueError: if the flights cannot be diagnosed together; one line with the remedy.
     """
     for name, logs in (("train", train), ("held_out", held_out)):

@@ -52,7 +52,12 @@ def _short(found: np.ndarray, longest: int) -> np.ndarray:
 
 
 def bridge(values: np.ndarray, outliers: np.ndarray) -> np.ndarray:
-    """Return values (m, ...) with the rows of `outliers` (m,) interpolated linearly between their neighbours."""
+    """Return values (m, ...) with the rows of `outliers` (m,) interpolated linearly between their neighbours.
+
+    Args:
+        values: (m, ...) channels or columns.
+        outliers: (m,) bool, rows to interpolate.
+    """
     if not outliers.any():
         return values
     good, bad = np.flatnonzero(~outliers), np.flatnonzero(outliers)

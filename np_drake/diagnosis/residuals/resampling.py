@@ -53,14 +53,24 @@ def make_grid(t: np.ndarray, step: float | None = None) -> Grid:
 
 
 class Resampler:
-    """Linear map from values of a flight to its grid; the weights (fine rows, n) are computed once."""
+    """Linear map from values of a flight to its grid; the weights (fine rows, n) are computed once.
+
+    Args:
+        grid: of the flight.
+        weights: (fine rows, n) of the values in every row of the fine grid.
+    """
 
     def __init__(self, grid: Grid, weights: sparse.csr_array):
         self._factor, self._weights = grid.factor, weights
 
     @classmethod
     def of_instants(cls, grid: Grid, t: np.ndarray) -> "Resampler":
-        """Return the map of values at instants t (n,) [s]: linear between them, held beyond the ends."""
+        """Return the map of values at instants t (n,) [s]: linear between them, held beyond the ends.
+
+        Args:
+            grid: of the flight.
+            t: (n,) instants [s].
+        """
         after = np.clip(np.searchsorted(t, grid.fine), 1, len(t) - 1)
         share = np.clip((grid.fine - t[after - 1]) / (t[after] - t[after - 1]), 0.0, 1.0)
         entries = np.stack([1.0 - share, share], axis=1), np.stack([after - 1, after], axis=1)
@@ -73,6 +83,10 @@ class Resampler:
 
         A row of the fine grid is the mean over a step about it, by overlap. So an integral is kept, whatever the
         lengths of the intervals: white noise of the integrated readings stays differentiated white noise.
+
+        Args:
+            grid: of the flight.
+            t: (n + 1,) instants [s].
         """
         step = grid.step / grid.factor
         cells = np.append(grid.fine, grid.fine[-1] + step) - 0.5 * step
@@ -91,7 +105,13 @@ class Resampler:
 
 
 def to_grid(grid: Grid, t: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Return values (n, ...) at times t (n,) [s] resampled to the grid (m, ...); the ends are held."""
+    """Return values (n, ...) at times t (n,) [s] resampled to the grid (m, ...); the ends are held.
+
+    Args:
+        grid: of the flight.
+        t: (n,) times [s].
+        values: (n, ...) at these times.
+    """
     return Resampler.of_instants(grid, t)(values)
 
 

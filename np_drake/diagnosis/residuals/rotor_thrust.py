@@ -19,7 +19,12 @@ FROM_MEANS = (11 / 6, -7 / 6, 1 / 3)
 
 
 class Rotors:
-    """Rotor model of one flight; what does not depend on effects is computed once."""
+    """Rotor model of one flight; what does not depend on effects is computed once.
+
+    Args:
+        log: the flight log.
+        vehicle: the nominal vehicle.
+    """
 
     def __init__(self, log: FlightLog, vehicle: Vehicle):
         self._log, self._vehicle = log, vehicle
@@ -131,6 +136,10 @@ def read_thrust(log: FlightLog, vehicle: Vehicle) -> tuple[np.ndarray, np.ndarra
     Thrust and torques are filtered, not the rotors: each has a spectrum of its own, and the rotors share theirs.
     Where the measured motion responds to the apparent noise, that is real thrust: the readings are returned unfiltered,
     with zero noise.
+
+    Args:
+        log: the flight log.
+        vehicle: the nominal vehicle.
     """
     noise = white_noise(_measured_pieces(log))
     likely = most_likely(log.u, noise, log.step)

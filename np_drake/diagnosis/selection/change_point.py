@@ -23,7 +23,12 @@ LEAST_GAIN = 1.0  # log evidence, prior included, from which an onset is tried
 
 
 class TriedOnsets:
-    """Sums of a candidate at the tried instants of one flight, in order."""
+    """Sums of a candidate at the tried instants of one flight, in order.
+
+    Args:
+        late: sums of the candidate in the flight.
+        goes_on: whether the flight continues after its rows.
+    """
 
     def __init__(self, late: SwitchedSums, *, goes_on: bool):
         self._late = late
@@ -94,7 +99,12 @@ class TriedOnsets:
 
 
 def at_rows(sums: Sums, rows) -> Sums:
-    """Return the sums of these rows alone."""
+    """Return the sums of these rows alone.
+
+    Args:
+        sums: by row.
+        rows: indices.
+    """
     XX, XB, Xy = sums
     return XX[rows], XB[rows], Xy[rows]
 
@@ -121,7 +131,12 @@ class Onsets:
 
 
 class OnsetScan:
-    """Log evidence of a candidate from any instant on, beside nuisance and members of a model."""
+    """Log evidence of a candidate from any instant on, beside nuisance and members of a model.
+
+    Args:
+        problem: the regression that holds the candidates.
+        members: of a model, which act as well.
+    """
 
     def __init__(self, problem: RegressionProblem, members: Sequence[int] = ()):
         chosen = [*problem.nuisance, *(problem.candidates[i] for i in members)]
@@ -174,6 +189,10 @@ class OnsetScan:
 
         The prior is that of an instant as wide as the evidence leaves it: an onset that is known to a row has one in
         all rows, one that is known to half a flight has one half.
+
+        Args:
+            candidate: the candidate.
+            sums: its `sums`, where they are known.
         """
         late = sums or self.sums(candidate)
         scans = {n: TriedOnsets(of, goes_on=n in self._go_on) for n, of in late.items()}

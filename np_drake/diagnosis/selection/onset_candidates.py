@@ -27,7 +27,11 @@ VARIANTS = 2  # of an effect that are scanned
 def switched_candidates(problem: RegressionProblem, members: Sequence[int] = ()) -> list[Candidate]:
     """Return for every effect that gains by an onset the candidate from its best onsets on.
 
-    members: of a model. Every effect is tried alone, and beside those members that are another effect.
+    Every effect is tried alone, and beside those members that are another effect.
+
+    Args:
+        problem: the regression that holds the candidates.
+        members: positions of a model's candidates.
     """
     found: list[Candidate] = []
     whole = OnsetScan(problem, members)
@@ -64,6 +68,10 @@ def late_payloads(problem: RegressionProblem, late: list[Candidate]) -> list[Can
     """Return payloads that begin where a weight does, as a payload at rest, a mass or a thrust shows it.
 
     A payload from the start that swings as it likes may explain more than such a weight; which is there is told later.
+
+    Args:
+        problem: the regression that holds the candidates.
+        late: other effects that begin in flight.
     """
     at_start = [c for c in problem.candidates if c.identifiers == (PAYLOAD,) and not c.onset]
     scan, options = OnsetScan(problem), problem.options

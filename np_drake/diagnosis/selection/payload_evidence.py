@@ -30,7 +30,15 @@ class WhitenedPayload:
 
 
 class OtherRegressors:
-    """The columns of others, whitened, with their Gram matrices up to each horizon."""
+    """The columns of others, whitened, with their Gram matrices up to each horizon.
+
+    Args:
+        flights: the flights.
+        noise: noise model of the channels.
+        others: candidates that act as well.
+        onset: onsets of the payload by flight [s].
+        horizons: up to which a payload is followed [s]; default: `HORIZONS` and after outliers.
+    """
 
     def __init__(
         self,
@@ -96,19 +104,36 @@ class OtherRegressors:
         return WhitenedPayload(own, at, payload.size, payload.log_prior)
 
     def gain(self, candidate: WhitenedPayload, horizon: float) -> tuple[float, np.ndarray]:
-        """Return the log evidence that the candidate adds, priors included, and its physical coefficients."""
+        """Return the log evidence that the candidate adds, priors included, and its physical coefficients.
+
+        Args:
+            candidate: the payload's columns, whitened.
+            horizon: up to which rows count, from the payload's begin on [s].
+        """
         (both,), n = self.joints(candidate, [horizon]), self.size
         mean, covariance = both.posterior(np.arange(len(both.Xy)))
         mean, log_probability = heavy_enough(mean[n:], covariance[n:, n:])
         return self.gain_of(both, candidate, horizon) + log_probability, mean
 
     def gain_of(self, both: Gram, candidate: WhitenedPayload, horizon: float) -> float:
-        """Return the log evidence alone, of one of the candidate's `joints`."""
+        """Return the log evidence alone, of one of the candidate's `joints`.
+
+        Args:
+            both: Gram matrix of others and payload.
+            candidate: the payload's columns, whitened.
+            horizon: up to which rows count, from the payload's begin on [s].
+        """
         evidence = both.log_evidence(np.arange(len(both.Xy))) - self._base[horizon][1]
         return evidence + candidate.log_prior
 
     def swing_alone(self, candidate: WhitenedPayload, horizon: float, mass: float) -> np.ndarray:
-        """Return (k,) coefficients of a `shaped` payload with the mass given; hook, length and damping stay."""
+        """Return (k,) coefficients of a `shaped` payload with the mass given; hook, length and damping stay.
+
+        Args:
+            candidate: the payload's columns, whitened.
+            horizon: up to which rows count, from the payload's begin on [s].
+            mass: coefficient of the mass.
+        """
         (both,), n = self.joints(candidate, [horizon]), self.size
         first = AT_REST + SHAPE
         free = np.r_[:n, n + first : len(both.Xy)]
@@ -117,7 +142,12 @@ class OtherRegressors:
         return np.concatenate([fixed, residual.posterior(free)[0][n:]])
 
     def joints(self, candidate: WhitenedPayload, horizons: Sequence[float]) -> list[Gram]:
-        """Return Gram matrices of others and candidate up to these horizons [s], from one pass over the rows."""
+        """Return Gram matrices of others and candidate up to these horizons [s], from one pass over the rows.
+
+        Args:
+            candidate: the payload's columns, whitened.
+            horizons: [s].
+        """
         n, k = self.size, candidate.size
         PX, PP, Py = np.zeros((k, n)), np.zeros((k, k)), np.zeros(k)
         done = dict.fromkeys((e.name for e in self._flights), 0)

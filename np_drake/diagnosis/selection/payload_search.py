@@ -43,7 +43,13 @@ STEPS = 3  # Gauss-Newton steps at each horizon
 
 
 class PayloadSearch:
-    """Payload candidates of some flights; columns of a few lengths are in memory at a time."""
+    """Payload candidates of some flights; columns of a few lengths are in memory at a time.
+
+    Args:
+        flights: the flights.
+        options: hold the priors.
+        onset: onsets of the payload by flight [s].
+    """
 
     def __init__(self, flights: Sequence[FlightResiduals], options: Options, onset: Onset | None = None):
         self._flights, self._onset = list(flights), onset
@@ -57,13 +63,24 @@ class PayloadSearch:
 
         They are followed beside the others, as there may be more than a payload; and beside `nuisance` alone, as
         effects that are not there take from a payload what a guess does not yet explain, and it loses its way.
+
+        Args:
+            noise: noise model of the channels.
+            nuisance: columns that every model has.
+            others: candidates that act as well.
         """
         return [candidate for _, candidate in self.followed(noise, nuisance, others)]
 
     def followed(
         self, noise: NoiseModel, nuisance: Sequence[Candidate], others: Sequence[Candidate]
     ) -> list[tuple[Guess, Candidate]]:
-        """Return the best payloads with their guesses."""
+        """Return the best payloads with their guesses.
+
+        Args:
+            noise: noise model of the channels.
+            nuisance: columns that every model has.
+            others: candidates that act as well.
+        """
         if PAYLOAD not in LIBRARY:
             return []
         everything = OtherRegressors(self._flights, noise, [*nuisance, *others], self._onset)
@@ -87,7 +104,13 @@ class PayloadSearch:
     def from_guesses(
         self, noise: NoiseModel, nuisance: Sequence[Candidate], guesses: Sequence[Guess]
     ) -> list[tuple[Guess, Candidate]]:
-        """Return payloads followed from guesses whose swing is not known."""
+        """Return payloads followed from guesses whose swing is not known.
+
+        Args:
+            noise: noise model of the channels.
+            nuisance: columns that every model has.
+            guesses: to begin with.
+        """
         nuisance_only = OtherRegressors(self._flights, noise, nuisance, self._onset)
         found = [self._follow(nuisance_only, dc.replace(g, swing={}), HORIZONS[0]) for g in guesses]
         return self._distinct(
@@ -107,7 +130,12 @@ class PayloadSearch:
         return kept
 
     def profile(self, noise: NoiseModel, others: Sequence[Candidate]) -> np.ndarray:
-        """Return (lengths,) the log evidence that a payload adds to the others."""
+        """Return (lengths,) the log evidence that a payload adds to the others.
+
+        Args:
+            noise: noise model of the channels.
+            others: candidates that act as well.
+        """
         beside = OtherRegressors(self._flights, noise, others, self._onset)
         return self._profiles(beside, beside)[len(ENDS) - 1]
 
@@ -129,7 +157,13 @@ class PayloadSearch:
         return list(np.transpose(gains))
 
     def when(self, noise: NoiseModel, nuisance: Sequence[Candidate], guess: Guess) -> Onset:
-        """Return sharpened onsets [s] of a payload like the guess, its swing free."""
+        """Return sharpened onsets [s] of a payload like the guess, its swing free.
+
+        Args:
+            noise: noise model of the channels.
+            nuisance: columns that every model has.
+            guess: of the payload.
+        """
         found = dict(self._onset or {})
         for e in self._flights:
             near = found.get(e.name)

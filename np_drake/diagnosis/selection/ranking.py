@@ -66,6 +66,11 @@ def drop_negligible(problem: RegressionProblem, model: Model, fit: Fit) -> list[
     Faint is an effect whose whitened predicted residual is less than the share `NEGLIGIBLE` of that of all: what linear
     columns get wrong. And one that shifts commands against states beside another that shifts them more: these are tried
     a third apart, and all of them, as a lag that is shorter than the vehicle file's and a delay may stand for that lag.
+
+    Args:
+        problem: the regression that holds the candidates.
+        model: the best one.
+        fit: of the model.
     """
     own = {i: _trace(fit, problem.candidates[i].identifiers, problem) for i in model.members}
     whole = _trace(fit, None, problem)
@@ -95,7 +100,12 @@ def _trace(fit: Fit, names: tuple[str, ...] | None, problem: RegressionProblem) 
 
 
 def score_of(fit: Fit, priors: Priors) -> float:
-    """Return the log evidence with priors of effects and onsets."""
+    """Return the log evidence with priors of effects and onsets.
+
+    Args:
+        fit: of the model.
+        priors: priors of parameters, swings and onsets.
+    """
     return fit.log_evidence + prior_of(names_of_fit(fit), priors) + fit.onset_prior
 
 
@@ -108,7 +118,12 @@ def _distinct(problem: RegressionProblem, models: Sequence[Model]) -> list[Model
 
 
 def names_of(problem: RegressionProblem, model: Model) -> tuple[str, ...]:
-    """Return the identifiers of a model, sorted."""
+    """Return the identifiers of a model, sorted.
+
+    Args:
+        problem: the regression that holds the candidates.
+        model: a set of its candidates.
+    """
     return tuple(sorted(name for i in model.members for name in problem.candidates[i].identifiers))
 
 
@@ -120,7 +135,13 @@ def names_of_fit(fit: Fit) -> tuple[str, ...]:
 def probabilities(
     problem: RegressionProblem, models: Sequence[Model], fits: Sequence[Fit]
 ) -> dict[str, float]:
-    """Return for every effect the share of evidence of the models that hold it [1]."""
+    """Return for every effect the share of evidence of the models that hold it [1].
+
+    Args:
+        problem: the regression that holds the candidates.
+        models: linear ones, best first.
+        fits: of the refined ones.
+    """
     scored = {id(f): score_of(f, problem.options.priors) for f in fits}
     refined = {names_of_fit(f): scored[id(f)] for f in sorted(fits, key=lambda f: scored[id(f)])}
     linear = {names_of(problem, m): m.score for m in _distinct(problem, models)[:200]}

@@ -1,7 +1,7 @@
-"""Gusts as a cause: slow forces that no effect explains, felt through the drag that was found.
+"""Gusts as a cause: slow forces that no effect explains, which act through the drag that was found.
 
 Gusts have no shape that a held-out flight would repeat; what tells them is that sensors alone do not make such a force
-(`slow_force`). What is tied to a place, the command or the motion is asked about first (`unknown`).
+(`slow_force`). What depends on position, the command or the motion is asked about first (`unknown`).
 """
 
 import dataclasses as dc
@@ -21,14 +21,14 @@ from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.linear_drag import LinearDrag
 
 TINY = 1e-6  # drag that is none [N·s/m]
-WEAKEST = 1e-4  # level drag that feels anything [N·s/m]; own choice
+WEAKEST = 1e-4  # level drag through which anything acts [N·s/m]; own choice
 UPWARD = 0.5  # deviation of a mean wind upward: the ground is near [m/s]; own choice
 STRONGEST = next(p.upper for p in GustyWind.parameters if p.name == "deviation")  # of gusts [m/s]
 
 
 def as_gusts(
     flights: Sequence[FlightResiduals],
-    felt: Mapping[str, np.ndarray],
+    through_drag: Mapping[str, np.ndarray],
     causes: list[Cause],
     probability: float,
     options: Options,
@@ -36,9 +36,16 @@ def as_gusts(
 ) -> list[Cause]:
     """Return the causes with gusts among them, where a drag was found through which they can act.
 
-    felt: by flight, (m, 15) what drag and wind together leave in it: in those of which the parameters are, and in
-    held-out ones, in which the wind may begin as well. A steady wind among the causes becomes the mean of the gusts.
-    Gusts do not repeat: they explain no held-out flight. Stronger than a wind can be they are none.
+    A steady wind among the causes becomes the mean of the gusts. Gusts do not repeat: they explain no held-out flight.
+    Stronger than a wind can be they are none.
+
+    Args:
+        flights: training flights, which give the parameters.
+        through_drag: by flight, (m, 15) what drag and wind together leave in it.
+        causes: the causes.
+        probability: of gusts [1].
+        options: all that steers the answer.
+        held_out: held-out flights, in which the wind may begin as well.
     """
     drag = next((c for c in causes if c.identifier == DRAG), None)
     if drag is None:
@@ -46,11 +53,11 @@ def as_gusts(
     known = _known(causes, drag)
     if not any(has_bins(e, known.get(e.name)) for e in flights):
         return causes
-    onset, begun = GustOnset(flights, held_out, felt, drag, options).begins(known)
+    onset, begun = GustOnset(flights, held_out, through_drag, drag, options).begins(known)
     drag = dc.replace(drag, onset=begun)
-    if not isinstance(drag.effect, LinearDrag) or not _feels(drag.effect):
+    if not isinstance(drag.effect, LinearDrag) or not _acts_through(drag.effect):
         return causes
-    residual = {e.name: felt[e.name] - drag_trace(e, drag.effect, begun) for e in flights}
+    residual = {e.name: through_drag[e.name] - drag_trace(e, drag.effect, begun) for e in flights}
     force = wind_force(flights, residual, onset)
     if _too_strong(force, drag):
         return causes
@@ -64,7 +71,7 @@ def as_gusts(
     return [*(drag if c.identifier == DRAG else c for c in others), gusts]
 
 
-def _feels(drag: LinearDrag) -> bool:
+def _acts_through(drag: LinearDrag) -> bool:
     """Return whether a wind acts through this drag: physical, and not negligible."""
     inside = all(p.lower <= drag.values[p.name] <= p.upper for p in LinearDrag.parameters)
     return inside and 0.5 * (drag.d_x + drag.d_y) > WEAKEST
@@ -77,7 +84,7 @@ def _too_strong(force: WindForce, drag: Cause) -> bool:
 
 
 def _known(causes: Sequence[Cause], drag: Cause) -> dict[str, float | None]:
-    """By flight, when the wind begins as the causes have it: with its drag, or a steady wind's own begin."""
+    """Return by flight when the wind begins as the causes have it: with its drag, or a steady wind's own begin."""
     steady = next((c.onset for c in causes if c.identifier in GUSTY[1:]), {})
     return {name: steady.get(name) if begin is None else begin for name, begin in drag.onset.items()}
 
@@ -85,7 +92,7 @@ def _known(causes: Sequence[Cause], drag: Cause) -> dict[str, float | None]:
 def _statistics(
     flights: Sequence[FlightResiduals], force: WindForce, drag: Cause, options: Options
 ) -> dict[str, Estimate]:
-    """Parameters of the wind [m/s, s] from those of its force, as uncertain as the drag and the sensors' axes."""
+    """Return the wind's parameters [m/s, s] from those of its force, as uncertain as the drag and the sensors' axes."""
     d = np.array([drag.parameters[f"d_{axis}"].value for axis in "xyz"])
     d[np.abs(d) < TINY] = TINY
     level = float(np.abs(d[:2]).mean())
@@ -116,14 +123,14 @@ def _half(estimate: Estimate) -> float:
 
 @dc.dataclass(frozen=True)
 class GustOnset:
-    """Gusts felt through `drag`, with parameters from training flights, in these and in held-out flights.
+    """Gusts that act through `drag`, with parameters from training flights, in these and in held-out flights.
 
-    felt: by flight, (m, 15) what drag and wind together leave in it.
+    through_drag: by flight, (m, 15) what drag and wind together leave in it.
     """
 
     flights: Sequence[FlightResiduals]
     held_out: Sequence[FlightResiduals]
-    felt: Mapping[str, np.ndarray]
+    through_drag: Mapping[str, np.ndarray]
     drag: Cause
     options: Options
 
@@ -135,12 +142,12 @@ class GustOnset:
         """
         priors = self.options.priors
         acts: Begins = self.drag.onset
-        blown = {e.name: self._left(e, {}) for e in self._every}
+        windy = {e.name: self._left(e, {}) for e in self._every}
         at_once = 2 * priors.onset_gain * any(self.drag.onset.get(e.name) is not None for e in self.flights)
         for _ in range(ROUNDS):
             wind = wind_force(self.flights, {e.name: self._left(e, acts) for e in self.flights}, known)
-            apart = self._sought(blown, blown, known, wind)
-            together = self._sought(blown, self.felt, known, wind)
+            apart = self._sought(windy, windy, known, wind)
+            together = self._sought(windy, self.through_drag, known, wind)
             late = [e for e in self.flights if any(b[e.name].at is not None for b in (apart, together))]
             gain = sum(apart[e.name].loss - together[e.name].loss for e in late or self.held_out)
             both = gain + at_once > 0
@@ -149,9 +156,9 @@ class GustOnset:
         return dict(known), dict(acts)
 
     def _left(self, e: FlightResiduals, acts: Begins) -> np.ndarray:
-        """(m, 15) of what is felt without the drag, which acts from then on."""
+        """Return (m, 15) the force through the drag, less that of the drag itself, which acts from then on."""
         assert isinstance(self.drag.effect, LinearDrag)
-        return self.felt[e.name] - drag_trace(e, self.drag.effect, acts)
+        return self.through_drag[e.name] - drag_trace(e, self.drag.effect, acts)
 
     @property
     def _every(self) -> tuple[FlightResiduals, ...]:
@@ -159,23 +166,23 @@ class GustOnset:
 
     def _sought(
         self,
-        blown: Mapping[str, np.ndarray],
-        calm: Mapping[str, np.ndarray],
+        windy: Mapping[str, np.ndarray],
+        still: Mapping[str, np.ndarray],
         known: Begins,
         wind: WindForce,
     ) -> dict[str, Begin]:
-        """In every flight.   blown, calm: (m, 15) by flight, what is left of it with a wind and before."""
-        before = {e.name: still_air_loss(e, calm[e.name], wind, self.options) for e in self._every}
+        """Return onsets by flight; windy, still: (m, 15) by flight, what is left of it with a wind and before."""
+        before = {e.name: still_air_loss(e, still[e.name], wind, self.options) for e in self._every}
         priors = self.options.priors
         found = {
-            e.name: wind_onset(e, blown[e.name], known.get(e.name), wind, before[e.name], priors.onset_gain)
+            e.name: wind_onset(e, windy[e.name], known.get(e.name), wind, before[e.name], priors.onset_gain)
             for e in self.flights
         }
         late = any(begin.at is not None for begin in found.values())
         for e in self.held_out:  # what acts throughout the others hardly begins late here
             begin = known.get(e.name) if late else None
             gain = priors.onset_gain if late else priors.new_onset_gain
-            found[e.name] = wind_onset(e, blown[e.name], begin, wind, before[e.name], gain)
+            found[e.name] = wind_onset(e, windy[e.name], begin, wind, before[e.name], gain)
         return found
 
 
@@ -210,7 +217,7 @@ def with_drag(ranking: Ranking) -> Ranking:
 
 
 def _begins(ranking: Ranking) -> Onset:
-    """Flights in which the slow force that is left begins in flight, and when [s]: its own power pays for instants."""
+    """Return the onsets in flight of the slow force that is left [s]: its own power pays for instants."""
     flights = ranking.problem.flights
     begins = wind_begins(flights, {e.name: ranking.best.residual(e) for e in flights}, {}, ranking.options)
     return {name: begin for name, begin in begins.items() if begin is not None}
