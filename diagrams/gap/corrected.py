@@ -19,6 +19,15 @@ from np_drake.files.yaml_text import quoted
 from np_drake.vehicle import Vehicle
 
 NAME = "corrected"
+SHORTEST, LONGEST = 0.02, 20.0  # of a correlation time that a log can show [s]; own choice
+FILE = "corrected.yaml"
+HEAD = """\
+# Corrected simulator: the vehicle file with the effects that the diagnosis found. Units are SI.
+#   np-drake fly {file}                    fly it
+#   np-drake fly {file} --sample 10        fly ten simulators drawn from the posterior
+#   np-drake fly lemniscate --reality {file}
+# verdict: {verdict}
+"""
 
 
 def corrected_simulator(diagnosis: Diagnosis, vehicle: Vehicle) -> FlightConfig:
@@ -83,9 +92,6 @@ def drawn(config: FlightConfig, count: int, seed: int) -> list[FlightConfig]:
     return found
 
 
-SHORTEST, LONGEST = 0.02, 20.0  # of a correlation time that a log can show [s]; own choice
-
-
 def remaining_disturbance(where: Localisation) -> DisturbanceConfig:
     """Return deviation and correlation time of the residual after the causes, less the noise floor, in body axes."""
     size = [float(np.sqrt(max(c.after**2 - c.noise_floor**2, 0.0))) for c in where.channels]
@@ -128,16 +134,6 @@ def _series(where: Localisation, channel: int) -> Iterator[tuple[float, np.ndarr
     for flight, t in where.times.items():
         if flight in where.after and len(t) > 1:
             yield float(np.median(np.diff(t))), where.after[flight][:, channel]
-
-
-FILE = "corrected.yaml"
-HEAD = """\
-# Corrected simulator: the vehicle file with the effects that the diagnosis found. Units are SI.
-#   np-drake fly {file}                    fly it
-#   np-drake fly {file} --sample 10        fly ten simulators drawn from the posterior
-#   np-drake fly lemniscate --reality {file}
-# verdict: {verdict}
-"""
 
 
 def write_corrected(config: FlightConfig, diagnosis: Diagnosis, path: Path) -> None:

@@ -31,6 +31,8 @@ RESTART = HORIZONS[-1]  # time after which a simulator starts anew from the flig
 LONGEST = 20.0  # part of the flight that is shown [s]; own choice: a page stays small and is made in seconds
 BEFORE = 5.0  # shown before a cause begins [s]
 SHORTEST = 2.0  # part of a flight that is worth a look [s]
+FILE = "replay.html"
+PALE = 0.45  # opacity of a ghost [1]
 
 Effects = list[tuple[Effect, dict[str, float | None]]]
 
@@ -130,10 +132,6 @@ def _shown(log: FlightLog, effects: Effects, *, joined: bool) -> np.ndarray:
 def _ghost(replay: DrakeReplay, log: FlightLog, effects: Effects, legs: list[np.ndarray]) -> Ghost:
     found = replay.follow(log, effects, legs)
     return Ghost(*(np.concatenate(part) for part in zip(*(leg[1:] for leg in found), strict=True)))
-
-
-FILE = "replay.html"
-PALE = 0.45  # opacity of a ghost [1]
 
 
 def write_side_by_side(found: SideBySide, vehicle: Vehicle, path: str | Path) -> None:

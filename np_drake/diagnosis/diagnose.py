@@ -1,4 +1,13 @@
-"""Diagnosis: residuals, causes, identifiability, localisation, gap reduction."""
+"""Diagnosis of the gap between a nominal model and flight logs, in five steps.
+
+1. condition: residuals of every flight against the nominal model, on one grid (`make_flight_residuals`);
+2. fit and search: sets of effects by their Bayesian evidence on training flights, parameters by maximum a posteriori
+   (`selection`, `fitting`);
+3. decide: which effects of the best set are causes, judged by held-out flights (`decision.infer`);
+4. report: what the logs cannot tell (identifiability), where the gap lies (localisation), and how far the causes close
+   it on held-out flights (gap reduction);
+5. second answer: where held-out flights show what training flights do not, the same with their first halves.
+"""
 
 import dataclasses as dc
 import time
@@ -64,7 +73,7 @@ def diagnose(
     start = time.perf_counter()
     tell = on_progress or (lambda share, text: None)
 
-    # 1. Residuals of all flights on one grid.
+    # 1. Residuals of all flights on one grid, the coarsest of theirs.
     require_flights(train, held_out)
     train, held_out = with_one_exponent(vehicle, train, held_out)
     tell(0.0, "residuals")
@@ -76,7 +85,7 @@ def diagnose(
         nothing = unexcited_diagnosis(fitted, judging)
         return Diagnosis(**names, **nothing, cannot_tell=True, wall=time.perf_counter() - start)
 
-    # 2. Effects fitted, compared and decided.
+    # 2. and 3. Sets of effects searched and fitted, rivals ranked, causes decided; 4. report.
     tell(0.1, "effects")
     first = infer(fitted, judging, options)
     novel = novelty(first)
@@ -87,7 +96,7 @@ def diagnose(
     if not (novel and adaptive_split):
         return answer
 
-    # 3. Where held-out flights show more, the same again with their first halves: a second answer.
+    # 5. Where held-out flights show more, the same again with their first halves: a second answer.
     tell(0.7, "what held-out flights show")
     again = second_answer(first)
     if again is None:

@@ -8,7 +8,7 @@ import numpy as np
 from np_drake.effects.base import Effect
 from np_drake.vehicle import Vehicle
 
-REAL = 0.002  # tolerance of the attitude above which sensors are real ones [rad]
+REAL_ATTITUDE = 0.002  # tolerance of the attitude above which sensors are real ones [rad]
 
 
 @dc.dataclass(frozen=True)
@@ -41,7 +41,7 @@ class Tolerance:
     @property
     def real(self) -> bool:
         """Whether the sensors are real ones."""
-        return self.attitude > REAL
+        return self.attitude > REAL_ATTITUDE
 
     def of(self, effect: Effect | type[Effect]) -> float:
         """Return the tolerance of the sensor that an effect is about; 0 for others."""

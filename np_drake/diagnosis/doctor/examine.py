@@ -32,6 +32,13 @@ LEAST_DURATION = 3.0  # of a flight that can be diagnosed [s]; as of the residua
 MOST_SECONDS = 120.0  # of a flight from which effects are judged [s]; own choice: memory
 MOST_GAPS = 0.1  # share of rows put into gaps from which a log is limited [1]; own choice
 MOST_SATURATED = 0.05  # share of rows with a rotor at a limit from which a log is limited [1]; own choice
+FAR = 100.0  # usual sizes beyond which a smallest size is infinite [1]
+INSTEAD = {  # words of a reason of `unobservable`: what to log instead
+    "measured rotor speed": "log the commanded thrust and torque as well",
+    "up to a scale": "log rotor speed, with a thrust coefficient from a stand",
+    "no torque": "log the torque command, rotor speed, or every motor's throttle",
+    "no accelerations": "log the accelerometer",
+}
 
 
 def examine(
@@ -162,15 +169,6 @@ def _require(logs: Sequence[FlightLog]) -> None:
         raise ValueError(
             "doctor: either all flights have accelerations or none. Examine them one kind at a time."
         )
-
-
-FAR = 100.0  # usual sizes beyond which a smallest size is infinite [1]
-INSTEAD = {  # words of a reason of `unobservable`: what to log instead
-    "measured rotor speed": "log the commanded thrust and torque as well",
-    "up to a scale": "log rotor speed, with a thrust coefficient from a stand",
-    "no torque": "log the torque command, rotor speed, or every motor's throttle",
-    "no accelerations": "log the accelerometer",
-}
 
 
 def answers(

@@ -8,7 +8,7 @@ from np_drake.diagnosis.residuals import low_pass
 from np_drake.flight_log import FlightLog
 from np_drake.vehicle import Vehicle
 
-LONGEST = 0.2  # lag that is looked for [s]; own choice
+LONGEST_LAG = 0.2  # lag that is looked for [s]; own choice
 BAND = 10.0  # low-pass on both signals [Hz]; own choice: the same on both moves neither
 PARTS = 10  # of a flight, each left out once for the deviation [1]; own choice
 LEAST_PART = 0.5  # of a part [s]; own choice
@@ -73,13 +73,13 @@ def _lag(late: str, early: str, t_y: np.ndarray, y: np.ndarray, t_x: np.ndarray,
     deviation is that of the jackknife over parts of the flight.
     """
     step = float(np.median(np.diff(t_x)))
-    parts = min(PARTS, int((t_y[-1] - t_y[0] - 2 * LONGEST) / LEAST_PART))
+    parts = min(PARTS, int((t_y[-1] - t_y[0] - 2 * LONGEST_LAG) / LEAST_PART))
     if parts < 3:
         return None
-    t = np.arange(t_y[0] + LONGEST, t_y[-1] - LONGEST, step)
+    t = np.arange(t_y[0] + LONGEST_LAG, t_y[-1] - LONGEST_LAG, step)
     y = low_pass(_at(t, t_y, y), step, BAND)
     fine = min(step, 0.005)
-    shifts = fine * np.arange(-round(LONGEST / fine), round(LONGEST / fine) + 1)
+    shifts = fine * np.arange(-round(LONGEST_LAG / fine), round(LONGEST_LAG / fine) + 1)
     x = low_pass(x, step, BAND)
     sums = []  # by shift and part: moments of both
     cut = [slice(part[0], part[-1] + 1) for part in np.array_split(np.arange(len(t)), parts)]

@@ -20,6 +20,7 @@ from np_drake.diagnosis.regressors import (
     wind_candidates,
     with_input,
 )
+from np_drake.diagnosis.regressors.payload import TRACE_LENGTHS
 from np_drake.diagnosis.residuals import WRENCH, FlightResiduals, find_outliers
 from np_drake.diagnosis.result import CHANNELS
 from np_drake.diagnosis.selection.conditioning import noise_of
@@ -30,7 +31,7 @@ from np_drake.effects.parameter import usual_size
 from np_drake.effects.parameter_prior import correlation_root
 
 GUSTS = GustyWind.identifier
-LENGTHS = np.geomspace(0.3, 1.5, 5)  # of the tethers at which a payload is asked for [m]; own choice
+LEAST_DRAG = 2.0  # posterior deviations from which a drag is taken as that of the vehicle [1]
 
 
 @dc.dataclass(frozen=True)
@@ -51,7 +52,7 @@ class Trace:
 
 
 def traces(flights: Sequence[FlightResiduals], priors: Priors) -> list[Trace]:
-    """Return the traces of all variants of all effects that such logs can show; payloads at `LENGTHS`.
+    """Return the traces of all variants of all effects that such logs can show; payloads at `TRACE_LENGTHS`.
 
     Gusts have none: they are a noise.
 
@@ -91,7 +92,7 @@ def _of_wind(c: Candidate, flights: Sequence[FlightResiduals]) -> Trace:
 def _of_payloads(flights: Sequence[FlightResiduals], priors: Priors) -> list[Trace]:
     if PAYLOAD not in LIBRARY:
         return []
-    return [_of_payload(payload, flights) for payload in payloads_of(flights, LENGTHS, priors)]
+    return [_of_payload(payload, flights) for payload in payloads_of(flights, TRACE_LENGTHS, priors)]
 
 
 def payload_at(flights: Sequence[FlightResiduals], length: float, priors: Priors) -> Trace:
@@ -126,9 +127,6 @@ def nearest_usual(found: Sequence[Trace]) -> list[Trace]:
         if trace.identifier not in best or away < best[trace.identifier][0]:
             best[trace.identifier] = (away, trace)
     return [trace for _, trace in best.values()]
-
-
-LEAST_DRAG = 2.0  # posterior deviations from which a drag is taken as that of the vehicle [1]
 
 
 @dc.dataclass(frozen=True)

@@ -25,6 +25,7 @@ GRID = 128  # swings in the grid of starts; own choice
 TRIED = 3  # best grid points from which to descend, besides the given swing; own choice
 SMALL = 0.02  # step of finite differences [rad]
 WAYS = 32  # posterior samples of a swing, whose mean prediction is used; own choice
+SPANS = (4.0, 8.0)  # growing lengths of a flight over which its swing is fitted [s]
 
 
 class SwingFit:
@@ -141,9 +142,6 @@ class SwingFit:
     def _white(self, values: np.ndarray) -> np.ndarray:
         bridged = self._flight.bridged(values)[self._raw]
         return self._noise.whiten(bridged, self._flight.name)[self._scored]
-
-
-SPANS = (4.0, 8.0)  # growing lengths of a flight over which its swing is fitted [s]
 
 
 def fitted_to_whole_flight(

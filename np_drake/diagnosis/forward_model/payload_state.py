@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from np_drake.diagnosis.options import Priors
-from np_drake.diagnosis.residuals import FORCE, FlightResiduals
+from np_drake.diagnosis.residuals import FORCE, OUTLIERS_APART, FlightResiduals
 from np_drake.effects.base import Effect
 from np_drake.effects.pendulum import across, swing_many
 from np_drake.effects.rotor_inflow import hover_induced_velocity
@@ -16,7 +16,6 @@ from np_drake.vehicle import Vehicle
 NEVER = float("inf")  # onset of an effect that is absent from a flight [s]
 STATE = 4  # swing angles [rad] and their rates [rad/s] about the direction of rest
 MOST_JUMPS = 4  # in a flight; sampled motion does not show how a snap changes the swing
-APART = 0.3  # least time between jumps [s]
 PENDULUM = {
     "mass": 1.0,
     "length": 0.4,
@@ -81,12 +80,12 @@ def jumps(flight: FlightResiduals, onset: float | None) -> np.ndarray:
     if onset == NEVER:
         return np.zeros(0, int)
     ends = np.flatnonzero(np.diff(flight.outliers.astype(int)) < 0) + 1
-    after = (flight.t[0] if onset is None else onset) + APART
+    after = (flight.t[0] if onset is None else onset) + OUTLIERS_APART
     kept: list[int] = []
     for k in ends:
         if flight.t[k] > after and len(kept) < MOST_JUMPS:
             kept.append(int(k))
-            after = flight.t[k] + APART
+            after = flight.t[k] + OUTLIERS_APART
     return np.array(kept, int)
 
 

@@ -22,6 +22,10 @@ POSITION_SPAN = 0.25  # half width of the parabola through the position that the
 VELOCITY_SPAN = 0.05  # half width of the cubic through the velocity [s]
 RATE_SPAN = 0.03  # half width of the cubic through the body rates [s]
 _SWEEPS = 3  # fixed-point iterations that remove a sensor effect; a bias is exact after one or two
+PAYLOAD_SPAN = 0.1  # half width of the local parabolas through velocity, force and direction [s]
+SLACK = 0.2  # pull over the payload's weight below which its direction is unknown [1]
+DRAWS = 1000  # bootstrap samples
+SEED = 0  # bootstrap seed, so that equal errors give equal intervals
 
 
 @dc.dataclass(frozen=True)
@@ -135,10 +139,6 @@ def local_polynomial(
     return signal.savgol_filter(value, window, order, deriv=derivative, delta=step, axis=0)
 
 
-SPAN = 0.1  # half width of the local parabolas through velocity, force and direction [s]
-SLACK = 0.2  # pull over the payload's weight below which its direction is unknown [1]
-
-
 class Track(NamedTuple):
     """Payload relative to its hook in W: t (n,) [s], r (n, 3) [m], r_rate (n, 3) [m/s]."""
 
@@ -157,8 +157,8 @@ def payload_track(
 ) -> Track:
     """Return the payload's track along the force that the flight shows beyond thrust, weight and the other effects.
 
-    m (a + g z) = R z f + f_effects + T r / L, smoothed over ± `SPAN`. Where the tether hardly pulls, r lies along the
-    apparent gravity.
+    m (a + g z) = R z f + f_effects + T r / L, smoothed over ± `PAYLOAD_SPAN`. Where the tether hardly pulls, r lies
+    along the apparent gravity.
 
     Args:
         log: the flight, for its commands.
@@ -170,13 +170,13 @@ def payload_track(
     """
     step = float(np.median(np.diff(states.t)))
     gravity = np.array([0.0, 0.0, vehicle.gravity])
-    specific = local_polynomial(states.x[:, V], step, SPAN, order=2, derivative=1) + gravity
-    pushed = local_polynomial(_other_forces(log, states, vehicle, effects), step, SPAN, order=2)
+    specific = local_polynomial(states.x[:, V], step, PAYLOAD_SPAN, order=2, derivative=1) + gravity
+    pushed = local_polynomial(_other_forces(log, states, vehicle, effects), step, PAYLOAD_SPAN, order=2)
     pull = mass_properties(vehicle, effects.mass).mass * specific - pushed
     strong = np.linalg.norm(pull, axis=1, keepdims=True) > SLACK * payload.mass * vehicle.gravity
     down = np.where(strong, pull, -specific)
     r = payload.length * down / np.maximum(np.linalg.norm(down, axis=1, keepdims=True), 1e-9)
-    return Track(states.t, r, local_polynomial(r, step, SPAN, order=2, derivative=1))
+    return Track(states.t, r, local_polynomial(r, step, PAYLOAD_SPAN, order=2, derivative=1))
 
 
 def _other_forces(log: FlightLog, states: States, vehicle: Vehicle, effects: EffectsByPlace) -> np.ndarray:
@@ -187,10 +187,6 @@ def _other_forces(log: FlightLog, states: States, vehicle: Vehicle, effects: Eff
         thrust = effect.respond(vehicle, states.t, thrust)
     force = total_wrench(vehicle, effects.wrench, Motion(states.t, states.x, thrust))[:, :3]
     return force + attitude.body_z(states.x[:, Q]) * thrust.sum(axis=1, keepdims=True)
-
-
-DRAWS = 1000  # bootstrap samples
-SEED = 0  # bootstrap seed, so that equal errors give equal intervals
 
 
 def state_error(x: np.ndarray, x_true: np.ndarray) -> np.ndarray:

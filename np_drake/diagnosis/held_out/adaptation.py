@@ -10,7 +10,14 @@ from np_drake.diagnosis.forward_model import MOST_JUMPS, NEVER, STATE, Term, jum
 from np_drake.diagnosis.numerics import NoiseModel
 from np_drake.diagnosis.options import Priors
 from np_drake.diagnosis.regressors import SwitchedRegressors
-from np_drake.diagnosis.residuals import APART, BOUNCE, LONGEST, MOST, FlightResiduals, find_outliers
+from np_drake.diagnosis.residuals import (
+    LONGEST_BOUNCE,
+    LONGEST_OUTLIER,
+    MOST_OUTLIERS,
+    OUTLIERS_APART,
+    FlightResiduals,
+    find_outliers,
+)
 
 HIDDEN_SPAN = 2.0  # over which a hidden start is fitted; these rows are not scored [s]
 JUMP_SPAN = 1.5  # after an outlier, over which a swing is fitted anew; not scored either [s]
@@ -89,7 +96,7 @@ def mark_outliers(
     """
     for _ in range(MOST_JUMPS if any(t.has_hidden_state for t in terms) else 0):
         found = _outliers(terms, flight, noise, priors, most=1.0)  # where a swing is lost it misses ever more
-        first = _first_run(found & (flight.t > _end_of(flight.t, flight.outliers) + APART))
+        first = _first_run(found & (flight.t > _end_of(flight.t, flight.outliers) + OUTLIERS_APART))
         if not first.any():
             return flight
         flight = dc.replace(flight, outliers=flight.outliers | first)
@@ -97,10 +104,14 @@ def mark_outliers(
 
 
 def _outliers(
-    terms: Sequence[Term], flight: FlightResiduals, noise: NoiseModel, priors: Priors, most: float = MOST
+    terms: Sequence[Term],
+    flight: FlightResiduals,
+    noise: NoiseModel,
+    priors: Priors,
+    most: float = MOST_OUTLIERS,
 ) -> np.ndarray:
     residual = flight.y - predicted_residual(flight, adapt(terms, flight, noise, priors))
-    longest = BOUNCE if any(t.has_hidden_state for t in terms) else LONGEST
+    longest = LONGEST_BOUNCE if any(t.has_hidden_state for t in terms) else LONGEST_OUTLIER
     return find_outliers(residual, flight.grid.step, longest, most)
 
 

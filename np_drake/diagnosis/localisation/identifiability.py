@@ -16,8 +16,8 @@ from np_drake.effects.library import effect_of
 
 # Of any quantity, to tell effects apart [m/s, rad/s, deg, 1]; own choice.
 LEAST_EXCITATION = {"speed": 0.08, "rate": 0.05, "tilt": 1.0, "thrust variation": 0.01}
-BARELY = 10.0  # whitened size of an effect that is just visible [1]
-SAME = 9.0  # squared whitened distance below which two just visible effects are the same [1]
+BARELY_VISIBLE = 10.0  # whitened size of an effect that is just visible [1]
+SAME_DISTANCE = 9.0  # squared whitened distance below which two just visible effects are the same [1]
 
 
 def excitation(flights: Sequence[FlightResiduals]) -> dict[str, float]:
@@ -56,8 +56,9 @@ def confusables(
 ) -> list[Confusable]:
     """Return the effects that cannot be seen at their usual size, and pairs that are the same when just visible.
 
-    An effect scaled to whitened size `BARELY` is the same as another if its squared distance to the other's columns is
-    below `SAME`. Effects of one sign alone, as a delay and a clock that is ahead, are the same where signs agree.
+    An effect scaled to whitened size `BARELY_VISIBLE` is the same as another if its squared distance to the other's
+    columns is below `SAME_DISTANCE`. Effects of one sign alone, as a delay and a clock that is ahead, are the same where
+    signs agree.
 
     Args:
         flights: the flights.
@@ -90,12 +91,12 @@ def confusables(
         if a in invisible:
             continue
         direction = X[:, np.argmax(np.sum(X**2, axis=0))]
-        direction = BARELY * direction / np.linalg.norm(direction)
+        direction = BARELY_VISIBLE * direction / np.linalg.norm(direction)
         for b, Q in bases.items():
             # No positive size of one is what a positive size of the other is.
             if {a, b} <= one_sided and float(direction @ blocks[b][:, 0]) < 0:
                 continue
-            if a != b and float(np.sum((direction - Q @ (Q.T @ direction)) ** 2)) < SAME:
+            if a != b and float(np.sum((direction - Q @ (Q.T @ direction)) ** 2)) < SAME_DISTANCE:
                 found.add((a, b) if a < b else (b, a))
     out += [
         Confusable(pair, "their traces in these flights are collinear", manoeuvre(pair))

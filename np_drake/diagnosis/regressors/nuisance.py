@@ -27,6 +27,17 @@ from np_drake.effects.thrust_scale import ThrustScale
 from np_drake.effects.velocity_bias import VelocityBias
 from np_drake.vehicle import Vehicle
 
+REAL_ATTITUDE_NOISE = 1e-3  # attitude noise above which sensors are taken as real [rad]
+THROTTLE_SCALE = 0.2  # of thrust over throttle [1]; source: own choice, hover throttles are known to a fifth
+# Of thrust over rotor speed squared [1]; source: density of air, 2 % for 6 K or 20 hPa.
+ROTOR_SPEED_SCALE = 0.02
+THROTTLE_CURVE = 0.3  # of its exponent, once it is fitted [1]; source: own choice
+THROTTLE_DRIFT = 0.002  # of thrust over throttle [1/s]; source: own choice, a tenth in a minute
+MOUNTING = 0.02  # of an autopilot's axes [rad]; source: own choice, one degree
+# Deviations by which motion is ahead of commands, from which these are not held from their row [1].
+EARLY = 3.0
+LATENCY = 0.01  # of an estimator's attitude [s]; source: own choice, a few samples of its filters
+
 
 def calibration_terms(vehicle: Vehicle, tolerance: Tolerance) -> list[tuple[Term, float]]:
     """Return the terms that all flights share, each with the standard deviation of its prior.
@@ -106,9 +117,6 @@ def sensor_drift(flights: Sequence[FlightResiduals], tolerance: Tolerance) -> Ca
     return Candidate((), "sensor drift", columns, lambda c: [])
 
 
-REAL = 1e-3  # attitude noise above which sensors are taken as real [rad]
-
-
 def tolerance_of(flights: Sequence[FlightResiduals]) -> Tolerance:
     """Return the tolerance for real sensors, or for ideal ones where the logs look like those of a simulator.
 
@@ -116,21 +124,13 @@ def tolerance_of(flights: Sequence[FlightResiduals]) -> Tolerance:
     little noise as well, but such logs miss one of the others.
     """
     ideal = all(
-        e.attitude_noise <= REAL and e.log.input == "command" and e.knows_torque and e.log.timing == 0
+        e.attitude_noise <= REAL_ATTITUDE_NOISE
+        and e.log.input == "command"
+        and e.knows_torque
+        and e.log.timing == 0
         for e in flights
     )
     return IDEAL_SENSORS if ideal else Tolerance()
-
-
-THROTTLE_SCALE = 0.2  # of thrust over throttle [1]; source: own choice, hover throttles are known to a fifth
-# Of thrust over rotor speed squared [1]; source: density of air, 2 % for 6 K or 20 hPa.
-ROTOR_SPEED_SCALE = 0.02
-THROTTLE_CURVE = 0.3  # of its exponent, once it is fitted [1]; source: own choice
-THROTTLE_DRIFT = 0.002  # of thrust over throttle [1/s]; source: own choice, a tenth in a minute
-MOUNTING = 0.02  # of an autopilot's axes [rad]; source: own choice, one degree
-# Deviations by which motion is ahead of commands, from which these are not held from their row [1].
-EARLY = 3.0
-LATENCY = 0.01  # of an estimator's attitude [s]; source: own choice, a few samples of its filters
 
 
 def with_input(options: Options, flights: Sequence[FlightResiduals]) -> Options:

@@ -13,6 +13,10 @@ from np_drake.files.figure_file import PALETTE, new_figure
 
 BEFORE, AFTER, NOISE = PALETTE[1], PALETTE[0], "0.25"
 NOMINAL, WITH = "nominal simulator", "with the causes"  # in every legend
+FLIGHTS = 4  # largest number of flights in the timeline
+_WINDOW = 0.25  # window of the running RMS in the timeline [s]
+_KINDS = (("force", "N", slice(0, 3)), ("torque", "N·m", slice(3, 6)))
+_OCTAVES = 4  # ranges of frequency in an octave, over which a spectrum is averaged
 
 
 def ladder_figure(reduction: GapReduction) -> Figure:
@@ -90,10 +94,6 @@ def _tidy(ax, axis: str) -> None:
     ax.spines[["top", "right"]].set_visible(False)
 
 
-FLIGHTS = 4  # largest number of flights in the timeline
-_WINDOW = 0.25  # window of the running RMS in the timeline [s]
-_KINDS = (("force", "N", slice(0, 3)), ("torque", "N·m", slice(3, 6)))
-_OCTAVES = 4  # ranges of frequency in an octave, over which a spectrum is averaged
 Onsets = dict[str, list[tuple[str, float]]]  # flight: (effect, time)
 
 

@@ -27,6 +27,8 @@ from np_drake.files.atomic_file import require_writable, write_bytes, write_json
 from np_drake.files.figure_file import png
 
 TEMPLATE, STYLE = "report.html.j2", "style.css"
+PAGE, DATA = "report.html", "diagnosis.json"
+PICTURES = ("ladder", "regimes", "timeline", "spectrum", "replay")
 
 
 def render(
@@ -177,10 +179,6 @@ def _with_interval(figures: list[float]) -> tuple[str, str]:
 def _finding(finding: Finding) -> tuple[str, str, str]:
     size = words.percent(finding.size) if abs(finding.size) <= 1 else words.number(finding.size, 2)
     return words.capital(words.bare_name(finding.name)), finding.text, size
-
-
-PAGE, DATA = "report.html", "diagnosis.json"
-PICTURES = ("ladder", "regimes", "timeline", "spectrum", "replay")
 
 
 def write_report(

@@ -35,6 +35,8 @@ KINDS = {
     "lift": ("force z",),
     "torque": ("torque x", "torque y", "torque z"),
 }
+GAP_HEADER = ["held-out residual, RMS", "nominal", "with causes", "noise", "explained"]
+LOOSE = 0.5  # half-width of an interval over the value, above which it is loose [1]; own choice
 
 
 @dc.dataclass(frozen=True)
@@ -146,9 +148,6 @@ def gap_parts(localisation: Localisation) -> list[GapPart]:
     return out
 
 
-GAP_HEADER = ["held-out residual, RMS", "nominal", "with causes", "noise", "explained"]
-
-
 def gap_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
     """Return (kind, before, after, noise, explained) of each kind of gap, and of all channels in noise units."""
     rows = []
@@ -202,9 +201,6 @@ def warnings(diagnosis: Diagnosis) -> list[str]:
         known = name in diagnosis.train + diagnosis.held_out
         flights_of.setdefault(text if known else warning, []).extend([name] if known else [])
     return [f"{', '.join(names)}: {text}" if names else text for text, names in flights_of.items()]
-
-
-LOOSE = 0.5  # half-width of an interval over the value, above which it is loose [1]; own choice
 
 
 def next_steps(diagnosis: Diagnosis) -> list[str]:

@@ -12,16 +12,23 @@ from np_drake.diagnosis.residuals.flight_residuals import (
     FlightResiduals,
 )
 from np_drake.diagnosis.residuals.make_flight_residuals import make_flight_residuals, require_flights
-from np_drake.diagnosis.residuals.outliers import APART, BOUNCE, LONGEST, MOST, bridge, find_outliers
+from np_drake.diagnosis.residuals.outliers import (
+    LONGEST_BOUNCE,
+    LONGEST_OUTLIER,
+    MOST_OUTLIERS,
+    OUTLIERS_APART,
+    bridge,
+    find_outliers,
+)
 from np_drake.diagnosis.residuals.regressor_signals import FlightState, flight_state
 from np_drake.diagnosis.residuals.resampling import Resampler, natural_step
 
 __all__ = [
-    "APART",
-    "BOUNCE",
+    "OUTLIERS_APART",
+    "LONGEST_BOUNCE",
     "FORCE",
-    "LONGEST",
-    "MOST",
+    "LONGEST_OUTLIER",
+    "MOST_OUTLIERS",
     "POSITION",
     "SIZE",
     "TORQUE",

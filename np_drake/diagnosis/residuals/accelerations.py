@@ -14,6 +14,9 @@ from np_drake.training_data.segments import white_noise
 from np_drake.vehicle import Vehicle
 
 REGRESSOR_BAND = 8.0  # low-pass on accelerations that enter as regressors [Hz]; own choice
+RINGING = (0.5, 1.5)  # band in which payloads resonate [Hz]
+REDDER = 3.0  # initial ratio of accelerometer error to white noise in that band [1]: flicker of a MEMS sensor
+QUIETEST = 1e-6  # least noise of an accelerometer [m/s²]; avoids a division by zero
 
 
 @dc.dataclass(frozen=True)
@@ -89,11 +92,6 @@ def low_pass(values: np.ndarray, step: float, band: float) -> np.ndarray:
         return values
     sos = signal.butter(2, band * 2 * step, output="sos")
     return signal.sosfiltfilt(sos, values, axis=0, padlen=min(len(values) - 1, int(2 / (band * step))))
-
-
-RINGING = (0.5, 1.5)  # band in which payloads resonate [Hz]
-REDDER = 3.0  # initial ratio of accelerometer error to white noise in that band [1]: flicker of a MEMS sensor
-QUIETEST = 1e-6  # least noise of an accelerometer [m/s²]; avoids a division by zero
 
 
 def corrected_acceleration(t: np.ndarray, p: np.ndarray, a: np.ndarray) -> np.ndarray:

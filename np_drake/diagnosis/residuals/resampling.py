@@ -10,7 +10,7 @@ from np_drake.diagnosis.numerics import banded, filtered
 
 STEP = 0.02  # step of the grid [s]; own choice: rigid-body effects act below 15 Hz
 NEARLY = 0.1  # share of a row added before rounding down, for logs with jitter [1]; own choice
-SAME = 0.01  # relative difference of steps below which rows are not interpolated [1]; own choice
+SAME_STEP = 0.01  # relative difference of steps below which rows are not interpolated [1]; own choice
 TAPS = 10  # half length of the low-pass [grid steps]
 
 
@@ -46,7 +46,7 @@ def make_grid(t: np.ndarray, step: float | None = None) -> Grid:
     own = float(np.median(np.diff(t)))
     step = natural_step(t) if step is None else step
     factor = max(1, round(step / own))
-    if abs(factor * own - step) < SAME * step:
+    if abs(factor * own - step) < SAME_STEP * step:
         step = factor * own
     fine = np.arange(t[0], t[-1] + 1e-9, step / factor)
     return Grid(fine[::factor], step, factor, fine)

@@ -16,6 +16,14 @@ from np_drake.vehicle import Vehicle
 SUBSTEPS = 4  # substeps in an interval of the log; own choice
 # Weights of the means over the last three steps, latest first: the value of the parabola with these means at the end.
 FROM_MEANS = (11 / 6, -7 / 6, 1 / 3)
+BAND = 1.0  # least bandwidth over which spectra are averaged [Hz]; own choice
+THIRD = 2 ** (1 / 6) - 2 ** (-1 / 6)  # relative bandwidth of a one-third octave [1]; source: IEC 61260
+# Share of fast thrust to which the motion responds, above which it is no noise [1]; own choice.
+ANSWERED = 0.5
+LEAST_ROWS = 5  # of a piece whose noise shows: a fourth difference
+SURE_DEVIATIONS = (
+    2.0  # standard deviations of a lower bound, and by which a band of signal exceeds the noise [1]
+)
 
 
 class Rotors:
@@ -122,14 +130,6 @@ def _held(t_row: np.ndarray, command: np.ndarray, t: np.ndarray, h: float) -> np
     return np.diff(at, axis=0) / h
 
 
-BAND = 1.0  # least bandwidth over which spectra are averaged [Hz]; own choice
-THIRD = 2 ** (1 / 6) - 2 ** (-1 / 6)  # relative bandwidth of a one-third octave [1]; source: IEC 61260
-# Share of fast thrust to which the motion responds, above which it is no noise [1]; own choice.
-ANSWERED = 0.5
-LEAST_ROWS = 5  # of a piece whose noise shows: a fourth difference
-SURELY = 2.0  # standard deviations of a lower bound, and by which a band of signal exceeds the noise [1]
-
-
 def read_thrust(log: FlightLog, vehicle: Vehicle) -> tuple[np.ndarray, np.ndarray]:
     """Return rotor thrust (n, 4) at the rows [N] and the deviation (4,) of noise in thrust and torques [N, N·m].
 
@@ -172,7 +172,7 @@ def most_likely(values: np.ndarray, noise: np.ndarray, step: float) -> np.ndarra
     spectrum = np.fft.rfft(mirrored, axis=0)
     power, count = _band_means(np.abs(spectrum) ** 2 / len(mirrored), 1 / (len(mirrored) * step))
     # A bin of a mirrored record is one real variate: the mean of `count` has the variance 2 / count of chi-square.
-    signal = power > noise**2 * (1 + SURELY * np.sqrt(2 / count))[:, None]
+    signal = power > noise**2 * (1 + SURE_DEVIATIONS * np.sqrt(2 / count))[:, None]
     gain = np.where(signal, 1 - noise**2 / np.where(signal, power, 1.0), 0.0)
     return mean + np.fft.irfft(gain * spectrum, len(mirrored), axis=0)[: len(values)]
 
@@ -206,4 +206,4 @@ def _answered(log: FlightLog, vehicle: Vehicle, fast: np.ndarray) -> float:
     rough = np.mean(np.diff(answer, axis=0) ** 2, axis=0) / 3
     weight = np.divide(1.0, rough, out=np.zeros(4), where=rough > 0)
     known = max(float(np.sum(weight * given**2)), 1e-300)
-    return float(np.sum(weight * given * answer)) / known - SURELY / np.sqrt(known)
+    return float(np.sum(weight * given * answer)) / known - SURE_DEVIATIONS / np.sqrt(known)

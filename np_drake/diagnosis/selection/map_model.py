@@ -15,7 +15,7 @@ from np_drake.diagnosis.selection.conditioning import ConditionedFlights, condit
 from np_drake.diagnosis.selection.onset_candidates import late_payloads, new_conditions, switched_candidates
 
 BEAM = 6  # sets kept from step to step
-MARGIN = 8.0  # log evidence below the best at which the beam stops growing
+BEAM_MARGIN = 8.0  # log evidence below the best at which the beam stops growing
 MOST_EFFECTS = 8  # in a model
 
 
@@ -110,7 +110,7 @@ def search(problem: RegressionProblem) -> list[Model]:
         ranked = sorted(grown, key=lambda m: (-seen[m], m))
         best = max(seen.values())
         layer = _diverse(problem, ranked, BEAM)
-        if seen[layer[0]] < best - MARGIN:
+        if seen[layer[0]] < best - BEAM_MARGIN:
             break
     current = max(seen, key=lambda m: seen[m])
     while True:

@@ -24,11 +24,11 @@ from np_drake.diagnosis.regressors import (
     payload_about,
     payloads_of,
 )
+from np_drake.diagnosis.regressors.payload import SEARCH_LENGTHS
 from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.diagnosis.selection.payload_evidence import HORIZONS, OtherRegressors
 from np_drake.effects.library import LIBRARY
 
-LENGTHS = (0.15, 2.5, 96)  # shortest, longest [m], number: 3 % apart
 KEPT = 3  # candidates of the search
 FOLLOWED = 2  # lengths followed from each profile
 LOST = -400.0  # log evidence below which a guess that is followed is given up
@@ -54,7 +54,7 @@ class PayloadSearch:
     def __init__(self, flights: Sequence[FlightResiduals], options: Options, onset: Onset | None = None):
         self._flights, self._onset = list(flights), onset
         self._priors = options.priors
-        self.lengths = np.geomspace(*LENGTHS)
+        self.lengths = np.geomspace(*SEARCH_LENGTHS)
 
     def best(
         self, noise: NoiseModel, nuisance: Sequence[Candidate], others: Sequence[Candidate]

@@ -14,7 +14,7 @@ from np_drake.diagnosis.selection.map_model import SearchResult
 from np_drake.effects.library import effect_of
 
 REFINED = 3  # models refined, with what is simpler than these
-MARGIN = 12.0  # log evidence below the best at which a model is not refined
+RANKING_MARGIN = 12.0  # log evidence below the best at which a model is not refined
 NEGLIGIBLE = 0.1  # whitened size over that of all, below which a model is tried without an effect [1]
 
 
@@ -50,7 +50,7 @@ def _refined(
 ) -> dict[Model, Fit]:
     """The models that come close to the best, each with its fit, and the best without its faint effects."""
     options = problem.options
-    close = [m for m in _distinct(problem, models) if m.score > models[0].score - MARGIN]
+    close = [m for m in _distinct(problem, models) if m.score > models[0].score - RANKING_MARGIN]
     fits = {m: refit(problem, m, best, noise) for m in close[:REFINED]}
     first = max(fits, key=lambda m: score_of(fits[m], options.priors))
     fits[first] = restart(problem, first, fits[first], noise)

@@ -13,7 +13,7 @@ from np_drake.effects.linear_drag import LinearDrag
 
 BIN = 0.1  # over which the force is averaged, to a whole number of rows [s]
 SPAN = 20.0  # what lies farther apart counts as independent [s]
-SHORTEST, LONGEST = 0.1, 20.0  # correlation time [s]
+SHORTEST_TIME, LONGEST_TIME = 0.1, 20.0  # correlation time [s]
 STEP = 0.02  # of the logarithms, for their curvature [1]
 Z = 1.96  # deviations to either side: 95 %
 
@@ -56,7 +56,11 @@ def wind_force(
     level, size_of_bin = [span[:, :2] for span in pieces], width(flights[0])
     size = float(np.sqrt(np.mean(np.concatenate(level).var(axis=0))))
     start = np.log([size, 1.0, 0.3 * size])
-    bounds = [(start[0] - 4, start[0] + 3), (np.log(SHORTEST), np.log(LONGEST)), (start[0] - 6, start[0] + 1)]
+    bounds = [
+        (start[0] - 4, start[0] + 3),
+        (np.log(SHORTEST_TIME), np.log(LONGEST_TIME)),
+        (start[0] - 6, start[0] + 1),
+    ]
 
     def loss(z: np.ndarray) -> float:
         return _restricted_loss(level, size_of_bin, *np.exp(z))

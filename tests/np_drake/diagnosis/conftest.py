@@ -65,9 +65,9 @@ def search_with_few_lengths(
     flights: Sequence[FlightResiduals], options: Options | None = None, *, still_air: bool = False
 ) -> SearchResult:
     """Return `find_map_model` with a quarter of the tether lengths, for flights without a payload."""
-    shortest, longest, number = payload_search.LENGTHS
+    shortest, longest, number = payload_search.SEARCH_LENGTHS
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(payload_search, "LENGTHS", (shortest, longest, number // 4))
+        patch.setattr(payload_search, "SEARCH_LENGTHS", (shortest, longest, number // 4))
         return find_map_model(flights, options, still_air=still_air)
 
 

@@ -5,7 +5,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from np_drake.diagnosis.residuals.outliers import APART, BOUNCE, MOST, bridge, find_outliers
+from np_drake.diagnosis.residuals.outliers import (
+    LONGEST_BOUNCE,
+    MOST_OUTLIERS,
+    OUTLIERS_APART,
+    bridge,
+    find_outliers,
+)
 
 STEP = 0.02
 
@@ -37,24 +43,24 @@ def test_a_outlier_at_the_very_end_of_a_flight_is_one(quiet, row):
 
 def test_outliers_that_are_close_are_one(quiet):
     quiet[400, 2] += 60.0
-    quiet[400 + int(0.8 * APART / STEP), 3] -= 60.0
+    quiet[400 + int(0.8 * OUTLIERS_APART / STEP), 3] -= 60.0
     quiet[800, 2] += 60.0
     found = find_outliers(quiet, STEP)
-    assert np.all(found[400 : 400 + int(0.8 * APART / STEP)])
+    assert np.all(found[400 : 400 + int(0.8 * OUTLIERS_APART / STEP)])
     assert np.sum(np.diff(found.astype(int)) > 0) == 2
 
 
 def test_a_tether_that_bounces_is_one_outlier_and_what_lasts_is_none(quiet):
-    rows = np.arange(400, 400 + int(0.5 * BOUNCE / STEP))
+    rows = np.arange(400, 400 + int(0.5 * LONGEST_BOUNCE / STEP))
     quiet[rows, 2] += 60.0
     assert not find_outliers(quiet, STEP).any()
-    assert find_outliers(quiet, STEP, BOUNCE)[rows].all()
-    quiet[400 : 400 + int(2 * BOUNCE / STEP), 2] += 60.0
-    assert not find_outliers(quiet, STEP, BOUNCE)[400 + int(0.5 * BOUNCE / STEP) + 5]
+    assert find_outliers(quiet, STEP, LONGEST_BOUNCE)[rows].all()
+    quiet[400 : 400 + int(2 * LONGEST_BOUNCE / STEP), 2] += 60.0
+    assert not find_outliers(quiet, STEP, LONGEST_BOUNCE)[400 + int(0.5 * LONGEST_BOUNCE / STEP) + 5]
 
 
 def test_where_spikes_are_many_there_are_no_outliers(quiet):
-    quiet[:: int(0.5 / MOST), 0] += 60.0
+    quiet[:: int(0.5 / MOST_OUTLIERS), 0] += 60.0
     assert not find_outliers(quiet, STEP).any()
     assert find_outliers(quiet, STEP, most=1.0).any()
 

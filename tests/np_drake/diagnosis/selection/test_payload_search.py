@@ -12,7 +12,7 @@ from np_drake.diagnosis.residuals.flight_residuals import FORCE
 from np_drake.diagnosis.residuals.resampling import TAPS
 from np_drake.diagnosis.selection import payload_search
 from np_drake.diagnosis.selection.payload_evidence import OtherRegressors
-from np_drake.diagnosis.selection.payload_search import ENDS, KEPT, LENGTHS, NEAR, PayloadSearch
+from np_drake.diagnosis.selection.payload_search import ENDS, KEPT, NEAR, SEARCH_LENGTHS, PayloadSearch
 from np_drake.effects.mass_error import MassError
 from np_drake.effects.suspended_payload import SuspendedPayload
 
@@ -57,7 +57,7 @@ def test_what_more_mass_explains_is_no_evidence_for_a_payload(seen, noise):
 def test_before_its_onset_a_payload_hangs_on_nothing(seen):
     flights = [seen(name="1", seed=1, seconds=6.0)]
     for candidate in payload_candidates(
-        flights, np.geomspace(*LENGTHS)[::24], onset={"1": 3.0}, priors=PRIORS
+        flights, np.geomspace(*SEARCH_LENGTHS)[::24], onset={"1": 3.0}, priors=PRIORS
     ):
         X = candidate.columns["1"]
         smear = TAPS * flights[0].grid.step
