@@ -13,7 +13,7 @@ from np_drake.labels import raw_labels
 from np_drake.scaling import ratios
 from np_drake.vehicle import Vehicle
 
-LONGEST_LAG = 0.1  # lag that is looked for, longer at the pace of vehicles that are sampled more slowly [s]
+LONGEST_LAG = 0.1  # lag that is looked for, longer where the time unit of a vehicle is [s]
 AT_BOUND = 0.01  # share of the longest lag within which there is no minimum, and the flights tell no lag [1]
 
 

@@ -119,13 +119,13 @@ def refine(
     lower = np.array([f.lower for f in free]) / scale
     upper = np.array([f.upper for f in free]) / scale
     start = np.clip(read(everything, free) / scale, lower + 1e-6, upper - 1e-6)
-    reach = np.full(k, 20.0)
+    wide = np.full(k, 20.0)  # bounds of linear coefficients, in deviations of their prior
     best = minimise(
         residual,
         jacobian,
         np.concatenate([start, np.zeros(k)]),
-        np.concatenate([lower, -reach]),
-        np.concatenate([upper, reach]),
+        np.concatenate([lower, -wide]),
+        np.concatenate([upper, wide]),
         evaluations,
         J[:, n:].T @ J[:, n:] if k else None,
     )

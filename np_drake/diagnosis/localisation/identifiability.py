@@ -57,8 +57,8 @@ def confusables(
     """Return the effects that cannot be seen at their usual size, and pairs that are the same when just visible.
 
     An effect scaled to whitened size `BARELY_VISIBLE` is the same as another if its squared distance to the other's
-    columns is below `SAME_DISTANCE`. Effects of one sign alone, as a delay and a clock that is ahead, are the same where
-    signs agree.
+    columns is below `SAME_DISTANCE`. Effects of one sign alone, as a delay and a clock that is ahead, are the same
+    where signs agree.
 
     Args:
         flights: the flights.

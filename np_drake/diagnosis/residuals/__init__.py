@@ -24,11 +24,11 @@ from np_drake.diagnosis.residuals.regressor_signals import FlightState, flight_s
 from np_drake.diagnosis.residuals.resampling import Resampler, natural_step
 
 __all__ = [
-    "OUTLIERS_APART",
-    "LONGEST_BOUNCE",
     "FORCE",
+    "LONGEST_BOUNCE",
     "LONGEST_OUTLIER",
     "MOST_OUTLIERS",
+    "OUTLIERS_APART",
     "POSITION",
     "SIZE",
     "TORQUE",

@@ -167,7 +167,7 @@ def velocity_before(
     vehicle: Vehicle,
     lead: float,
 ) -> np.ndarray:
-    """Return the velocities (n, 3) in W that are foretold `lead` before the instants [m/s].
+    """Return the velocities (n, 3) in W that are predicted `lead` before the instants [m/s].
 
     What nominal thrust and gravity leave of the velocity, which the disturbances make, is extrapolated linearly.
 
