@@ -117,7 +117,7 @@ def _rebased(log: FlightLog, answer: Diagnosis) -> tuple[FlightLog, Effects]:
         onset = cause.onset.get(log.name)
         if cause.effect is not None:
             shifted = None if onset is None else onset - zero
-            effects.append((cause.effect.foreseen, {log.name: shifted}))
+            effects.append((cause.effect.predicted, {log.name: shifted}))
     return dc.replace(log, t=log.t - zero), effects
 
 

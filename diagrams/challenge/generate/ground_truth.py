@@ -237,9 +237,9 @@ def residual_and_visibility(case: Case, flight: FlightPair) -> tuple[np.ndarray,
 
 def residual_of_true_parameters(case: Case, flight: FlightPair, noise: np.ndarray) -> np.ndarray:
     """Return the RMS (15,) that the true parameters leave: noise, and gusts, of which they give the strength alone."""
-    if case.draw.kind == "foreign" or all(effect.foreseen is effect for effect in case.effects):
+    if case.draw.kind == "foreign" or all(effect.predicted is effect for effect in case.effects):
         return noise
-    known = [*case.quality.background(case.vehicle), *(e.foreseen for e in case.effects)]
+    known = [*case.quality.background(case.vehicle), *(e.predicted for e in case.effects)]
     left = flight.true.y - _left(flight.true, [Term(effect, dict(case.onset)) for effect in known])
     return np.sqrt(noise**2 + np.mean(left**2, axis=0))
 

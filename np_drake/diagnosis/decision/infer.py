@@ -167,6 +167,6 @@ def in_gusts(held: HeldOut, causes: Sequence[Cause]) -> HeldOut:
     for e in held.flights:
         rest = [t for t in held.terms[e.name] if t.effect.identifier not in GUSTY]
         own_drag = Term(drag.effect, {e.name: drag.onset.get(e.name)})
-        terms[e.name] = [*rest, own_drag, Term(gusts.effect.foreseen, {e.name: gusts.onset.get(e.name)})]
+        terms[e.name] = [*rest, own_drag, Term(gusts.effect.predicted, {e.name: gusts.onset.get(e.name)})]
         residual[e.name] = e.y - predicted_residual(e, terms[e.name])
     return dc.replace(held, terms=terms, residual=residual)

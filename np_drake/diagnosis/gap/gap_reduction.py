@@ -59,7 +59,7 @@ def measure_gap_reduction(
     ]
     if replay is not None:
         effects = [
-            (c.effect.foreseen, {e.name: _onset_of(kept[e.name], c.identifier, e) for e in flights})
+            (c.effect.predicted, {e.name: _onset_of(kept[e.name], c.identifier, e) for e in flights})
             for c in causes
             if c.effect is not None
         ]
