@@ -37,6 +37,7 @@ class LinearModel:
     def _gram(self, e: FlightResiduals, ranking: Ranking, drifting: Sequence[Candidate]) -> Gram:
         fit, free = self.fit, self.fit.free
         away = np.array([(v - f.neutral) / f.scale for v, f in zip(fit.values, free, strict=True)])
+        # Linearised about the fit z0: y - h(z) = y - h(z0) + J (z0 - neutral) - J (z - neutral), in scaled parameters.
         J = scaled_jacobian(fit.everything, free, e)
         target = e.y - predicted_residual(e, fit.everything) + J @ away
         columns = [

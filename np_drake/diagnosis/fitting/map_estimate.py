@@ -93,6 +93,7 @@ def refine(
     # One buffer serves all steps: only the first n columns of its rows change, and each step uses only its own.
     J = np.zeros((rows + n + k, n + k))
     J[rows:] = np.eye(n + k)
+    # The prior is a block of rows W z ~ N(0, 1), so that least squares on all rows gives the maximum a posteriori.
     W = prior_whitening(everything, free)
     J[rows : rows + n, :n] = W
     for c, at in zip(linear, pairwise(np.cumsum([n, *sizes_of]).tolist()), strict=True):
@@ -130,6 +131,7 @@ def refine(
         J[:, n:].T @ J[:, n:] if k else None,
     )
     fitted = write(everything, free, best.z[:n] * scale)
+    # Laplace approximation: at the minimum the posterior is Gaussian with covariance (J'J)^-1.
     covariance = np.linalg.inv(best.information)
     robust = _robust(covariance, best.jacobian, best.residual, flights, noise)
     covariance = (covariance * np.sqrt(np.outer(robust, robust)))[:n, :n]
@@ -230,5 +232,6 @@ def _robust(covariance, J, fun, flights, noise) -> np.ndarray:
             g = J[a:b].T @ fun[a:b]
             meat += np.outer(g, g)
         start = stop
+    # Sandwich estimator (Huber-White), clustered by blocks: C (sum g g') C with the score g of each block.
     sandwich = np.diag(covariance @ meat @ covariance)
     return np.maximum(1.0, sandwich / np.maximum(np.diag(covariance), 1e-300))

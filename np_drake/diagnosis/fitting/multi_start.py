@@ -119,6 +119,7 @@ def _terms_at_posterior(problem: RegressionProblem, model: Model) -> list[Term]:
     parts = [(c, slice(a, b)) for c, a, b in zip(chosen, ends[:-1], ends[1:], strict=True)]
     for candidate, own in parts:
         coefficients, _ = candidate.physical(mean[own], covariance[own, own])
+        # Conditioning of a Gaussian: fixing some coefficients moves the others by their covariance with them.
         mean = mean + covariance[:, own] @ np.linalg.solve(covariance[own, own], coefficients - mean[own])
     return [term for candidate, own in parts for term in candidate.terms(mean[own])]
 

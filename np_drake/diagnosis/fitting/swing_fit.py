@@ -109,6 +109,7 @@ class SwingFit:
             cost = float(miss @ miss + np.sum((swing / self._prior) ** 2))
             if cost < least:
                 best, least = swing, cost
+            # Gauss-Newton on the normal equations A step = X'miss - prior, clipped to swings that are possible.
             step = np.linalg.solve(A, X.T @ miss - swing[free] / self._prior[free] ** 2)
             swing = np.clip(swing + step @ np.eye(self.size)[free], -self._limit, self._limit)
         return best

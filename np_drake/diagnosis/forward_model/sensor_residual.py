@@ -44,7 +44,7 @@ def _exact(flight: FlightResiduals, effect: SensorEffect) -> np.ndarray:
         return y
     a = np.zeros((len(log), 3)) if log.a is None else log.a
     logged = Measurement(states_at_rows(flight), a, np.zeros((len(log), 3)), np.zeros((len(log), 4)))
-    truth = _before(flight.vehicle, logged, [effect])
+    truth = true_measurement(flight.vehicle, logged, [effect])
     read = effect.measure(flight.vehicle, truth, np.zeros((len(log), 0)))
     onto = Resampler.of_instants(flight.grid, log.t) if log.a is None else flight.from_rows
     mass, moved = flight.vehicle.mass, read.x - truth.x
@@ -116,14 +116,20 @@ def without_errors(flight: FlightResiduals, effects: Sequence[SensorEffect]) -> 
 
 def _instants_before(flight: FlightResiduals, read: Instants, effects: Sequence[SensorEffect]) -> Instants:
     none = np.zeros((len(read.t), 4))
-    truth = _before(flight.vehicle, Measurement(read.x, read.a, none[:, :3], none), effects)
+    truth = true_measurement(flight.vehicle, Measurement(read.x, read.a, none[:, :3], none), effects)
     return dc.replace(read, x=truth.x)
 
 
-def _before(vehicle: Vehicle, read: Measurement, effects: Sequence[SensorEffect]) -> Measurement:
-    """Return the true quantities to third order, by fixed-point iteration on what measuring them would read."""
+def true_measurement(vehicle: Vehicle, read: Measurement, effects: Sequence[SensorEffect]) -> Measurement:
+    """Return the true quantities to third order, by fixed-point iteration on what measuring them would read.
+
+    Args:
+        vehicle: the nominal vehicle.
+        read: quantities as measured.
+        effects: sensor errors, in the order in which they act.
+    """
     truth = read
-    for _ in range(3):
+    for _ in range(3):  # a bias is exact after one or two
         again = truth
         for effect in effects:
             again = effect.measure(vehicle, again, np.zeros((len(read.x), 0)))

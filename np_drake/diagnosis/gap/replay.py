@@ -9,6 +9,7 @@ from scipy import signal
 from scipy.integrate import cumulative_trapezoid
 
 from np_drake import attitude
+from np_drake.diagnosis.forward_model.sensor_residual import true_measurement
 from np_drake.diagnosis.residuals import smooth_attitude
 from np_drake.diagnosis.result import ReplayGap
 from np_drake.effects.base import Measurement, Motion, SensorEffect
@@ -21,7 +22,6 @@ from np_drake.vehicle import Vehicle
 POSITION_SPAN = 0.25  # half width of the parabola through the position that the velocity does not explain [s]
 VELOCITY_SPAN = 0.05  # half width of the cubic through the velocity [s]
 RATE_SPAN = 0.03  # half width of the cubic through the body rates [s]
-_SWEEPS = 3  # fixed-point iterations that remove a sensor effect; a bias is exact after one or two
 PAYLOAD_SPAN = 0.1  # half width of the local parabolas through velocity, force and direction [s]
 SLACK = 0.2  # pull over the payload's weight below which its direction is unknown [1]
 DRAWS = 1000  # bootstrap samples
@@ -59,28 +59,11 @@ def true_states(log: FlightLog, vehicle: Vehicle, effects: Sequence[SensorEffect
         effects: sensor effects to remove.
         smooth: whether to smooth the states lightly (`smooth_states`).
     """
-    x = unread(vehicle, log.x, effects)
+    none = np.zeros((len(log), 4))
+    read = Measurement(log.x, none[:, :3], none[:, :3], none)
+    x = true_measurement(vehicle, read, effects).x if effects else log.x
     shift = sum(effect.clock_shift for effect in effects)
     return States(log.t + shift, smooth_states(log.t, x) if smooth else x)
-
-
-def unread(vehicle: Vehicle, x: np.ndarray, effects: Sequence[SensorEffect]) -> np.ndarray:
-    """Return the states (n, 13) whose measurement through the effects is `x` (n, 13), by fixed-point iteration.
-
-    Args:
-        vehicle: the nominal vehicle.
-        x: (n, 13) states as measured.
-        effects: sensor errors.
-    """
-    truth = x
-    still = np.zeros((len(x), 3))
-    for _ in range(_SWEEPS if effects else 0):
-        reading = Measurement(truth, still, still, np.zeros((len(x), 4)))
-        for effect in effects:
-            reading = effect.measure(vehicle, reading, np.zeros((len(x), 0)))
-        truth = truth + x - reading.x
-        truth[:, Q] /= np.linalg.norm(truth[:, Q], axis=1, keepdims=True)
-    return truth
 
 
 def smooth_states(t: np.ndarray, x: np.ndarray) -> np.ndarray:

@@ -104,6 +104,7 @@ def fit_noise(
         )
         lags += drift[c]
         lags[0] = (1 + RIDGE) * lags[0] + sudden[c]
+        # Yule-Walker: the autocovariances at lags 0 … p solve for phi, by Levinson's recursion.
         phi[c] = linalg.solve_toeplitz(lags[:-1], lags[1:])
         innovation[c] = lags[0] - phi[c] @ lags[1:]
     plain = NoiseModel(phi, np.eye(channels), rms, innovation, step)
@@ -116,6 +117,7 @@ def fit_noise(
 def _autocovariance(e: np.ndarray, order: int) -> np.ndarray:
     """Return the sums of lagged products (order + 1,) of e (n,)."""
     size = 2 ** int(np.ceil(np.log2(len(e) + order + 1)))
+    # Wiener-Khinchin: the autocovariance is the inverse transform of the power, zero-padded against wrap-around.
     power = np.abs(np.fft.rfft(e, size)) ** 2
     return np.fft.irfft(power, size)[: order + 1]
 
@@ -127,6 +129,7 @@ def _mixing(covariance: np.ndarray, active: np.ndarray) -> np.ndarray:
     block = covariance[index]
     scale = np.sqrt(np.diag(block))
     correlation = block / np.outer(scale, scale) + 1e-6 * np.eye(len(scale))
+    # n = L u with unit white u, so that L^-1 maps innovations to white noise; on correlations, as units differ.
     factor = np.linalg.cholesky(correlation)
     mixing[index] = np.linalg.inv(factor) / scale
     return mixing

@@ -162,6 +162,7 @@ class NoiseModel:
         Returns: (k, k) inner products, k the sum of all k_i.
         """
         size = sum(X.shape[-1] for X in columns)
+        # X'Σ^-1 X summed over pairs of channels: the weight couples innovations of channels c and d.
         weight, out = self.weight, np.zeros((size, size))
         parts = self._driven(columns, flight)
         for i, (c, some, own) in enumerate(parts):

@@ -117,6 +117,7 @@ def corrected_acceleration(t: np.ndarray, p: np.ndarray, a: np.ndarray) -> np.nd
 
 def _along_path(t: np.ndarray, p: np.ndarray, a: np.ndarray, ratio: float) -> np.ndarray:
     """Return the second differences (n, 3) of the smoothed path; ratio = s_p / s_a [s²]."""
+    # Normal equations (1 + r² D'D) path = p + r² D'a; D'D has five bands, so that they are solved in linear time.
     D = _second_difference(t)
     bands = np.zeros((3, len(t)))  # bands of 1 + ratio² D'D, upper form
     bands[2] = 1.0

@@ -173,6 +173,7 @@ def most_likely(values: np.ndarray, noise: np.ndarray, step: float) -> np.ndarra
     power, count = _band_means(np.abs(spectrum) ** 2 / len(mirrored), 1 / (len(mirrored) * step))
     # A bin of a mirrored record is one real variate: the mean of `count` has the variance 2 / count of chi-square.
     signal = power > noise**2 * (1 + SURE_DEVIATIONS * np.sqrt(2 / count))[:, None]
+    # Wiener gain S / (S + N), with S + N the measured power.
     gain = np.where(signal, 1 - noise**2 / np.where(signal, power, 1.0), 0.0)
     return mean + np.fft.irfft(gain * spectrum, len(mirrored), axis=0)[: len(values)]
 

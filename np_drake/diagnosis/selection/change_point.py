@@ -153,7 +153,7 @@ class OnsetScan:
         self._regress(np.arange(len(self._owner)))
 
     def _regress(self, on: np.ndarray) -> None:
-        """Posterior of these columns (b',) of what acts as well; the others are known to be zero."""
+        """Compute the posterior of these columns (b',) of what acts as well; the others are known to be zero."""
         b = len(self._owner)
         self._covariance, self._mean = np.zeros((b, b)), np.zeros(b)
         own = np.linalg.inv(np.eye(len(on)) + self._products[np.ix_(on, on)])
@@ -204,9 +204,9 @@ class OnsetScan:
         return max(found, key=lambda f: f.evidence + f.prior)
 
     def _settle_alone(self, scan: TriedOnsets) -> None:
-        """Where the effect would begin with parameters of that flight's own, no prior asked: to climb from there.
+        """Settle where the effect would begin with parameters of that flight's own, no prior asked.
 
-        Flights that start from its beginning in all others may never leave it: a drift from the start stands for a
+        The climb begins there. Flights that start from its beginning in all others may never leave it: a drift from the start stands for a
         step in each.
         """
         profile = self._evidence(scan.sums, [])
@@ -214,7 +214,7 @@ class OnsetScan:
         scan.settle(scan.rows[np.argmax(profile)] if late else None)
 
     def _climbed(self, scans: dict[str, TriedOnsets]) -> "Onsets":
-        """From where they are settled, flight by flight, the others as they are."""
+        """Return the onsets from where they are settled, flight by flight, the others as they are."""
         widths = dict[str, float]()
         priors = self._options.priors
         for _ in range(2):
@@ -247,8 +247,9 @@ class OnsetScan:
         return Onsets(onset, prior, now - start, now)
 
     def _evidence(self, own: Sums, rest: list[Sums]) -> np.ndarray:
-        """(n,) log evidence with these sums of one flight, each with those of the rest."""
+        """Return (n,) the log evidence with these sums of one flight, each with those of the rest."""
         XX, XB, Xy = (part + sum(r[i] for r in rest) for i, part in enumerate(own))
+        # B is integrated out by its Schur complement: X'X + 1 - X'B (1 + B'B)^-1 B'X, and X'y less X'B times its mean.
         known = (XB.reshape(-1, XB.shape[2]) @ self._covariance).reshape(XB.shape) if XB.size else XB
         A = XX + np.eye(XX.shape[1]) - known @ np.swapaxes(XB, 1, 2)
         b = Xy - XB @ self._mean
@@ -259,7 +260,7 @@ class OnsetScan:
 
 
 def _onsets(scans: Mapping[str, TriedOnsets]) -> dict[str, float | None]:
-    """Of the flights in which it does not act from the start. What begins nowhere is absent from none."""
+    """Return those of flights in which it does not act from the start. What begins nowhere is absent from none."""
     if not any(scan.begins for scan in scans.values()):
         for scan in scans.values():
             scan.settle(None)

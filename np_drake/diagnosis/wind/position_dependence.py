@@ -55,6 +55,7 @@ def position_p_value(
     less = linalg.orth(np.vstack([drag_x, drag_y]))
     more = linalg.orth(np.hstack([np.vstack([drag_x, drag_y]), linalg.block_diag(place, place)]))
     both = force.T.ravel()
+    # Likelihood ratio: the power that the position explains beside the drag, by projection on both column spaces.
     gain = np.sum((more.T @ both) ** 2) - np.sum((less.T @ both) ** 2)
     return float(stats.chi2.sf(gain, more.shape[1] - less.shape[1]))
 

@@ -140,6 +140,7 @@ def _loss(spectra: Sequence[_Spectra], z: np.ndarray, force: np.ndarray | None) 
             total += float(np.sum(0.5 * np.sum(s.values[0] ** 2, axis=1) / position + np.log(position)))
             continue
         read = np.exp(2 * z[3]) / s.f + np.exp(2 * z[4]) + common
+        # Whittle: at every frequency both channels are Gaussian, with the force as common part of their spectra.
         det = position * read - common**2
         (pp, pr, rr) = (np.sum(s.values[i] * s.values[j], axis=1) for i, j in ((0, 0), (0, 1), (1, 1)))
         total += float(np.sum(0.5 * (read * pp - 2 * common * pr + position * rr) / det + np.log(det)))
