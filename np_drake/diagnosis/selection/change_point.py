@@ -206,8 +206,8 @@ class OnsetScan:
     def _settle_alone(self, scan: TriedOnsets) -> None:
         """Settle where the effect would begin with parameters of that flight's own, no prior asked.
 
-        The climb begins there. Flights that start from its beginning in all others may never leave it: a drift from the start stands for a
-        step in each.
+        The climb begins there. Flights that start from its beginning in all others may never leave it: a drift from the
+        start stands for a step in each.
         """
         profile = self._evidence(scan.sums, [])
         late = profile.max(initial=-np.inf) > self._evidence(scan.start, [])[0]
