@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from np_drake.diagnosis.adequacy import LinearModel
-from np_drake.diagnosis.decision.explanations import indistinguishable
+from np_drake.diagnosis.decision.explanations import equivalents
 from np_drake.diagnosis.decision.term_assessment import TermAssessment, assess_term
 from np_drake.diagnosis.fitting import Fit, interval
 from np_drake.diagnosis.forward_model import pendulum_error
@@ -62,7 +62,8 @@ def causes_of(
 def _same(ranking: Ranking) -> Mapping[str, tuple[str, ...]]:
     members = {names_of(ranking.problem, m): m for m in reversed(ranking.models)}
     key = names_of_fit(ranking.best)
-    return indistinguishable(ranking.problem, members[key]) if key in members else {}
+    found = equivalents(ranking.problem, members[key]) if key in members else {}
+    return {name: tuple(others) for name, others in found.items()}
 
 
 def _estimates(fit: Fit, i: int, vehicle: Vehicle, priors: Priors) -> dict[str, Estimate]:

@@ -115,16 +115,6 @@ def _explanation(named: tuple[str, ...], fit: Fit, probability: float) -> Explan
     return Explanation(named, probability, effects, calibration, names, 0.5 * (covariance + covariance.T))
 
 
-def indistinguishable(problem: RegressionProblem, model: Model) -> dict[str, tuple[str, ...]]:
-    """Return by effect of the model the effects that explain the logs as well in its place.
-
-    Args:
-        problem: the regression that holds the candidates.
-        model: a set of them.
-    """
-    return {name: tuple(found) for name, found in equivalents(problem, model).items()}
-
-
 def equivalents(problem: RegressionProblem, model: Model) -> dict[str, dict[str, Model]]:
     """Return by effect of the model, by effect that explains the logs as well in its place, the model with that one.
 

@@ -15,12 +15,12 @@ from np_drake.diagnosis.doctor.traces import (
     GUSTS,
     explain,
     nearest_usual,
-    options_of,
-    payload_at,
+    payload_traces,
     traces,
 )
 from np_drake.diagnosis.localisation.identifiability import excitation, excited, manoeuvre, tells_apart
-from np_drake.diagnosis.regressors import DRAG, PAYLOAD, WIND, nuisance_of
+from np_drake.diagnosis.options import Options
+from np_drake.diagnosis.regressors import DRAG, PAYLOAD, WIND, nuisance_of, tolerance_of, with_input
 from np_drake.diagnosis.residuals import FORCE, FlightResiduals, make_flight_residuals, natural_step
 from np_drake.effects.library import LIBRARY, effects_for, unobservable
 from np_drake.effects.parameter import usual_size
@@ -83,7 +83,8 @@ def _judged(report: LogReport, logs: Sequence[FlightLog], vehicle: Vehicle, tell
     step = max(natural_step(log.t) for log in logs)
     flights = [make_flight_residuals(log, vehicle, step) for log in logs]
     moving = excitation(flights)
-    options = options_of(flights, real=any(f.imported for f in report.flights))
+    real = any(f.imported for f in report.flights) or tolerance_of(flights).real
+    options = with_input(Options.for_sensors(real), flights)
     nuisance = nuisance_of(flights, options.tolerance)
     tell(0.4, "effects")
     every = traces(flights, options.priors)
@@ -96,7 +97,8 @@ def _judged(report: LogReport, logs: Sequence[FlightLog], vehicle: Vehicle, tell
         tests.append(swing_test(e, [c.columns for c in others] + [t.columns for t in own], options))
     swinging = [test for test in tests if test.swings]
     tell(0.7, "noise")
-    beside = [payload_at(flights, swinging[0].length, options.priors)] if swinging else []
+    lengths = np.array([test.length for test in swinging[:1]])
+    beside = payload_traces(flights, lengths, options.priors) if swinging else []
     explained = explain(flights, nuisance, [*near, *beside], options)
     tell(0.8, "smallest sizes")
     information = Information(explained.flights, explained.noise, nuisance, every)

@@ -13,12 +13,9 @@ from np_drake.diagnosis.regressors import (
     PAYLOAD,
     WIND,
     Candidate,
-    PayloadColumns,
     library_candidates,
     payloads_of,
-    tolerance_of,
     wind_candidates,
-    with_input,
 )
 from np_drake.diagnosis.regressors.payload import TRACE_LENGTHS
 from np_drake.diagnosis.residuals import WRENCH, FlightResiduals, find_outliers
@@ -64,7 +61,7 @@ def traces(flights: Sequence[FlightResiduals], priors: Priors) -> list[Trace]:
     found = [_of_candidate(c, flights) for c in plain]
     for c in wind_candidates(flights, plain)[:1]:
         found.append(_of_wind(c, flights))
-    return found + _of_payloads(flights, priors)
+    return found + payload_traces(flights, TRACE_LENGTHS, priors)
 
 
 def _of_candidate(c: Candidate, flights: Sequence[FlightResiduals]) -> Trace:
@@ -89,34 +86,24 @@ def _of_wind(c: Candidate, flights: Sequence[FlightResiduals]) -> Trace:
     return Trace(WIND, wind, tuple(p.typical for p in wind), columns)
 
 
-def _of_payloads(flights: Sequence[FlightResiduals], priors: Priors) -> list[Trace]:
-    if PAYLOAD not in LIBRARY:
-        return []
-    return [_of_payload(payload, flights) for payload in payloads_of(flights, TRACE_LENGTHS, priors)]
-
-
-def payload_at(flights: Sequence[FlightResiduals], length: float, priors: Priors) -> Trace:
-    """Return the trace of a payload on a tether of this length [m].
+def payload_traces(flights: Sequence[FlightResiduals], lengths: np.ndarray, priors: Priors) -> list[Trace]:
+    """Return the traces of payloads on tethers of these lengths; none where the library has no payload.
 
     Args:
         flights: the flights.
-        length: of the tether [m].
-        priors: priors of parameters, swings and onsets.
+        lengths: (k,) of the tethers [m].
+        priors: of payloads.
     """
-    (payload,) = payloads_of(flights, np.array([length]), priors)
-    return _of_payload(payload, flights)
-
-
-def _of_payload(payload: PayloadColumns, flights: Sequence[FlightResiduals]) -> Trace:
-    mass = LIBRARY[PAYLOAD].parameters[:1]
+    if PAYLOAD not in LIBRARY:
+        return []
+    mass, found = LIBRARY[PAYLOAD].parameters[:1], []
     usual = usual_size(mass[0], flights[0].vehicle)
-    columns = {}
-    for e in flights:
-        X = np.zeros((*e.y.shape, payload.size))
-        X[:, WRENCH][..., payload.at(e.name)] = payload.own[e.name]
-        X[..., 0] *= usual / payload.unit
-        columns[e.name] = X
-    return Trace(PAYLOAD, mass, (usual,), columns)
+    for payload in payloads_of(flights, lengths, priors):
+        columns = payload.candidate(flights).columns
+        for X in columns.values():
+            X[..., 0] *= usual / payload.unit
+        found.append(Trace(PAYLOAD, mass, (usual,), columns))
+    return found
 
 
 def nearest_usual(found: Sequence[Trace]) -> list[Trace]:
@@ -195,14 +182,3 @@ def _drag(mean, deviation, nuisance: Sequence[Candidate], traces: Sequence[Trace
             return size * trace.typical[0] if size > LEAST_DRAG * weight.sum() ** -0.5 else None
         at += next(iter(trace.columns.values())).shape[-1]
     return None
-
-
-def options_of(flights: Sequence[FlightResiduals], *, real: bool) -> Options:
-    """Return the options of a diagnosis of these flights, with what their input leaves open.
-
-    Args:
-        flights: the flights.
-        real: whether sensors are real ones; else as the flights look.
-    """
-    options = Options.for_sensors(real or tolerance_of(flights).real)
-    return with_input(options, flights)

@@ -122,29 +122,14 @@ def padded(hidden: np.ndarray | None, size: int) -> np.ndarray:
     return np.concatenate([known, np.zeros(size - len(known))])
 
 
-def hook_acceleration(flight: FlightResiduals, hooks: np.ndarray) -> np.ndarray:
-    """Return the acceleration of hooks in W at the middles of the grid's steps [m/s²].
+def at_hooks(motion: np.ndarray, hooks: np.ndarray) -> np.ndarray:
+    """Return the motion of hooks in W at the middles of the grid's steps.
 
     Args:
-        flight: the flight.
+        motion: (n-1, 3, 4) of Bo and of its levers: `FlightResiduals.driving` [m/s², 1/s²] or `moving` [m/s, 1/s].
         hooks: (m, 3) positions p_BoTo_B [m].
     Returns: (n-1, m, 3), or (n-1, 1, 3) where all hooks are the same.
     """
-    return _at_hooks(flight.driving, hooks)
-
-
-def hook_velocity(flight: FlightResiduals, hooks: np.ndarray) -> np.ndarray:
-    """Return the velocity of hooks in W at the middles of the grid's steps [m/s]; shapes as `hook_acceleration`.
-
-    Args:
-        flight: the flight.
-        hooks: (m, 3) positions p_BoTo_B [m].
-    """
-    return _at_hooks(flight.moving, hooks)
-
-
-def _at_hooks(motion: np.ndarray, hooks: np.ndarray) -> np.ndarray:
-    """Return the motion (n-1, 3, 4) of Bo and of its levers at hooks (m, 3), (n-1, m, 3) or (n-1, 1, 3)."""
     own = hooks[:1] if np.all(hooks == hooks[0]) else hooks
     return motion[:, None, :, 0] + np.swapaxes(motion[..., 1:] @ own.T, 1, 2)
 
@@ -187,7 +172,7 @@ def specific_pull(
         onset: time at which the payload is attached [s]; None: from the start.
         damping: of all or of each, (m,) [1/s].
     """
-    a = hook_acceleration(flight, hooks)
+    a = at_hooks(flight.driving, hooks)
     first = 0 if onset is None else int(np.clip(np.searchsorted(flight.t, onset), 0, len(a) - 2))
     weight = np.array([0.0, 0.0, flight.vehicle.gravity])
     window = a[first : first + 25, 0].mean(axis=0)
@@ -195,7 +180,7 @@ def specific_pull(
     at = zip(jumps(flight, onset) - first, range(STATE, swing.shape[1], STATE), strict=False)
     jumped = {int(k): swing[:, j : j + STATE] for k, j in at}
     driving = a[first:, 0] if a.shape[1] == 1 else a[first:]
-    v_hook = hook_velocity(flight, hooks)[first:] if np.any(damping) else None
+    v_hook = at_hooks(flight.moving, hooks)[first:] if np.any(damping) else None
     middle = swing_many(
         *(lengths, r, r_rate, driving, flight.grid.step, flight.vehicle.gravity, jumped),
         damping=damping,

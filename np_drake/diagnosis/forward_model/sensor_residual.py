@@ -43,7 +43,8 @@ def _exact(flight: FlightResiduals, effect: SensorEffect) -> np.ndarray:
     if not effect.corrupts or effect.clock_shift:
         return y
     a = np.zeros((len(log), 3)) if log.a is None else log.a
-    logged = Measurement(states_at_rows(flight), a, np.zeros((len(log), 3)), np.zeros((len(log), 4)))
+    x = log.x if log.a is None else flight.rows.x  # with the attitude that the channels use
+    logged = Measurement(x, a, np.zeros((len(log), 3)), np.zeros((len(log), 4)))
     truth = true_measurement(flight.vehicle, logged, [effect])
     read = effect.measure(flight.vehicle, truth, np.zeros((len(log), 0)))
     onto = Resampler.of_instants(flight.grid, log.t) if log.a is None else flight.from_rows
@@ -137,11 +138,3 @@ def true_measurement(vehicle: Vehicle, read: Measurement, effects: Sequence[Sens
         x[:, Q] /= np.linalg.norm(x[:, Q], axis=1, keepdims=True)
         truth = dc.replace(read, x=x, a=truth.a + read.a - again.a)
     return truth
-
-
-def states_at_rows(flight: FlightResiduals) -> np.ndarray:
-    """Return the states (n, 13) at the rows of the log, with the attitude that the channels use."""
-    if flight.log.a is not None:
-        return flight.rows.x
-    log = flight.log
-    return np.concatenate([log.p, log.q, log.v, log.w], axis=1)

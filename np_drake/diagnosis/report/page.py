@@ -207,19 +207,13 @@ def write_report(
         (folder / f"{name}.png").unlink(missing_ok=True)  # of an earlier diagnosis
     for name, picture in pictures.items():
         write_bytes(folder / f"{name}.png", picture)
-    write_json(folder / DATA, with_head(as_json(diagnosis), seed=seed, config=config or {}))
+    write_json(folder / DATA, _with_head(as_json(diagnosis), seed=seed, config=config or {}))
     write_text(folder / PAGE, page)
     return folder / PAGE
 
 
-def with_head(content: dict[str, Any], *, seed: int, config: dict[str, Any]) -> dict[str, Any]:
-    """Return the content after the head that every file of the project begins with (docs/reference/files.md).
-
-    Args:
-        content: of the file.
-        seed: of the diagnosis.
-        config: configuration of the diagnosis.
-    """
+def _with_head(content: dict[str, Any], *, seed: int, config: dict[str, Any]) -> dict[str, Any]:
+    """Return the content after the head that every file of the project begins with (docs/reference/files.md)."""
     head = {"schema": content["schema"], "version": version("np_drake"), "seed": seed, "config": config}
     return {**head, **content}
 

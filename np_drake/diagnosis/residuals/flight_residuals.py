@@ -19,7 +19,7 @@ from np_drake import attitude
 from np_drake.diagnosis.numerics import Gram, NoiseModel
 from np_drake.diagnosis.residuals.accelerations import Instants, velocity_before
 from np_drake.diagnosis.residuals.outliers import bridge
-from np_drake.diagnosis.residuals.resampling import TAPS, Grid, Resampler, to_grid
+from np_drake.diagnosis.residuals.resampling import TAPS, Grid, Resampler
 from np_drake.diagnosis.residuals.rotor_thrust import Rotors
 from np_drake.flight_log import FlightLog
 from np_drake.rigid_body import Q, V
@@ -211,7 +211,7 @@ class FlightResiduals:
         half = min(TAPS if self.grid.factor > 1 else 1, middle - 1)
         mids = fine + 0.5 * (fine[1] - fine[0])
         force, others = (
-            to_grid(self.grid, t, (t >= self.t[middle] - 1e-9).astype(float))
+            Resampler.of_instants(self.grid, t)((t >= self.t[middle] - 1e-9).astype(float))
             for t in (mids if self.log.a is None else fine, mids)
         )
         return _by_channel(force, others)[middle - half : middle + half + 1]

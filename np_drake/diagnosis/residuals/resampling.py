@@ -104,17 +104,6 @@ class Resampler:
         return _decimate(fine, self._factor).reshape(-1, *values.shape[1:])
 
 
-def to_grid(grid: Grid, t: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Return values (n, ...) at times t (n,) [s] resampled to the grid (m, ...); the ends are held.
-
-    Args:
-        grid: of the flight.
-        t: (n,) times [s].
-        values: (n, ...) at these times.
-    """
-    return Resampler.of_instants(grid, t)(values)
-
-
 def _decimate(fine: np.ndarray, factor: int) -> np.ndarray:
     if factor == 1:
         return fine

@@ -184,16 +184,6 @@ def spans(e: FlightResiduals, values: np.ndarray, begin: float | None) -> list[n
     return [later[i : i + most] for i in range(0, len(later), most) if len(later) - i > 1]
 
 
-def has_bins(e: FlightResiduals, begin: float | None) -> bool:
-    """Return whether there are bins from `begin` on [s] (None: from the start) to estimate a wind from.
-
-    Args:
-        e: the flight.
-        begin: [s]; None: from the start.
-    """
-    return bool(spans(e, instants(e)[:, None], begin))
-
-
 def factor(
     n: int, width: float, deviation: float, time: float, white: float, common: float = 0.0
 ) -> np.ndarray:

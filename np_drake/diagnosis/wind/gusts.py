@@ -15,7 +15,7 @@ from np_drake.diagnosis.regressors import DRAG, GUSTY, Model, Onset, switched
 from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.diagnosis.result import Cause, Estimate
 from np_drake.diagnosis.selection import Ranking, names_of, names_of_fit
-from np_drake.diagnosis.wind.gauss_markov import Begins, WindForce, Z, drag_trace, has_bins, wind_force
+from np_drake.diagnosis.wind.gauss_markov import Begins, WindForce, Z, drag_trace, instants, spans, wind_force
 from np_drake.diagnosis.wind.wind_onset import ROUNDS, Begin, still_air_loss, wind_begins, wind_onset
 from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.linear_drag import LinearDrag
@@ -51,7 +51,7 @@ def as_gusts(
     if drag is None:
         return causes
     known = _known(causes, drag)
-    if not any(has_bins(e, known.get(e.name)) for e in flights):
+    if not any(spans(e, instants(e)[:, None], known.get(e.name)) for e in flights):  # too few bins
         return causes
     onset, begun = GustOnset(flights, held_out, through_drag, drag, options).begins(known)
     drag = dc.replace(drag, onset=begun)

@@ -9,7 +9,7 @@ from scipy import special
 from np_drake.diagnosis.adequacy.linear_model import LinearModel
 from np_drake.diagnosis.decision import causes as module
 from np_drake.diagnosis.decision.causes import causes_of, without_missing_drag
-from np_drake.diagnosis.decision.explanations import indistinguishable
+from np_drake.diagnosis.decision.explanations import equivalents
 from np_drake.diagnosis.decision.term_assessment import TermAssessment, assess_term
 from np_drake.diagnosis.forward_model import pendulum_error
 from np_drake.diagnosis.held_out.prediction import on_held_out
@@ -190,11 +190,11 @@ def test_without_torque_mass_and_thrust_are_named_beside_each_other(seen, search
     pair = {"mass_error", "thrust_scale"}
     (first,) = pair & set(named)
     (other,) = pair - {first}
-    assert other in indistinguishable(found.problem, found.models[0])[first]
+    assert other in equivalents(found.problem, found.models[0])[first]
 
 
 def test_what_the_motion_tells_apart_is_not_named_beside_it(drag):
-    assert "gyro_bias" not in indistinguishable(drag.ranking.problem, drag.ranking.models[0])["linear_drag"]
+    assert "gyro_bias" not in equivalents(drag.ranking.problem, drag.ranking.models[0])["linear_drag"]
 
 
 def test_parameters_of_a_payload_are_known_no_better_than_a_pendulum_is_its_model(fit_at):

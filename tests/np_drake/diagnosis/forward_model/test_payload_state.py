@@ -13,9 +13,8 @@ from np_drake.diagnosis.forward_model.payload_state import (
     NEVER,
     STATE,
     Term,
+    at_hooks,
     hidden_size,
-    hook_acceleration,
-    hook_velocity,
     jumps,
     specific_pull,
     start_of_swing,
@@ -55,7 +54,7 @@ def test_an_angle_of_swing_is_an_angle():
 def test_the_hook_of_a_hovering_vehicle_rests(seen):
     dut = seen(vigour=0.0)
     hooks = np.array([[0.0, 0.0, 0.0], [0.1, 0.0, -0.05]])
-    np.testing.assert_allclose(hook_acceleration(dut, hooks), 0.0, atol=1e-9)
+    np.testing.assert_allclose(at_hooks(dut.driving, hooks), 0.0, atol=1e-9)
     pull = specific_pull(dut, np.array([0.5]), np.zeros((1, 4)), hooks[:1], None)
     np.testing.assert_allclose(pull[:, 0], np.tile([0, 0, -9.81], (len(dut.t), 1)), atol=1e-6)
 
@@ -63,13 +62,13 @@ def test_the_hook_of_a_hovering_vehicle_rests(seen):
 def test_a_hook_moves_as_a_point_of_the_body_many_as_each_alone(seen):
     dut = seen()
     hooks = np.array([[0.1, 0.0, 0.0], [0.03, -0.2, 0.05]])
-    together, rows = hook_velocity(dut, hooks), dut.rows
+    together, rows = at_hooks(dut.moving, hooks), dut.rows
     middle = 0.5 * (dut.t[1:] + dut.t[:-1])
     for i, hook in enumerate(hooks):
         v = pendulum.hook_velocity(hook, rows.x)
         expected = [np.interp(middle, rows.t, column) for column in v.T]
         np.testing.assert_allclose(together[:, i], np.transpose(expected), atol=1e-12)
-        np.testing.assert_allclose(together[:, i], hook_velocity(dut, hooks[i : i + 1])[:, 0], atol=1e-12)
+        np.testing.assert_allclose(together[:, i], at_hooks(dut.moving, hooks[i : i + 1])[:, 0], atol=1e-12)
 
 
 def test_the_air_brakes_a_swing_under_a_hovering_vehicle(seen):
@@ -86,14 +85,14 @@ def test_the_air_brakes_a_swing_under_a_hovering_vehicle(seen):
 def test_a_hook_accelerates_as_a_point_of_the_body_many_as_each_alone(seen):
     dut = seen()
     hooks = np.array([[0.1, 0.0, 0.0], [0.03, -0.2, 0.05], [0.1, 0.0, 0.0]])
-    together, rows = hook_acceleration(dut, hooks), dut.rows
+    together, rows = at_hooks(dut.driving, hooks), dut.rows
     middle = 0.5 * (dut.t[1:] + dut.t[:-1])
     for i, hook in enumerate(hooks):
         w = rows.x[:, 10:13]
         turned = attitude.rotate(rows.q, np.cross(rows.al, hook) + np.cross(w, np.cross(w, hook)))
         expected = [np.interp(middle, rows.t, column) for column in (rows.a + turned).T]
         np.testing.assert_allclose(together[:, i], np.transpose(expected), atol=1e-9)
-        np.testing.assert_allclose(together[:, i], hook_acceleration(dut, hooks[i : i + 1])[:, 0], atol=1e-12)
+        np.testing.assert_allclose(together[:, i], at_hooks(dut.driving, hooks[i : i + 1])[:, 0], atol=1e-12)
 
 
 def test_many_payloads_pull_as_each_does_alone(seen):
