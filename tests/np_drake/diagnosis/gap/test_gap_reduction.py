@@ -87,7 +87,7 @@ def test_the_bootstrap_is_the_same_each_time():
 @pytest.fixture(scope="module")
 def solved(ranked):
     case = ranked(MassError(0.2), LinearDrag(0.6, 0.6, 0.6))
-    held = on_held_out(case.fit, case.ranking.noise, priors=REAL.priors)
+    held = on_held_out(case.fit, case.held_out, case.ranking.noise, priors=REAL.priors)
     causes, _ = causes_of(case.ranking, LinearModel(case.ranking), (), held)
     return case, held, causes
 
@@ -163,8 +163,8 @@ def test_to_the_replay_a_flight_begins_at_its_first_row(solved, begin):
     late = make_flight_residuals(dc.replace(flight.log, t=flight.log.t + 50.0), flight.vehicle)
     late = dc.replace(late, joined=np.arange(len(late.t)) < 100)
     terms = [dc.replace(t, onset={"c": 50.0 + begin}) for t in held.terms["c"]]
-    begun = dc.replace(held, rows={"c": ~late.joined}, terms={"c": terms})
-    dut.measure_gap_reduction(causes, [late], case.ranking.noise, begun, replay)
+    begun = dc.replace(held, flights=[late], rows={"c": ~late.joined}, terms={"c": terms})
+    dut.measure_gap_reduction(causes, case.ranking.noise, begun, replay)
     (_, _), (t, effects) = calls
     assert t[0] == pytest.approx(flight.t[100] - flight.log.t[0], abs=0.02)  # what a fit has seen is left out
     assert [onset["c"] for _, onset in effects] == pytest.approx([begin, begin])
@@ -200,7 +200,7 @@ def test_a_flight_is_replayed_from_where_a_cause_acts_on(solved, onsets, first):
     assert before[-1] == flight.log.t[-1] - flight.log.t[0]
 
 
-def test_the_replay_gets_of_gusts_what_is_foreseen_of_them(solved):
+def test_the_replay_gets_of_gusts_what_is_predicted_of_them(solved):
     case, held, causes = solved
     calls = []
 
@@ -211,8 +211,8 @@ def test_the_replay_gets_of_gusts_what_is_foreseen_of_them(solved):
     gusts = GustyWind(1.0, 2.0, 3.0, 4.0, 0.5)
     blown = [dc.replace(causes[0], identifier="gusty_wind", effect=gusts)]
     dut.measure_gap_reduction(blown, case.ranking.noise, held, replay)
-    (foreseen,) = calls[1]
-    assert foreseen == dc.replace(gusts, deviation=0.0)
+    (predicted,) = calls[1]
+    assert predicted == dc.replace(gusts, deviation=0.0)
 
 
 def test_a_simulator_that_refuses_the_effects_costs_the_replay_alone():
