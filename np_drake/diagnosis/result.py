@@ -197,7 +197,7 @@ class Diagnosis:
     judged_as: tolerance used: `rig` (real sensors) or `laboratory` (ideal sensors); empty: neither.
     coverage: sentences on what the held-out flights test; empty: not computed.
     posterior: joint, of the parameters of the causes.
-    explanations: that still stand, best first; the verdict names the material effects of the first that are sure.
+    explanations: that still stand, best first; the verdict names the material effects of the first that are probable.
     readings: noise and tolerances by which another flight is read.
     """
 

@@ -47,7 +47,7 @@ class Burst:
 def strongest_burst(flights: Sequence[FlightResiduals], residual: dict[str, np.ndarray]) -> Burst:
     """Return the largest slow force, axis by axis, over its usual deviation by the median of all flights.
 
-    Noise and sensors that wander are normal, and stay within five deviations in minutes of flight; what acts now and
+    Noise and sensor drift are normal, and stay within five deviations in minutes of flight; what acts now and
     then does not count in a median.   Source: own choice.
 
     Args:
@@ -68,7 +68,7 @@ def strongest_burst(flights: Sequence[FlightResiduals], residual: dict[str, np.n
 
 
 def _slow_force(e: FlightResiduals, residual: np.ndarray) -> np.ndarray:
-    """(n, 3) low-passed force of what is left (m, 15) of a flight, without its edges [N]."""
+    """Return (n, 3) the low-passed force of what is left (m, 15) of a flight, without its edges [N]."""
     edge = min(round(EDGE / e.grid.step), (len(residual) - 1) // 2)
     return low_pass(residual[:, FORCE], e.grid.step, BRIEF)[edge : len(residual) - edge]
 
@@ -107,7 +107,7 @@ def strongest_line(
 
 
 def _floor(power: np.ndarray, frequency: np.ndarray, lobe: float) -> np.ndarray:
-    """(f, 6) median of the powers about every frequency; `lobe` the least distance to either side [Hz]."""
+    """Return (f, 6) the median of the powers about every frequency; `lobe` the least distance to either side [Hz]."""
     down = np.maximum(lobe, np.minimum(NEIGHBOURHOOD, frequency * (1 - 1 / OCTAVE)))
     up = np.maximum(lobe, np.minimum(NEIGHBOURHOOD, frequency * (OCTAVE - 1)))
     first = np.searchsorted(frequency, frequency - down)

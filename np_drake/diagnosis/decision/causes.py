@@ -96,9 +96,11 @@ def without_missing_drag(causes: list[Cause], minor: list[Finding]) -> tuple[lis
         minor: findings below the threshold of a cause.
     """
     named = {c.identifier for c in causes}
-    unfelt = [c for c in causes if c.effect and c.effect.needs and not named & {*c.effect.needs}]
-    texts = [Finding(c.identifier, "no cause through which it would be felt", c.share, {}) for c in unfelt]
-    return [c for c in causes if c not in unfelt], [*minor, *texts]
+    without_drag = [c for c in causes if c.effect and c.effect.needs and not named & {*c.effect.needs}]
+    texts = [
+        Finding(c.identifier, "no cause through which it would be felt", c.share, {}) for c in without_drag
+    ]
+    return [c for c in causes if c not in without_drag], [*minor, *texts]
 
 
 def joint_posterior(fit: Fit, causes: Sequence[Cause]) -> Posterior:

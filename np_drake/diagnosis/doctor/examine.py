@@ -29,7 +29,7 @@ from np_drake.vehicle import Vehicle
 
 Progress = Callable[[float, str], None]
 LEAST_DURATION = 3.0  # of a flight that can be diagnosed [s]; as of the residuals
-MOST_SECONDS = 120.0  # of a flight from which effects are judged [s]; own choice: memory
+MOST_SECONDS = 120.0  # of a flight from which effects are answered for [s]; own choice: memory
 MOST_GAPS = 0.1  # share of rows put into gaps from which a log is limited [1]; own choice
 MOST_SATURATED = 0.05  # share of rows with a rotor at a limit from which a log is limited [1]; own choice
 FAR = 100.0  # usual sizes beyond which a smallest size is infinite [1]
@@ -73,10 +73,12 @@ def examine(
         if vehicle is None:
             problems.append("no vehicle file: effects are not judged (np-drake doctor --vehicle FILE)")
         return LogReport(facts, bool(long_enough) and not wrong, tuple(problems))
-    return _judged(LogReport(facts, True, tuple(problems), vehicle.name), long_enough, vehicle, tell)
+    return _with_answers(LogReport(facts, True, tuple(problems), vehicle.name), long_enough, vehicle, tell)
 
 
-def _judged(report: LogReport, logs: Sequence[FlightLog], vehicle: Vehicle, tell: Progress) -> LogReport:
+def _with_answers(
+    report: LogReport, logs: Sequence[FlightLog], vehicle: Vehicle, tell: Progress
+) -> LogReport:
     """Return the report with excitation, swings and answers."""
     tell(0.2, "residuals")
     logs = [_head(log) for log in logs]
@@ -186,7 +188,7 @@ def answers(
 
     Args:
         found: smallest sizes; those of the wind are for the usual drag of such a vehicle.
-        gust: least deviation of a gusty force [N].
+        gust: least deviation of the force of gusts [N].
         drag: that of the vehicle, where it is known [N·s/m]: winds act through it.
         vehicle: the nominal vehicle.
         log_input: as `FlightLog.input`.

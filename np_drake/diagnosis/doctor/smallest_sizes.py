@@ -157,7 +157,7 @@ def _crossing(size: np.ndarray, told: np.ndarray) -> float:
 
 
 def smallest_gust(noise: NoiseModel, seconds: float, time: float = 1.0) -> float:
-    """Return the least deviation of a lateral gusty force that is told from the noise [N].
+    """Return the least deviation of a lateral force of gusts that is told from the noise [N].
 
     The log likelihood of a spectrum is a sum over independent frequencies (Whittle), and so is the information on the
     power of a first-order process.

@@ -150,11 +150,11 @@ def explain(
     step = flights[0].grid.step
     _, _, residual = _fitted(flights, blocks, scale_only([e.y for e in flights], step))
     flights = [dc.replace(e, outliers=find_outliers(r, step)) for e, r in zip(flights, residual, strict=True)]
-    raw = [e.bridged(e.y) for e in flights]
-    _, _, residual = _fitted(flights, blocks, scale_only(raw, step))
-    noise = noise_of(flights, residual, raw, options, options.priors.linear_error)
+    channels = [e.bridged(e.y) for e in flights]
+    _, _, residual = _fitted(flights, blocks, scale_only(channels, step))
+    noise = noise_of(flights, residual, channels, options, options.priors.linear_error)
     mean, deviation, residual = _fitted(flights, blocks, noise)
-    noise = noise_of(flights, residual, raw, options, options.priors.linear_error)
+    noise = noise_of(flights, residual, channels, options, options.priors.linear_error)
     floor = {name: float(noise.rms[WRENCH][c]) for c, name in enumerate(CHANNELS)}
     return Explained(list(flights), noise, floor, _drag(mean, deviation, nuisance, traces))
 

@@ -75,7 +75,7 @@ def predictive_terms(
 
 
 def _drag_of(terms: Sequence[Term], i: int) -> int | None:
-    """The drag that feels the wind which is term i, if they began together in the flights of the fit."""
+    """Return the position of the drag through which term i, a wind, acts, if they began together in the fit."""
     needed = type(terms[i].effect).needs
     together = (j for j, t in enumerate(terms) if t.effect.identifier in needed and t.onset == terms[i].onset)
     return next(together, None)
@@ -116,7 +116,7 @@ def _outliers(
 
 
 def _first_run(found: np.ndarray) -> np.ndarray:
-    """The first unbroken run of true rows (m,), alone."""
+    """Return the first unbroken run of true rows (m,), alone."""
     start = int(np.argmax(found))
     run = np.zeros_like(found)
     if found.any():
@@ -126,7 +126,7 @@ def _first_run(found: np.ndarray) -> np.ndarray:
 
 
 def _end_of(t: np.ndarray, rows: np.ndarray) -> float:
-    """The last of these rows [s]; before the flight where there are none."""
+    """Return the last of these rows [s]; before the flight where there are none."""
     return float(t[np.flatnonzero(rows)[-1]]) if rows.any() else -np.inf
 
 
@@ -181,7 +181,7 @@ def _anchored(
     priors: Priors,
     onset: float | None = None,
 ) -> Term:
-    """The term, its swing fitted to the rows at its start, then every jump to those after the outlier."""
+    """Return the term, its swing fitted to the rows at its start, then every jump to those after the outlier."""
     now = list(terms)
     for k, rows in enumerate(hidden_state_rows(dc.replace(terms[i], onset={flight.name: onset}), flight)):
         fit = SwingFit(now, i, flight, noise, onset, rows, priors)
@@ -193,7 +193,7 @@ def _anchored(
 def _with_onset(
     terms: list[Term], i: int, flight: FlightResiduals, noise: NoiseModel, priors: Priors, *, known: bool
 ) -> Term:
-    """Where in this flight the term begins, its parameters being known (whatever a payload's swing was).
+    """Return the term from where it begins in this flight, its parameters being known (whatever a payload's swing was).
 
     known: to begin in flight. What acts from the start in all flights of the fit hardly begins late here, and is not
     excused where it is not there at all.
@@ -219,7 +219,7 @@ def _with_onset(
 def _span_by_span(
     terms: Sequence[Term], i: int, flight: FlightResiduals, noise: NoiseModel, priors: Priors
 ) -> np.ndarray:
-    """(m, 15) predicted residual of the terms with a payload that swings in every span as that span shows it by itself.
+    """Return (m, 15) the predicted residual with a payload that swings in every span as that span shows it by itself.
 
     A swing that is followed from the start of the flight is wrong wherever the payload was hung on later; where it
     explains a span better, it is right.

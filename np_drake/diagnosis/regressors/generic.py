@@ -67,9 +67,9 @@ def _candidate(
         weight = e.weight
         arm = float(np.mean(np.linalg.norm(np.array(e.vehicle.rotor_positions), axis=1)))
         size = priors.generic_size * weight * np.array([1, 1, 1, 0.3 * arm, 0.3 * arm, 0.1 * arm])
-        raw = pushes(state)
-        X = np.zeros((*e.y.shape, raw.shape[-1]))
-        X[:, :6] = size[:, None] * raw
+        unscaled = pushes(state)
+        X = np.zeros((*e.y.shape, unscaled.shape[-1]))
+        X[:, :6] = size[:, None] * unscaled
         return X
 
     return Candidate(

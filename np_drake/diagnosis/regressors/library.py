@@ -230,16 +230,16 @@ def wind_candidates(
             stages = StageCache()
             still = predicted_residual(e, [unit], stages)
             winds = [wind_class.of({"x": 0.0, "y": 0.0, "z": 0.0, axis: 1.0}) for axis in "xyz"]
-            blown = [predicted_residual(e, [unit, Term(wind, onset)], stages) for wind in winds]
-            extra = np.stack([b - still for b in blown], axis=-1) * speeds
+            windy = [predicted_residual(e, [unit, Term(wind, onset)], stages) for wind in winds]
+            extra = np.stack([w - still for w in windy], axis=-1) * speeds
             columns[e.name] = np.concatenate([drag.columns[e.name], extra], axis=-1)
 
         def terms(c: np.ndarray, drag: Candidate = drag) -> list[Term]:
-            (felt,) = drag.terms(c[:3])
-            d = {name: max(value, 0.2 * typical) for name, value in felt.effect.values.items()}
+            (own,) = drag.terms(c[:3])
+            d = {name: max(value, 0.2 * typical) for name, value in own.effect.values.items()}
             wind = speeds * c[3:] * typical / np.array(list(d.values()))
             values = dict(zip("xyz", np.clip(wind, -14.0, 14.0).tolist(), strict=True))
-            return [dc.replace(felt, effect=drag_class.of(d)), Term(wind_class.of(values), onset)]
+            return [dc.replace(own, effect=drag_class.of(d)), Term(wind_class.of(values), onset)]
 
         out.append(Candidate((DRAG, WIND), drag.variant, columns, terms, drag.log_prior, onset))
     return out

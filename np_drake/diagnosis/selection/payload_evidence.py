@@ -168,6 +168,6 @@ class OtherRegressors:
         return [found[horizon] for horizon in horizons]
 
     def _flat(self, e: FlightResiduals, values: np.ndarray) -> np.ndarray:
-        """(rows x channels, k) force and torque (m, 6, k), of the first m rows, whitened."""
+        """Return (rows x channels, k) force and torque (m, 6, k), of the first m rows, whitened."""
         white = self._noise.whiten(bridge(values, e.outliers[: len(values)]))
         return white.reshape(len(white) * CHANNELS, values.shape[-1])

@@ -38,7 +38,7 @@ CHUNK = 12  # lengths whose columns are held at a time
 ENDS = (HORIZONS[0], HORIZONS[-1])
 SHARPENED = ((0.4, 0.05), (0.04, 0.01))  # about an onset: span to either side and step, in turn [s]
 MOVES = 4  # of a span, at most, whose best instant is nearer to an end than to its middle; own choice
-AFTER_ONSET = 2.0  # up to which an onset is judged [s]
+AFTER_ONSET = 2.0  # up to which the evidence of an onset is computed [s]
 STEPS = 3  # Gauss-Newton steps at each horizon
 
 
@@ -118,7 +118,7 @@ class PayloadSearch:
         )
 
     def _distinct(self, found: Sequence[tuple[float, PayloadColumns]]) -> list[tuple[Guess, Candidate]]:
-        """The best, of different lengths."""
+        """Return the best, of different lengths."""
         kept: list[tuple[Guess, Candidate]] = []
         for _, payload in sorted(found, key=lambda f: -f[0]):
             guess = payload.guess
@@ -180,7 +180,7 @@ class PayloadSearch:
     def _best_about(
         self, e: FlightResiduals, near: float, span: float, step: float, noise, nuisance, guess
     ) -> float:
-        """The best instant of one flight within `span` of `near` [s]."""
+        """Return the best instant of one flight within `span` of `near` [s]."""
         head = e.head(int(np.searchsorted(e.t, near + AFTER_ONSET)))
         beside = OtherRegressors([head], noise, nuisance, {e.name: near}, horizons=(AFTER_ONSET,))
         times = np.arange(max(e.t[1], near - span), min(e.t[-1], near + span), max(step, e.grid.step))

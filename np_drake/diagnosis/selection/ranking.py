@@ -13,7 +13,7 @@ from np_drake.diagnosis.regressors import Model, RegressionProblem, prior_of
 from np_drake.diagnosis.selection.map_model import SearchResult
 from np_drake.effects.library import effect_of
 
-REFINED = 3  # models refined, with what is simpler than these
+REFINED = 3  # models refined, with these less their negligible effects
 RANKING_MARGIN = 12.0  # log evidence below the best at which a model is not refined
 NEGLIGIBLE = 0.1  # whitened size over that of all, below which a model is tried without an effect [1]
 
