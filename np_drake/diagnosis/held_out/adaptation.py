@@ -9,7 +9,7 @@ from np_drake.diagnosis.fitting import SwingFit
 from np_drake.diagnosis.forward_model import MOST_JUMPS, NEVER, STATE, Term, jumps, predicted_residual
 from np_drake.diagnosis.numerics import NoiseModel
 from np_drake.diagnosis.options import Priors
-from np_drake.diagnosis.regressors import SwitchedRegressors
+from np_drake.diagnosis.regressors import onset_log_likelihood
 from np_drake.diagnosis.residuals import (
     LONGEST_BOUNCE,
     LONGEST_OUTLIER,
@@ -240,29 +240,3 @@ def _span_by_span(
         if losses[0] < losses[1]:
             trace[rows] = alone[rows]
     return trace
-
-
-def onset_log_likelihood(
-    flight: FlightResiduals, noise: NoiseModel, target: np.ndarray, own: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return (n,) times of the grid, the last one "not at all", and log likelihoods if `own` begins there.
-
-    Args:
-        flight: the flight.
-        noise: noise model of the channels.
-        target: (m, 15) residual without the effect.
-        own: (m, 15) what the effect leaves.
-    """
-    columns = SwitchedRegressors(flight, noise, target, np.zeros((*target.shape, 0)))
-    t, X = columns.t, own[..., None]
-    rows = np.arange(1, len(t))
-    whole = columns.whole(X)
-    XX, _, Xy = (
-        np.concatenate([a[:1], b, 0 * a[:1]])
-        for a, b in zip(whole, columns.begun(X, whole, rows), strict=True)
-    )
-    after = (Xy - 0.5 * XX[..., 0])[:, 0]
-    times = np.append(t, t[-1] + flight.grid.step)
-    usable = (times < t[0] + 0.3) & (times > t[0])
-    after[usable] = -np.inf
-    return times, after

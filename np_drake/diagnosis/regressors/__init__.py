@@ -24,7 +24,12 @@ from np_drake.diagnosis.regressors.nuisance import (
 from np_drake.diagnosis.regressors.payload import AT_REST, SHAPE, WIDEST, Guess, PayloadColumns, heavy_enough
 from np_drake.diagnosis.regressors.payload_grid import payload_about, payload_candidates, payloads_of
 from np_drake.diagnosis.regressors.regression_problem import Model, RegressionProblem, prior_of
-from np_drake.diagnosis.regressors.switched_regressors import Sums, SwitchedRegressors, SwitchedSums
+from np_drake.diagnosis.regressors.switched_regressors import (
+    Sums,
+    SwitchedRegressors,
+    SwitchedSums,
+    onset_log_likelihood,
+)
 
 __all__ = [
     "AT_REST",
@@ -51,6 +56,7 @@ __all__ = [
     "heavy_enough",
     "library_candidates",
     "nuisance_of",
+    "onset_log_likelihood",
     "payload_about",
     "payload_candidates",
     "payloads_of",

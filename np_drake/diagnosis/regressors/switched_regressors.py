@@ -124,6 +124,32 @@ class SwitchedSums:
         return self._begun[key]
 
 
+def onset_log_likelihood(
+    flight: FlightResiduals, noise: NoiseModel, target: np.ndarray, own: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return (n,) times of the grid, the last one "not at all", and log likelihoods if `own` begins there.
+
+    Args:
+        flight: the flight.
+        noise: noise model of the channels.
+        target: (m, 15) residual without the effect.
+        own: (m, 15) what the effect leaves.
+    """
+    columns = SwitchedRegressors(flight, noise, target, np.zeros((*target.shape, 0)))
+    t, X = columns.t, own[..., None]
+    rows = np.arange(1, len(t))
+    whole = columns.whole(X)
+    XX, _, Xy = (
+        np.concatenate([a[:1], b, 0 * a[:1]])
+        for a, b in zip(whole, columns.begun(X, whole, rows), strict=True)
+    )
+    after = (Xy - 0.5 * XX[..., 0])[:, 0]
+    times = np.append(t, t[-1] + flight.grid.step)
+    usable = (times < t[0] + 0.3) & (times > t[0])
+    after[usable] = -np.inf
+    return times, after
+
+
 def _taken(windows: np.ndarray, rows: np.ndarray) -> np.ndarray:
     """Return windows[rows], as a view where rows (n,) are equally spaced."""
     steps = np.unique(np.diff(rows))

@@ -12,12 +12,12 @@ from np_drake.diagnosis.held_out.adaptation import (
     _span_by_span,
     adapt,
     mark_outliers,
-    onset_log_likelihood,
     predictive_terms,
     scored_on_fitted_rows,
     scored_rows,
 )
 from np_drake.diagnosis.options import Options
+from np_drake.diagnosis.regressors.switched_regressors import onset_log_likelihood
 from np_drake.diagnosis.residuals.flight_residuals import WRENCH
 from np_drake.diagnosis.residuals.make_flight_residuals import make_flight_residuals
 from np_drake.effects.constant_wind import ConstantWind
