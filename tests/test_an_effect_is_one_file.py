@@ -10,13 +10,12 @@ import numpy as np
 import np_drake.diagnosis
 from diagrams.challenge.generate.magnitudes import draw_effect
 from diagrams.exports.coverage import FORMATS
-from diagrams.gap.corrected import corrected_simulator
-from diagrams.gap.corrected_file import FILE, write_corrected
+from diagrams.gap.corrected import FILE, corrected_simulator, write_corrected
 from diagrams.loop.flight import FlightConfig, load_flight
 from diagrams.loop.flight_result import fly
 from diagrams.loop.reality import RealityConfig
 from np_drake.diagnosis.diagnose import diagnose
-from np_drake.diagnosis.report.write import PAGE, write_report
+from np_drake.diagnosis.report.page import PAGE, write_report
 from np_drake.effects.effect_entry import EffectEntry
 from np_drake.effects.library import LIBRARY, MEASURED_ROTORS, NUISANCES, SIMULATED
 from np_drake.references.config import ReferenceConfig

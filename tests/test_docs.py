@@ -65,7 +65,7 @@ def test_the_experiment_of_the_docs_flies_well(tmp_path):
 
 
 def test_the_tolerances_in_the_docs_are_those_of_the_code():
-    from np_drake.diagnosis.tolerance import IDEAL_SENSORS, Tolerance
+    from np_drake.diagnosis.options import IDEAL_SENSORS, Tolerance
 
     page = (ROOT / "docs" / "reference" / "diagnosis.md").read_text()
     rows = {
@@ -94,14 +94,14 @@ def test_the_constants_of_the_decision_in_the_docs_are_those_of_the_code():
         f"force below {100 * m.calibration_force:g} % of weight",
         f"below {m.sensor:g} tolerances",
         f"below {m.still_air:g} m/s (draught, ISO 7730)",
-        f"P = {t.sure:g} ({fine.sure:g}) on",
-        f"inseparable from it (within {t.same:g})",
-        f"even odds at {t.slow_force:g}",
-        f"leave {t.misfit:g} ({fine.misfit:g}) times the noise",
+        f"P = {t.cause_probability:g} ({fine.cause_probability:g}) on",
+        f"inseparable from it (within {t.indistinguishable_evidence:g})",
+        f"even odds at {t.slow_force_evidence:g}",
+        f"leave {t.misfit_ratio:g} ({fine.misfit_ratio:g}) times the noise",
         f"gain {p.onset_gain:g} in log likelihood, or {p.new_onset_gain:g}",
         f"an effect, log | −{-p.effect:g};",
         f"generic structure, log | −{-p.of_effect('unknown:rates'):g}; {100 * p.generic_size:g} % of weight",
-        f"{t.slow_torque:g} ({fine.slow_torque:g}) times what gyro noise implies",
+        f"{t.slow_torque_ratio:g} ({fine.slow_torque_ratio:g}) times what gyro noise implies",
     ):
         assert text in page, text
 

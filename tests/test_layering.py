@@ -11,8 +11,6 @@ FILES = sorted(path.relative_to(ROOT) for floor in FLOORS for path in (ROOT / fl
 # From the ground up: a module imports from its own room and from those before it.
 DIAGNOSIS = (
     *(
-        "tolerance",
-        "materiality",
         "options",
         "numerics",
         "result",

@@ -61,7 +61,7 @@ def diagnose(
     config |= {"replay": not no_replay, "second_look": not no_second_look, "rig": rig, "repair": repair}
 
     def write(folder: Path) -> None:
-        from np_drake.diagnosis.report.write import write_report
+        from np_drake.diagnosis.report.page import write_report
 
         beside = {}
         if page := write_ghosts(found, nominal, logs[1] if not no_replay else [], folder):
@@ -91,8 +91,7 @@ def write_simulator(found: "Diagnosis", vehicle: "Vehicle", folder: Path) -> Pat
 
     Raises: ValueError: if no vehicle can fly so; OSError: if it cannot be written.
     """
-    from diagrams.gap.corrected import corrected_simulator
-    from diagrams.gap.corrected_file import FILE, write_corrected
+    from diagrams.gap.corrected import FILE, corrected_simulator, write_corrected
 
     write_corrected(corrected_simulator(found, vehicle), found, folder / FILE)
     return folder / FILE
@@ -105,8 +104,7 @@ def write_ghosts(
 
     Raises: OSError: if it cannot be written.
     """
-    from diagrams.gap.replay_page import FILE, write_side_by_side
-    from diagrams.gap.side_by_side import NoReplay, side_by_side
+    from diagrams.gap.side_by_side import FILE, NoReplay, side_by_side, write_side_by_side
 
     path = folder / FILE
     path.unlink(missing_ok=True)  # of an earlier diagnosis
@@ -191,8 +189,8 @@ def diagnose_logs(
     """
     from diagrams.gap.drake_replay import DrakeReplay
     from np_drake.diagnosis.diagnose import diagnose as five_steps
-    from np_drake.diagnosis.residuals.requirements import require_flights
-    from np_drake.diagnosis.tolerance import IDEAL_SENSORS, Tolerance
+    from np_drake.diagnosis.options import IDEAL_SENSORS, Tolerance
+    from np_drake.diagnosis.residuals.make_flight_residuals import require_flights
 
     require_flights(train, held_out)  # what is refused is so without a bar
     with progress("diagnosing", 1.0) as advance:

@@ -2,13 +2,13 @@
 
 from diagrams.cli.output import Table
 from np_drake.diagnosis.report import words
-from np_drake.diagnosis.report.next_steps import next_steps
 from np_drake.diagnosis.report.summary import (
     GAP_HEADER,
     cause_table,
     gap_rows,
     headline,
     lead,
+    next_steps,
     unseen,
     warnings,
 )
@@ -28,8 +28,8 @@ def tables(diagnosis: Diagnosis) -> list[Table]:
     """Return the tables that have rows, the answer first."""
     refit = diagnosis.refit
     tested = [*diagnosis.coverage, *filter(None, [unseen(diagnosis)])]
-    left = [(finding.name, words.described(finding)) for finding in diagnosis.remains]
-    left += [(f"minor: {finding.name}", finding.text) for finding in diagnosis.minor]
+    left = [(finding.name, words.described(finding)) for finding in diagnosis.unexplained]
+    left += [(f"minor: {finding.name}", finding.text) for finding in diagnosis.below_threshold]
     every: list[Table] = [
         ("causes", *cause_table(diagnosis, _NAME)),
         *([("second answer: causes", *cause_table(refit, _NAME))] if refit else []),
@@ -67,7 +67,11 @@ def second_answer(diagnosis: Diagnosis) -> list[str]:
 
 def replay_rows(diagnosis: Diagnosis) -> list[tuple]:
     """Return a row for every horizon."""
-    gaps = [gap for gap in (diagnosis.shrink.replay_before, diagnosis.shrink.replay_after) if gap is not None]
+    gaps = [
+        gap
+        for gap in (diagnosis.gap_reduction.replay_before, diagnosis.gap_reduction.replay_after)
+        if gap is not None
+    ]
     rows: list[tuple] = []
     for k, horizon in enumerate(gaps[0].horizon if gaps else ()):
         cells = []

@@ -40,7 +40,7 @@ def doctor(
     repair: options.Repair = False,
 ) -> Report:
     """Examine flight logs: rates, gaps, noise, clocks, motion, and which effects they can tell, to what size."""
-    from np_drake.diagnosis.doctor import examine
+    from np_drake.diagnosis.doctor.examine import examine
     from np_drake.logs.importing.log_map import load_map_file
 
     nominal = _vehicle(vehicle)

@@ -5,12 +5,11 @@ from pathlib import Path
 from diagrams.demo.figures import foretold
 from diagrams.demo.page import write_index
 from diagrams.demo.story import HELD_OUT, LEARNED, Demo
-from diagrams.gap import corrected_file, replay_page
-from diagrams.gap.corrected import corrected_simulator
+from diagrams.gap import corrected, side_by_side
 from diagrams.loop.replay.flight_page import write_replay
 from diagrams.tracking import figures
 from diagrams.tracking.tracking import TRACKS
-from np_drake.diagnosis.report.write import write_report
+from np_drake.diagnosis.report.page import write_report
 from np_drake.files.atomic_file import write_bytes
 from np_drake.files.figure_file import png
 from np_drake.logs.formats.log_file import write_log
@@ -50,12 +49,12 @@ def _pictures(demo: Demo) -> dict[str, bytes]:
 def _write_simulators(demo: Demo, folder: Path) -> dict[str, str]:
     """Write corrected simulator and ghosts, and return the texts of links by file."""
     vehicle = demo.training.config.vehicle
-    config = corrected_simulator(demo.diagnosis, vehicle)
-    corrected_file.write_corrected(config, demo.diagnosis, folder / corrected_file.FILE)
-    replay_page.write_side_by_side(demo.beside, vehicle, folder / replay_page.FILE)
+    config = corrected.corrected_simulator(demo.diagnosis, vehicle)
+    corrected.write_corrected(config, demo.diagnosis, folder / corrected.FILE)
+    side_by_side.write_side_by_side(demo.beside, vehicle, folder / side_by_side.FILE)
     return {
-        replay_page.FILE: f"The {HELD_OUT} beside its simulators",
-        corrected_file.FILE: "Corrected simulator",
+        side_by_side.FILE: f"The {HELD_OUT} beside its simulators",
+        corrected.FILE: "Corrected simulator",
     }
 
 

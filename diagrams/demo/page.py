@@ -39,7 +39,7 @@ def write_index(demo: Demo, pictures: Mapping[str, bytes], links: Mapping[str, s
 
 def content(demo: Demo) -> dict[str, Any]:
     """Return all values that the template uses, with numbers formatted as text."""
-    replay = demo.diagnosis.shrink
+    replay = demo.diagnosis.gap_reduction
     return {
         "seed": demo.seed,
         "vehicle": demo.training.config.vehicle.name,

@@ -12,9 +12,7 @@ import numpy as np
 from diagrams.gap.rollout import Commands, Rollout, Swing
 from np_drake import attitude
 from np_drake.diagnosis.gap.gap_reduction import LEAD
-from np_drake.diagnosis.gap.initial_states import States, true_states
-from np_drake.diagnosis.gap.payload_initial_state import Track, payload_track
-from np_drake.diagnosis.gap.replay_error import replay_gap, state_error
+from np_drake.diagnosis.gap.replay import States, Track, payload_track, replay_gap, state_error, true_states
 from np_drake.diagnosis.result import HORIZONS, ReplayGap
 from np_drake.effects.base import Effect, SensorEffect
 from np_drake.effects.combine import EffectsByPlace, mass_properties, split_effects
@@ -124,7 +122,10 @@ class DrakeReplay:
     ) -> list[Leg]:
         """Return the open-loop replay along each leg, started anew from the logged state of its first row.
 
-        Args: legs: rows of the log, increasing; on its own clock the replay is at row k where the log is.
+        Args:
+            log: the flight log.
+            effects: with their onset by flight [s].
+            legs: rows of the log, increasing; on its own clock the replay is at row k where the log is.
         """
         flight = self._prepared(log, effects)
         t, x = flight.states.t, flight.states.x

@@ -9,7 +9,7 @@ import numpy as np
 import yaml
 from matplotlib.figure import Figure
 
-from diagrams.gap.corrected_file import FILE as CORRECTED
+from diagrams.gap.corrected import FILE as CORRECTED
 from diagrams.loop.flight import FlightConfig, load_flight
 from np_drake.diagnosis.numerics import Readings
 from np_drake.effects.explanation import Explanation

@@ -16,7 +16,7 @@ from diagrams.batch.run import Report, Run
 from diagrams.batch.workers import Workers, every_result
 from diagrams.prediction.array_flights import neurobem_folder
 from np_drake.diagnosis.diagnose import diagnose
-from np_drake.diagnosis.residuals.flight_residuals import make_flight_residuals
+from np_drake.diagnosis.residuals.make_flight_residuals import make_flight_residuals
 from np_drake.flight_log import FlightLog
 from np_drake.logs.formats.neurobem import AGILE, published_vehicle
 from np_drake.logs.opening import open_flights
@@ -54,13 +54,18 @@ def fold(vehicle: Vehicle, train: Sequence[FlightLog], held_out: FlightLog) -> F
     """Diagnose on `train` and evaluate on `held_out`, to which nothing is fitted.
 
     `mean`: of the total torque in the training flights [N·m].
+
+    Args:
+        vehicle: the nominal vehicle.
+        train: training flights.
+        held_out: the flight held out.
     """
     answer = diagnose(vehicle, train, [held_out], adaptive_split=False)
     unseen = make_flight_residuals(held_out, vehicle)
     total = unseen.y[:, 3:6] + unseen.nominal[:, 3:]
     flown = [make_flight_residuals(log, vehicle) for log in train]
     mean = np.concatenate([e.y[:, 3:6] + e.nominal[:, 3:] for e in flown]).mean(axis=0)
-    where = answer.where
+    where = answer.localisation
     name = held_out.name
     return Fold(name, answer.verdict, where.before[name], where.after[name], total, total - mean)
 
@@ -96,6 +101,10 @@ def leave_one_out(
 ) -> list[Fold]:
     """Return a fold for every agile flight, held out in turn, with the others as training flights.
 
+    Args:
+        folder: of the data set.
+        workers: on which the diagnoses run.
+        on_progress: called with the number done and the number of all.
     Raises: OSError, LogError: where a flight is missing or cannot be read; FailedRun: where a fold has no result.
     """
     cases = [{"flight": log.name} for log in agile_flights(folder)]

@@ -36,7 +36,12 @@ class Commands:
         return self.u[max(int(np.searchsorted(self.t, time + 1e-9, side="right")) - 1, 0)]
 
     def changes(self, start: float, stop: float) -> np.ndarray:
-        """Return the times strictly between start and stop at which another row begins to act [s]."""
+        """Return the times strictly between start and stop at which another row begins to act [s].
+
+        Args:
+            start: [s].
+            stop: [s].
+        """
         first, last = np.searchsorted(self.t, [start + 1e-9, stop - 1e-9])
         return self.t[first:last]
 
@@ -60,6 +65,10 @@ class Rollout:
     """One vehicle with one set of effects, each by its wrapper, and the payload as a body.
 
     Sensors are not part of it.
+
+    Args:
+        vehicle: the nominal vehicle.
+        effects: that act on the vehicle.
     """
 
     def __init__(self, vehicle: Vehicle, effects: Sequence[Effect]):
@@ -97,7 +106,12 @@ class Rollout:
 
         The last three columns are p_WP [m], NaN without a payload. Motors and delays have run on the commands before
         times[0] for `lead` seconds. NaN once the vehicle is lost.
-        Args: swing: state of the payload at times[0]; None without one.
+
+        Args:
+            x: (13,) state at times[0].
+            commands: of the flight.
+            times: increasing [s].
+            swing: state of the payload at times[0]; None without one.
         """
         commands = commands.later(self._dead_time)
         begin = max(times[0] - self.lead, min(commands.t[0], times[0]))

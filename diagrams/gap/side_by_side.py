@@ -1,13 +1,26 @@
-"""Replay of a held-out flight in the nominal and in the corrected simulator, side by side with the flight itself."""
+"""Replay of a held-out flight in the nominal and in the corrected simulator beside the flight itself, as a 3-D page."""
 
 import dataclasses as dc
 import math
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
+from pydrake.geometry import Rgba
 
 from diagrams.gap.drake_replay import DrakeReplay
-from diagrams.loop.replay.film import FRAME_RATE, frames
+from diagrams.loop.replay.film import FRAME_RATE, Film, frames
+from diagrams.loop.replay.page import Page, ReadOut, Trail, write_page
+from diagrams.loop.replay.scene import (
+    DARK,
+    GREEN,
+    RED,
+    add_payload,
+    add_quadrotor,
+    add_trail,
+    arm_length,
+    new_scene,
+)
 from np_drake.diagnosis.gap.gap_reduction import LEAD
 from np_drake.diagnosis.result import HORIZONS, Diagnosis
 from np_drake.effects.base import Effect
@@ -18,6 +31,8 @@ RESTART = HORIZONS[-1]  # time after which a simulator starts anew from the flig
 LONGEST = 20.0  # part of the flight that is shown [s]; own choice: a page stays small and is made in seconds
 BEFORE = 5.0  # shown before a cause begins [s]
 SHORTEST = 2.0  # part of a flight that is worth a look [s]
+FILE = "replay.html"
+PALE = 0.45  # opacity of a ghost [1]
 
 Effects = list[tuple[Effect, dict[str, float | None]]]
 
@@ -62,7 +77,12 @@ def side_by_side(
     """Return the first held-out flight that can be replayed, in both simulators.
 
     Of a flight whose first half joined the fit, the second half is shown.
-    Args: replay: of the nominal vehicle, with what it has built; None: a new one.
+
+    Args:
+        diagnosis: the result.
+        vehicle: the nominal vehicle.
+        held_out: logs of held-out flights.
+        replay: of the nominal vehicle, with what it has built; None: a new one.
     Raises: NoReplay: where no flight can be replayed.
     """
     answer = diagnosis.refit or diagnosis
@@ -97,7 +117,7 @@ def _rebased(log: FlightLog, answer: Diagnosis) -> tuple[FlightLog, Effects]:
         onset = cause.onset.get(log.name)
         if cause.effect is not None:
             shifted = None if onset is None else onset - zero
-            effects.append((cause.effect.foreseen, {log.name: shifted}))
+            effects.append((cause.effect.predicted, {log.name: shifted}))
     return dc.replace(log, t=log.t - zero), effects
 
 
@@ -112,3 +132,73 @@ def _shown(log: FlightLog, effects: Effects, *, joined: bool) -> np.ndarray:
 def _ghost(replay: DrakeReplay, log: FlightLog, effects: Effects, legs: list[np.ndarray]) -> Ghost:
     found = replay.follow(log, effects, legs)
     return Ghost(*(np.concatenate(part) for part in zip(*(leg[1:] for leg in found), strict=True)))
+
+
+def write_side_by_side(found: SideBySide, vehicle: Vehicle, path: str | Path) -> None:
+    """Write an HTML page that plays the flight (solid) and its replays (ghosts), with the distance of each from it.
+
+    Args:
+        found: flight and replays.
+        vehicle: the nominal vehicle.
+        path: of the file.
+    Raises: OSError: if it cannot be written.
+    """
+    meshcat, film, size = new_scene(), Film(), arm_length(vehicle)
+    add_quadrotor(meshcat, vehicle, "flight")
+    add_trail(meshcat, "flight_trail", found.x[:, :3], 0.04 * size, DARK)
+    ghosts = {"nominal": (found.nominal, RED, "nominal simulator")}
+    if found.corrected is not None:
+        ghosts["corrected"] = (found.corrected, GREEN, "corrected simulator")
+    frame = np.arange(len(found.x))
+    trails, read_outs = [Trail("flight_trail", 0 * frame, frame)], []
+    for name, (ghost, color, label) in ghosts.items():
+        pale = Rgba(color.r(), color.g(), color.b(), PALE)
+        add_quadrotor(meshcat, vehicle, name, pale)
+        add_trail(meshcat, f"{name}_trail", _unbroken(ghost, found), 0.05 * size, color)
+        trails.append(Trail(f"{name}_trail", found.restarted, _last_flown(ghost, found)))
+        read_outs.append(ReadOut(label, color, ghost.error))
+        if found.hook is not None and np.isfinite(ghost.p_WP).any():
+            add_payload(meshcat, 0.2 * size, size, f"{name}_", pale)
+    away = float(np.clip(2.5 * np.quantile(found.nominal.error, 0.9), 7 * size, 20 * size))
+    for k in range(len(found.x)):
+        film.quadrotor(k, "flight", found.x[k])
+        for name, (ghost, *_) in ghosts.items():
+            _show(film, k, name, ghost, found.hook)
+    film.show(meshcat)
+    page = Page(
+        title=f"{found.flight}: flight and simulators",
+        start=found.start,
+        read_outs=tuple(read_outs),
+        trails=tuple(trails),
+        legend=((DARK, "the flight, as logged"),),
+        note=f"Each simulator starts from the logged state every {RESTART:g} s and follows the logged commands.",
+        follow=("flight", (0.35 * away, -0.8 * away, 0.45 * away)),
+    )
+    write_page(meshcat, page, path)
+
+
+def _show(film: Film, frame: int, name: str, ghost: Ghost, hook: np.ndarray | None) -> None:
+    """Show a ghost and its payload where they are."""
+    there = bool(np.isfinite(ghost.x[frame]).all())
+    film.visible(frame, name, there)
+    if there:
+        film.quadrotor(frame, name, ghost.x[frame])
+    if hook is None or not np.isfinite(ghost.p_WP).any():
+        return
+    hangs = there and bool(np.isfinite(ghost.p_WP[frame]).all())
+    for part in ("payload", "tether"):
+        film.visible(frame, f"{name}_{part}", hangs)
+    if hangs:
+        film.payload(frame, ghost.x[frame], hook, ghost.p_WP[frame], f"{name}_")
+
+
+def _unbroken(ghost: Ghost, found: SideBySide) -> np.ndarray:
+    """Return the positions of a ghost, those of the flight where it was lost, (frames, 3)."""
+    return np.where(np.isfinite(ghost.x[:, :3]), ghost.x[:, :3], found.x[:, :3])
+
+
+def _last_flown(ghost: Ghost, found: SideBySide) -> np.ndarray:
+    """Return by frame the last frame of its leg, until then, in which the ghost was not lost."""
+    frame = np.arange(len(found.x))
+    flown = np.where(np.isfinite(ghost.error), frame, found.restarted)
+    return np.maximum.accumulate(flown)

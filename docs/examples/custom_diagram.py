@@ -1,7 +1,7 @@
 """Wires a Drake diagram of its own: vehicle, sensors, controller, recorder.
 
-Shows: `make_tethered_quadrotor` with effects that the controller does not know, `add_sensor_model`, `add_controller`, and
-how the recorded signals are read after the simulation.
+Shows: `make_tethered_quadrotor` with effects that the controller does not know, `add_sensor_model`, `add_controller`,
+and how the recorded signals are read after the simulation.
 """
 
 import numpy as np

@@ -32,9 +32,11 @@ def main() -> None:
             print(
                 f"  {cause.identifier} {name} {parameter.value:.4f} [{low:.4f}, {high:.4f}] {parameter.unit}"
             )
-    shrink = found.shrink
-    print(f"held-out residual: {shrink.before:.2f} -> {shrink.after:.2f} (noise: {shrink.floor:.2f})")
-    for item in found.check.not_identifiable[:3]:
+    gap_reduction = found.gap_reduction
+    print(
+        f"held-out residual: {gap_reduction.before:.2f} -> {gap_reduction.after:.2f} (noise: {gap_reduction.floor:.2f})"
+    )
+    for item in found.identifiability.not_identifiable[:3]:
         print("not told apart:", " | ".join(item.effects), "; fly", item.manoeuvre)
 
 

@@ -1,33 +1,36 @@
-"""Diagnosis: residuals, causes, identifiability, localisation, gap reduction."""
+"""Diagnosis of the gap between a nominal model and flight logs, in five steps.
+
+1. condition: residuals of every flight against the nominal model, on one grid (`make_flight_residuals`);
+2. fit and search: sets of effects by their Bayesian evidence on training flights, parameters by maximum a posteriori
+   (`selection`, `fitting`);
+3. decide: which effects of the best set are causes, judged by held-out flights (`decision.infer`);
+4. report: what the logs cannot tell (identifiability), where the gap lies (localisation), and how far the causes close
+   it on held-out flights (gap reduction);
+5. second answer: where held-out flights show what training flights do not, the same with their first halves.
+"""
 
 import dataclasses as dc
 import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from np_drake.diagnosis.decision import (
-    Inference,
-    explanations_of,
-    infer,
-    joint_posterior,
-    novelty,
-    second_answer,
-    without_onsets_in,
-)
-from np_drake.diagnosis.gap import measure_gap_reduction
-from np_drake.diagnosis.localisation import (
+from np_drake.diagnosis.decision.causes import joint_posterior
+from np_drake.diagnosis.decision.explanations import explanations_of
+from np_drake.diagnosis.decision.infer import Inference, infer
+from np_drake.diagnosis.decision.second_answer import novelty, second_answer, without_onsets_in
+from np_drake.diagnosis.gap.gap_reduction import measure_gap_reduction
+from np_drake.diagnosis.localisation.identifiability import (
     assess_identifiability,
     excitation,
     excited,
-    localise,
     unexcited_diagnosis,
 )
+from np_drake.diagnosis.localisation.localisation import localise
 from np_drake.diagnosis.numerics import Readings
-from np_drake.diagnosis.options import Options
+from np_drake.diagnosis.options import Options, Tolerance
 from np_drake.diagnosis.report.coverage import coverage
 from np_drake.diagnosis.residuals import FlightResiduals, make_flight_residuals, natural_step, require_flights
 from np_drake.diagnosis.result import UNKNOWN, Diagnosis, Replay
-from np_drake.diagnosis.tolerance import Tolerance
 from np_drake.flight_log import FlightLog
 from np_drake.logs.throttle_input import with_one_exponent
 from np_drake.vehicle import Vehicle
@@ -70,7 +73,7 @@ def diagnose(
     start = time.perf_counter()
     tell = on_progress or (lambda share, text: None)
 
-    # 1. Residuals of all flights on one grid.
+    # 1. Residuals of all flights on one grid, the coarsest of theirs.
     require_flights(train, held_out)
     train, held_out = with_one_exponent(vehicle, train, held_out)
     tell(0.0, "residuals")
@@ -82,16 +85,18 @@ def diagnose(
         nothing = unexcited_diagnosis(fitted, judging)
         return Diagnosis(**names, **nothing, cannot_tell=True, wall=time.perf_counter() - start)
 
-    # 2. Effects fitted, compared and decided.
+    # 2. and 3. Sets of effects searched and fitted, rivals ranked, causes decided; 4. report.
     tell(0.1, "effects")
     first = infer(fitted, judging, options)
     novel = novelty(first)
     tell(0.6, "how far")
-    answer = dc.replace(_answer(first, names, replay), novel=novel, wall=time.perf_counter() - start)
+    answer = dc.replace(
+        _answer(first, names, replay), new_on_held_out=novel, wall=time.perf_counter() - start
+    )
     if not (novel and adaptive_split):
         return answer
 
-    # 3. Where held-out flights show more, the same again with their first halves: a second answer.
+    # 5. Where held-out flights show more, the same again with their first halves: a second answer.
     tell(0.7, "what held-out flights show")
     again = second_answer(first)
     if again is None:
@@ -111,21 +116,21 @@ def _answer(found: Inference, names: dict[str, Any], replay: Replay | None) -> D
     located = localise(found.held_out, held.residual, noise, held.rows)
     flyable = all(e.knows_torque for e in found.held_out)
     told = () if flyable or replay is None else (NO_REPLAY,)
-    reduction = measure_gap_reduction(found.causes, found.held_out, noise, held, replay if flyable else None)
+    reduction = measure_gap_reduction(found.causes, noise, held, replay if flyable else None)
     return Diagnosis(
         **names,
         judged_as=found.options.tolerance.name,
         verdict=tuple(c.identifier for c in found.causes) + ((UNKNOWN,) if found.unknown else ()),
         causes=tuple(found.causes),
-        check=checked,
-        where=located,
-        shrink=reduction,
+        identifiability=checked,
+        localisation=located,
+        gap_reduction=reduction,
         coverage=coverage(tuple(found.causes), found.flights, found.held_out),
         posterior=joint_posterior(found.ranking.best, found.causes),
-        explanations=explanations_of(found.ranking, found.held_out, held),
+        explanations=explanations_of(found.ranking, held),
         readings=Readings(noise, found.options.tolerance),
-        minor=tuple(found.minor),
-        remains=found.unexplained.findings,
+        below_threshold=tuple(found.below_threshold),
+        unexplained=found.unexplained.findings,
         unknown_probability=found.unknown_probability,
         warnings=(*checked.warnings, *reduction.warnings, *told),
     )

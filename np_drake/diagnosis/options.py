@@ -1,10 +1,106 @@
-"""Constants that steer the answer of a diagnosis, as documented fields, resolved for real or ideal sensors."""
+"""What a diagnosis takes as given: tolerances, bounds of what matters, priors and thresholds, as documented fields."""
 
 import dataclasses as dc
 import math
 
-from np_drake.diagnosis.materiality import Materiality
-from np_drake.diagnosis.tolerance import IDEAL_SENSORS, Tolerance
+import numpy as np
+
+from np_drake.effects.base import Effect
+from np_drake.vehicle import Vehicle
+
+REAL_ATTITUDE = 0.002  # tolerance of the attitude above which sensors are real ones [rad]
+
+
+@dc.dataclass(frozen=True)
+class Tolerance:
+    """Standard deviations. Source: own choice: a kitchen scale, motion capture, a MEMS sensor, a Kalman filter."""
+
+    mass: float = 0.005  # [1]
+    thrust: float = 0.005  # [1]
+    acceleration: float = 0.055  # from flight to flight [m/s²]
+    attitude: float = 0.008  # from flight to flight [rad]
+    rate: float = 0.01  # from flight to flight [rad/s]
+    velocity: float = 0.02  # from flight to flight [m/s]
+    # What the input of the logs leaves open; 0 where it is a command in newtons that is held from its row.
+    timing: float = 0.0  # time at which a row's command acts [s]
+    throttle_curve: float = 0.0  # exponent of thrust over throttle [1]
+    mounting: float = 0.0  # axes of an autopilot against those of the rotors [rad]
+    latency: float = 0.0  # of an estimator's attitude against its velocity [s]
+    throttle_drift: float = 0.0  # rate of thrust over throttle as the battery falls [1/s]
+
+    @property
+    def name(self) -> str:
+        """Return `rig` for real sensors, `laboratory` for ideal ones."""
+        return "rig" if self.real else "laboratory"
+
+    @property
+    def attitude_error(self) -> float:
+        """Attitude error against the rotors' axes, all together [rad]."""
+        return float(np.hypot(self.attitude, self.mounting))
+
+    @property
+    def real(self) -> bool:
+        """Whether the sensors are real ones."""
+        return self.attitude > REAL_ATTITUDE
+
+    def of(self, effect: Effect | type[Effect]) -> float:
+        """Return the tolerance of the sensor that an effect is about; 0 for others."""
+        sensor = effect.tolerance and effect.place == "measurement"
+        return float(getattr(self, effect.tolerance)) if sensor else 0.0
+
+    def with_vehicle(self, vehicle: Vehicle) -> "Tolerance":
+        """Return the tolerance whose mass and thrust are at least what the vehicle file states for its own."""
+        return dc.replace(
+            self,
+            mass=max(self.mass, vehicle.mass_uncertainty or 0.0),
+            thrust=max(self.thrust, vehicle.thrust_uncertainty or 0.0),
+        )
+
+
+IDEAL_SENSORS = Tolerance(0.0005, 0.0005, 0.003, 0.0004, 0.0001, 0.0001)
+
+
+@dc.dataclass(frozen=True)
+class Materiality:
+    """Bounds of the region of practical equivalence with no effect; the defaults are those of real sensors.
+
+    Source: own choice, where a field names none.
+    """
+
+    force: float = 0.006  # RMS force over weight, in all flights [1]; ideal sensors: 0.003
+    torque: float = 0.01  # RMS torque over RMS commanded torque [1]; ideal sensors: 0.003
+    # Of weight: mass and thrust below it are what vehicle files are off by [1].
+    calibration_force: float = 0.02
+    still_air: float = 0.25  # mean level wind [m/s]; source: draught in rooms, ISO 7730
+    sensor: float = 1.5  # size of a sensor error over the tolerance of that sensor [1]
+    structure_share: float = 0.03  # of a channel's power, for a spectral line [1]
+
+
+@dc.dataclass(frozen=True)
+class Size:
+    """Size of a term.
+
+    Args:
+        force: over weight [1].   torque: over RMS commanded torque [1].   gap: share of the gap above the noise [1].
+        sensor: of a sensor error, its size over the tolerance [1].
+    """
+
+    force: float
+    torque: float
+    gap: float
+    sensor: float
+
+    def material(self, materiality: Materiality, *, calibration: bool, sensor: bool) -> bool:
+        """Return whether the size is material.
+
+        Args:
+            calibration: whether the term is what a vehicle file may be off by.   sensor: whether it is a sensor error.
+        """
+        if calibration:
+            return self.force >= materiality.calibration_force
+        if sensor:
+            return self.sensor >= materiality.sensor
+        return self.force >= materiality.force or self.torque >= materiality.torque
 
 
 @dc.dataclass(frozen=True)
@@ -21,7 +117,7 @@ class Priors:
     effect: float = -3.0  # log prior of every effect named: about one in twenty
     generic: float = 3.0  # less in log prior, for structure that is no effect
     generic_size: float = 0.04  # deviation of its force over weight, of its torque over weight times arm [1]
-    twist: float = 0.3  # deviation of a twist's torque over the commanded one [1]
+    twist_torque: float = 0.3  # deviation of a twist's torque over the commanded one [1]
     # Onsets.
     onset: float = math.log(1 / 4)  # log prior of an onset in a flight, and of absence beside an onset
     onset_gain: float = 8.0  # log likelihood that a known onset must bring on a held-out flight
@@ -35,7 +131,7 @@ class Priors:
     # Relative model error of a pendulum's mass [1]; ideal sensors: 0.006. Source: simulated flights.
     pendulum: float = 0.02
     # Slow forces: what sensors do alone, and gusts.
-    attitude_wander: tuple[float, float] = (10.0, 0.45)  # correlation time [s] and its deviation [e-folds]
+    attitude_drift: tuple[float, float] = (10.0, 0.45)  # correlation time [s] and its deviation [e-folds]
     attitude_spread: float = 0.25  # deviation of an attitude error's size about the tolerance [e-folds]
     accelerometer_flicker: tuple[float, float] = (0.55, 0.4)  # tolerances a root e-fold, deviation [e-folds]
     gust_time: tuple[float, float] = (1.0, 0.6)  # correlation time of gusts [s] and its deviation [e-folds]
@@ -53,19 +149,21 @@ class Thresholds:
     """
 
     # A cause.
-    sure: float = 0.5  # least probability; ideal sensors: 0.75
-    same: float = 3.5  # difference of log evidence below which two effects are indistinguishable
+    cause_probability: float = 0.5  # least probability; ideal sensors: 0.75
+    indistinguishable_evidence: float = (
+        3.5  # difference of log evidence below which two effects are indistinguishable
+    )
     # Second answer.
-    misfit: float = 1.6  # held-out residual over noise, for a second answer; ideal sensors: 1.25
+    misfit_ratio: float = 1.6  # held-out residual over noise, for a second answer; ideal sensors: 1.25
     # Tests of what is left.
-    burst: float = 8.0  # of a slow force over its usual deviation
-    line: float = 20.0  # power of a spectral line over its neighbourhood
-    slow_torque: float = 12.0  # over that of gyro noise; ideal sensors: 9
+    burst_ratio: float = 8.0  # of a slow force over its usual deviation
+    line_ratio: float = 20.0  # power of a spectral line over its neighbourhood
+    slow_torque_ratio: float = 12.0  # over that of gyro noise; ideal sensors: 9
     # Share of a threshold that held-out flights must show, and of slow power that a swing which was lost leaves.
     held_out_share: float = 0.5
     # Gusts.
-    slow_force: float = 5.0  # log evidence of a slow force at even odds
-    place: float = 1e-3  # probability below which a slow force does not follow the place by chance
+    slow_force_evidence: float = 5.0  # log evidence of a slow force at even odds
+    position_p_value: float = 1e-3  # probability below which a slow force does not follow the place by chance
 
 
 @dc.dataclass(frozen=True)
@@ -91,5 +189,5 @@ class Options:
             tolerance or IDEAL_SENSORS,
             Materiality(force=0.003, torque=0.003),
             Priors(pendulum=0.006),
-            Thresholds(sure=0.75, misfit=1.25, slow_torque=9.0),
+            Thresholds(cause_probability=0.75, misfit_ratio=1.25, slow_torque_ratio=9.0),
         )

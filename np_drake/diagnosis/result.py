@@ -189,13 +189,15 @@ class Diagnosis:
     verdict: identifiers of effects, possibly with `unknown`; empty: nothing is missing.
     joined: held-out flights whose first half joined the fit, so that only their second half judges (adaptive split).
     cannot_tell: the logs excite nothing, and there is no verdict.
+    below_threshold: effects of the best model that are immaterial or not probable enough for a cause.
+    unexplained: signs of structure that no effect of the library explains.
     unknown_probability: probability that a material residual remains that no effect of the library explains [1].
     refit: second answer, with the first halves of held-out flights in its fit, where these show more than the others.
-    novel: what held-out flights show that the training flights do not.
+    new_on_held_out: what held-out flights show that the training flights do not.
     judged_as: tolerance used: `rig` (real sensors) or `laboratory` (ideal sensors); empty: neither.
     coverage: sentences on what the held-out flights test; empty: not computed.
     posterior: joint, of the parameters of the causes.
-    explanations: that still stand, best first; the verdict names the material effects of the first that are sure.
+    explanations: that still stand, best first; the verdict names the material effects of the first that are probable.
     readings: noise and tolerances by which another flight is read.
     """
 
@@ -204,11 +206,11 @@ class Diagnosis:
     held_out: tuple[str, ...]
     verdict: tuple[str, ...]
     causes: tuple[Cause, ...]
-    check: Identifiability
-    where: Localisation
-    shrink: GapReduction
-    minor: tuple[Finding, ...] = ()
-    remains: tuple[Finding, ...] = ()
+    identifiability: Identifiability
+    localisation: Localisation
+    gap_reduction: GapReduction
+    below_threshold: tuple[Finding, ...] = ()
+    unexplained: tuple[Finding, ...] = ()
     unknown_probability: float = 0.0
     cannot_tell: bool = False
     warnings: tuple[str, ...] = ()
@@ -216,7 +218,7 @@ class Diagnosis:
     joined: tuple[str, ...] = ()
     judged_as: str = ""
     refit: "Diagnosis | None" = None
-    novel: tuple[Finding, ...] = ()
+    new_on_held_out: tuple[Finding, ...] = ()
     coverage: tuple[str, ...] = ()
     posterior: Posterior | None = None
     explanations: tuple[Explanation, ...] = ()
@@ -239,7 +241,7 @@ def as_json(diagnosis: Diagnosis) -> dict[str, Any]:
 
     Values that are not finite become None.
     """
-    check, shrink = diagnosis.check, diagnosis.shrink
+    identifiability, reduction = diagnosis.identifiability, diagnosis.gap_reduction
     content = {
         "schema": SCHEMA,
         "vehicle": diagnosis.vehicle,
@@ -251,22 +253,25 @@ def as_json(diagnosis: Diagnosis) -> dict[str, Any]:
         "cannot_tell": diagnosis.cannot_tell,
         "unknown_probability": diagnosis.unknown_probability,
         "causes": [_cause(cause) for cause in diagnosis.causes],
-        "gap": _gap(diagnosis.where, shrink.replay_before),
+        "gap": _gap(diagnosis.localisation, reduction.replay_before),
         "shrink": {
             "residual": {
-                name: getattr(shrink, name) for name in ("before", "after", "floor", "fraction", "ci95")
+                name: getattr(reduction, name) for name in ("before", "after", "floor", "fraction", "ci95")
             },
-            "replay": _both_replays(shrink.replay_before, shrink.replay_after),
-            "ladder": _dictionaries(shrink.ladder),
+            "replay": _both_replays(reduction.replay_before, reduction.replay_after),
+            "ladder": _dictionaries(reduction.ladder),
         },
         "explanations": [explanation.as_json() for explanation in diagnosis.explanations],
         "readings": None if diagnosis.readings is None else diagnosis.readings.as_json(),
-        "not_identifiable": _dictionaries(check.not_identifiable),
-        "minor": _dictionaries(diagnosis.minor),
-        "remains": _dictionaries(diagnosis.remains),
-        "novel": _dictionaries(diagnosis.novel),
+        "not_identifiable": _dictionaries(identifiability.not_identifiable),
+        "minor": _dictionaries(diagnosis.below_threshold),
+        "remains": _dictionaries(diagnosis.unexplained),
+        "novel": _dictionaries(diagnosis.new_on_held_out),
         "coverage": diagnosis.coverage,
-        "check": {name: getattr(check, name) for name in ("usable", "excitation", "noise_floor", "warnings")},
+        "check": {
+            name: getattr(identifiability, name)
+            for name in ("usable", "excitation", "noise_floor", "warnings")
+        },
         "warnings": diagnosis.warnings,
         "wall": diagnosis.wall,
         "refit": None if diagnosis.refit is None else _without_schema(as_json(diagnosis.refit)),
@@ -290,10 +295,10 @@ def _cause(cause: Cause) -> dict[str, Any]:
     }
 
 
-def _gap(where: Localisation, replay: ReplayGap | None) -> dict[str, Any]:
+def _gap(localisation: Localisation, replay: ReplayGap | None) -> dict[str, Any]:
     """Return the gap by kind and axis, the replay's medians, and its parts in time, regime and frequency."""
     gap: dict[str, Any] = {"force": {}, "torque": {}}
-    for channel in where.channels:
+    for channel in localisation.channels:
         kind, axis = channel.channel.split()
         figures = {
             name: getattr(channel, name) for name in ("unit", "rms", "noise_floor", "after", "explained")
@@ -301,7 +306,7 @@ def _gap(where: Localisation, replay: ReplayGap | None) -> dict[str, Any]:
         gap.setdefault(kind, {})[axis] = figures
     gap["replay"] = None if replay is None else {"horizon": replay.horizon, **_medians(replay)}
     for name in ("segments", "regimes", "bands"):
-        gap[name] = _dictionaries(getattr(where, name))
+        gap[name] = _dictionaries(getattr(localisation, name))
     return gap
 
 

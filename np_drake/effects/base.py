@@ -69,7 +69,7 @@ class Effect:
         return {p.name: float(getattr(self, p.name)) for p in self.parameters}
 
     @property
-    def foreseen(self) -> "Effect":
+    def predicted(self) -> "Effect":
         """Effect that is predicted for another flight: the effect itself without what is drawn anew each time."""
         return self
 

@@ -51,7 +51,7 @@ class GustyWind(WrenchEffect):
         }
 
     @property
-    def foreseen(self) -> "GustyWind":
+    def predicted(self) -> "GustyWind":
         """Steady wind of the mean, since gusts do not repeat."""
         return dc.replace(self, deviation=0.0)
 

@@ -20,7 +20,9 @@ def with_accelerations(log: FlightLog, bandwidth: float = BANDWIDTH) -> FlightLo
     so the pairing of rows stays (a central difference would mix two commands). It uses the future: results
     one step ahead from such a log are not causal.  Source: own choice.
 
-    Args:   bandwidth: of the low-pass [Hz].
+    Args:
+        log: the flight log.
+        bandwidth: of the low-pass [Hz].
     Raises: ValueError: if the bandwidth is not positive.
     """
     if not bandwidth > 0:
@@ -40,7 +42,10 @@ def with_accelerations(log: FlightLog, bandwidth: float = BANDWIDTH) -> FlightLo
 def smooth_derivative(value: np.ndarray, t: np.ndarray, bandwidth: float) -> np.ndarray:
     """Return the zero-phase derivative of `value` (n, m) over the interval after each row, (n, m).
 
-    Args: t: (n,) [s].   bandwidth: of the low-pass [Hz].
+    Args:
+        value: (n, m) samples.
+        t: (n,) times [s].
+        bandwidth: of the low-pass [Hz].
     """
     rate = np.diff(value, axis=0) / np.diff(t)[:, None]
     rate = np.concatenate([rate, rate[-1:]])
@@ -55,7 +60,10 @@ def rows_at(log: FlightLog, step: float) -> np.ndarray:
     """Return the indices of the rows nearest to t_0, t_0 + step, …, (m,).
 
     Rows are picked, not averaged; quantities with content above the new rate must be filtered before (`labels` are).
-    Args: step: [s].
+
+    Args:
+        log: the flight log.
+        step: between rows [s].
     Raises: ValueError: if the step is shorter than the log's, or leaves fewer than two rows.
     """
     if not step > 0.999 * log.step:

@@ -13,7 +13,7 @@ from np_drake.labels import raw_labels
 from np_drake.scaling import ratios
 from np_drake.vehicle import Vehicle
 
-LONGEST_LAG = 0.1  # lag that is looked for, longer at the pace of vehicles that are sampled more slowly [s]
+LONGEST_LAG = 0.1  # lag that is looked for, longer where the time unit of a vehicle is [s]
 AT_BOUND = 0.01  # share of the longest lag within which there is no minimum, and the flights tell no lag [1]
 
 
@@ -39,7 +39,10 @@ def learned_timing(
 
     The criterion of `learned_rotor_lag`, as the likelihood of normal steps; a delay other than the first of `delays`
     has the prior odds of `command_delay.believed_before`.
-    Args: flights: logs with accelerations, and the vehicle of each.   delays: that are tried [s].
+
+    Args:
+        flights: logs with accelerations, and the vehicle of each.
+        delays: that are tried [s].
     """
     told = [(log, v) for log, v in flights if log.input == "command"]
     if not told:
@@ -60,6 +63,10 @@ def delayed(log: FlightLog, delay: float) -> FlightLog:
     """Return the log with the command that acts, without lag, where it acts `delay` [s] late; the first acts before.
 
     Measured rotor speed is never late.
+
+    Args:
+        log: the flight log.
+        delay: [s].
     """
     if delay == 0.0 or log.input != "command":
         return log

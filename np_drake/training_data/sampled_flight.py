@@ -49,7 +49,12 @@ class SampledFlight:
         return Segment(chi, self.zeta, self.step)
 
     def rows(self, start: int, stop: int) -> "SampledFlight":
-        """Return samples `start` to `stop`, without the last."""
+        """Return samples `start` to `stop`, without the last.
+
+        Args:
+            start: first sample.
+            stop: sample behind the last.
+        """
         part = slice(start, stop)
         return dc.replace(self, x=self.x[part], u=self.u[part], chi=self.chi[part])
 
@@ -64,7 +69,12 @@ def sampled_flight(
     """Return the flight with labels of eq. (1) averaged over each step, which uses nothing later than the sample.
 
     Accelerations that the log lacks are differentiated first, see `with_accelerations`.
-    Args: step: time between samples [s].   label: low-pass to take instead of the mean.
+
+    Args:
+        log: the flight log.
+        vehicle: the nominal vehicle.
+        step: time between samples [s].
+        label: low-pass to take instead of the mean.
     Raises: ValueError: if the step is shorter than the log's, or the flight than two steps.
     """
     if not step > 0.999 * log.step:
@@ -92,7 +102,12 @@ def picked_flight(
     """Return the flight with the rows nearest to every step, as a predictor sees them in flight (see `rows_at`).
 
     The label of a row is that of the command that acts at the row, its `u` the mean command since the row before.
-    Args: log: with accelerations.   step: [s].   label: low-pass, None for that of the vehicle.
+
+    Args:
+        log: with accelerations.
+        vehicle: the nominal vehicle.
+        step: time between samples [s].
+        label: low-pass; None: that of the vehicle.
     Raises: ValueError: if the step does not fit the log.
     """
     chi, rows = labels(log, vehicle, label), rows_at(log, step)
@@ -104,7 +119,13 @@ def picked_flight(
 
 
 def of_wrenches(chi: np.ndarray, zeta: np.ndarray, step: float) -> SampledFlight:
-    """Return a flight of which labels and motion zeta (n, 6) are known alone: level, without a command."""
+    """Return a flight of which labels and motion zeta (n, 6) are known alone: level, without a command.
+
+    Args:
+        chi: (n, 6) labels [N, N·m].
+        zeta: (n, 6) velocity and body rates [m/s, rad/s].
+        step: time between samples [s].
+    """
     x = np.zeros((len(chi), 13))
     x[:, 3], x[:, 7:] = 1.0, zeta
     return SampledFlight(step, x, np.zeros((len(chi), 4)), chi)

@@ -74,6 +74,9 @@ class Segment:
 def check_segments(segments: list[Segment], shortest: int) -> list[Segment]:
     """Return the segments of at least `shortest` samples, as float64.
 
+    Args:
+        segments: of training flights.
+        shortest: least number of samples.
     Raises: ValueError: if a shape or value is wrong, steps differ by over 2 %, or none is long enough.
     """
     if not segments:
@@ -110,7 +113,10 @@ def group_scale(values: list[np.ndarray], *, centred: bool) -> np.ndarray:
 
     One scale a group keeps lengths and angles as they are; scaling every channel to unit size would turn the
     noise of an unexcited channel into signal.
-    Args: values: pieces (n, 6).   centred: about each channel's mean, else about zero.
+
+    Args:
+        values: pieces (n, 6).
+        centred: whether about each channel's mean, else about zero.
     """
     stacked = np.concatenate(values)
     if centred:

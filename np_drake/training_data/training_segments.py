@@ -32,7 +32,12 @@ class Flight:
         return self.data.frame if isinstance(self.data, WrenchSequence) else "world"
 
     def segments(self, step: float, label: LabelConfig | None = None) -> list[Segment]:
-        """Return the training input, a sample every `step` [s] (an array keeps its own step)."""
+        """Return the training input, a sample every `step` [s] (an array keeps its own step).
+
+        Args:
+            step: time between samples [s].
+            label: low-pass of the labels.
+        """
         return training_segments(self.data, self.vehicle, label, step=step)
 
 
@@ -84,6 +89,12 @@ def training_segments(
     """Return the uninterrupted pieces of one flight, a sample every `step` [s] (an array keeps its own step).
 
     chi: causal labels, as seen in flight; target: zero-phase labels. An array's wrench is both.
+
+    Args:
+        flight: a log, or an array of its wrench.
+        vehicle: the nominal vehicle.
+        config: low-pass of the labels.
+        step: time between samples [s].
     Raises: ValueError: if the step does not fit the log.
     """
     if isinstance(flight, WrenchSequence):
@@ -99,6 +110,11 @@ def flown_segments(
 ) -> list[tuple[Segment, SampledFlight]]:
     """Return the segments of a log, each beside the same samples as `model` sees them: state, command, own labels.
 
+    Args:
+        log: the flight log.
+        vehicle: the nominal vehicle.
+        model: whose label and delay count.
+        step: time between samples [s].
     Raises: ValueError: if the step does not fit the log.
     """
     log = _usable(log)

@@ -14,14 +14,15 @@ from diagrams.challenge.generate.collinearity import (
     is_calibration_trace,
 )
 from diagrams.challenge.generate.logged_input import best_known
+from np_drake.diagnosis.forward_model.payload_state import Term
 from np_drake.diagnosis.forward_model.prediction import gate, predicted_residual
-from np_drake.diagnosis.forward_model.term import Term
-from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel, fit_noise
-from np_drake.diagnosis.options import Options, Priors
+from np_drake.diagnosis.numerics.noise_fit import fit_noise
+from np_drake.diagnosis.numerics.noise_model import NoiseModel
+from np_drake.diagnosis.options import Options, Priors, Tolerance
 from np_drake.diagnosis.regressors import with_input
 from np_drake.diagnosis.regressors.nuisance import tolerance_of
-from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals, make_flight_residuals
-from np_drake.diagnosis.tolerance import Tolerance
+from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals
+from np_drake.diagnosis.residuals.make_flight_residuals import make_flight_residuals
 from np_drake.effects.base import Effect
 from np_drake.flight_log import FlightLog
 
@@ -236,9 +237,9 @@ def residual_and_visibility(case: Case, flight: FlightPair) -> tuple[np.ndarray,
 
 def residual_of_true_parameters(case: Case, flight: FlightPair, noise: np.ndarray) -> np.ndarray:
     """Return the RMS (15,) that the true parameters leave: noise, and gusts, of which they give the strength alone."""
-    if case.draw.kind == "foreign" or all(effect.foreseen is effect for effect in case.effects):
+    if case.draw.kind == "foreign" or all(effect.predicted is effect for effect in case.effects):
         return noise
-    known = [*case.quality.background(case.vehicle), *(e.foreseen for e in case.effects)]
+    known = [*case.quality.background(case.vehicle), *(e.predicted for e in case.effects)]
     left = flight.true.y - _left(flight.true, [Term(effect, dict(case.onset)) for effect in known])
     return np.sqrt(noise**2 + np.mean(left**2, axis=0))
 

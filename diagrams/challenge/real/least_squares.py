@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from np_drake.diagnosis.regressors import library_candidates
-from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals, make_flight_residuals
+from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals
+from np_drake.diagnosis.residuals.make_flight_residuals import make_flight_residuals
 from np_drake.effects.base import Motion
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.pendulum import hanging, swing_many

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from np_drake import attitude
-from np_drake.diagnosis.residuals.flight_residuals import make_flight_residuals
+from np_drake.diagnosis.residuals.make_flight_residuals import make_flight_residuals
 from np_drake.effects.base import Motion, WrenchEffect
 from np_drake.effects.combine import total_wrench
 from np_drake.effects.pendulum import Path, Payload, hanging, hook_velocity, path_many

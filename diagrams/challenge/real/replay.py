@@ -46,7 +46,11 @@ class RealReplay:
         case = cases_by_name(self.folder, self.neurobem)[record["group"], record["name"]]
         vehicle, train, held_out = open_case(case)
         found = diagnose(vehicle, train, held_out, DrakeReplay(vehicle), adaptive_split=False)
-        gaps = dict(zip(SIMULATORS, (found.shrink.replay_before, found.shrink.replay_after), strict=True))
+        gaps = dict(
+            zip(
+                SIMULATORS, (found.gap_reduction.replay_before, found.gap_reduction.replay_after), strict=True
+            )
+        )
         return {
             "verdict": list(found.verdict),
             "horizon": None if gaps["nominal"] is None else gaps["nominal"].horizon,

@@ -7,7 +7,7 @@ import numpy as np
 
 from diagrams.challenge.real.flights import open_flights
 from diagrams.challenge.real.payload_position import wrench_of
-from np_drake.diagnosis.residuals.flight_residuals import make_flight_residuals
+from np_drake.diagnosis.residuals.make_flight_residuals import make_flight_residuals
 from np_drake.effects.base import WrenchEffect
 from np_drake.effects.constant_wind import ConstantWind
 from np_drake.effects.library import LIBRARY

@@ -8,7 +8,7 @@ import numpy as np
 from np_drake.diagnosis.fitting import prior_whitening, scaled_jacobian
 from np_drake.diagnosis.forward_model import predicted_residual
 from np_drake.diagnosis.numerics import Gram
-from np_drake.diagnosis.regressors import Candidate, generic_candidates, prior_of, sum_grams
+from np_drake.diagnosis.regressors import Candidate, generic_candidates, prior_of
 from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.diagnosis.selection import Ranking
 
@@ -26,8 +26,8 @@ class LinearModel:
         drifting = [c for c in ranking.problem.nuisance if c.variant == "sensor drift"]
         now, free = self.fit.everything, self.fit.free
         self._root = np.linalg.inv(prior_whitening(now, free))
-        grams = [self._gram(e, ranking, drifting) for e in self.flights]
-        self._total = sum_grams(grams).tempered(ranking.problem.temperature)
+        total: Gram = sum(self._gram(e, ranking, drifting) for e in self.flights)
+        self._total = total.tempered(ranking.problem.temperature)
         self._own = {i: [k for k, f in enumerate(free) if f.term == i] for i in range(len(now))}
         first = len(free) + sum(c.size for c in drifting)
         self._nuisance = np.arange(len(free), first)
@@ -37,6 +37,7 @@ class LinearModel:
     def _gram(self, e: FlightResiduals, ranking: Ranking, drifting: Sequence[Candidate]) -> Gram:
         fit, free = self.fit, self.fit.free
         away = np.array([(v - f.neutral) / f.scale for v, f in zip(fit.values, free, strict=True)])
+        # Linearised about the fit z0: y - h(z) = y - h(z0) + J (z0 - neutral) - J (z - neutral), in scaled parameters.
         J = scaled_jacobian(fit.everything, free, e)
         target = e.y - predicted_residual(e, fit.everything) + J @ away
         columns = [
@@ -49,17 +50,26 @@ class LinearModel:
         return Gram(products[:-1, :-1], products[:-1, -1], float(products[-1, -1]), rows)
 
     def evidence(self, without: Collection[int] = (), structure: Sequence[int] = ()) -> float:
-        """Return the log evidence, priors of structure included, without some terms and with some structure [nat]."""
+        """Return the log evidence, priors of structure included, without some terms and with some structure [nat].
+
+        Args:
+            without: positions of terms that are left out.
+            structure: positions of generic structure that is added.
+        """
         priors = (self._priors.of_effect(self.structure[g].identifiers[0]) for g in structure)
         variants = sum(self.structure[g].log_prior for g in structure)
         return self._total.log_evidence(self._index(without, structure)) + sum(priors) + variants
 
-    def described(
+    def select_structure(
         self, without: Collection[int] = (), first: Sequence[int] = ()
     ) -> tuple[float, tuple[int, ...]]:
         """Return the log evidence with the structure that describes the rest best, and that structure.
 
         Forward selection from `first`, one variant of each kind.
+
+        Args:
+            without: positions of terms that are left out.
+            first: structure from which the selection begins.
         """
         found, best = tuple(first), self.evidence(without, first)
         while True:
@@ -74,16 +84,26 @@ class LinearModel:
         """Return the log odds of term i, priors included, against structure of any kind in its place [nat].
 
         What acts through the term alone goes with it.
+
+        Args:
+            i: position of the term.
+            structure: positions of the generic structure beside the effects.
         """
         gone = {i, *self._through(i)}
         names = [t.effect.identifier for t in self.fit.terms]
         left = [name for k, name in enumerate(names) if k not in gone]
         prior = prior_of(names, self._priors) - prior_of(left, self._priors) + self._onset_prior(i)
-        others = max(self.described(gone)[0], self.described(gone, structure)[0])
+        others = max(self.select_structure(gone)[0], self.select_structure(gone, structure)[0])
         return self.evidence((), structure) - others + prior
 
     def part(self, structure: Sequence[int], g: int, e: FlightResiduals) -> np.ndarray:
-        """Return the part (m, 15) of structure g in the channels of a flight, beside the rest of `structure`."""
+        """Return the part (m, 15) of structure g in the channels of a flight, beside the rest of `structure`.
+
+        Args:
+            structure: positions of the generic structure beside the effects.
+            g: position of the structure asked for.
+            e: the flight.
+        """
         index = self._index((), structure)
         mean, _ = self._total.posterior(index)
         own = np.isin(index, self._columns[g])

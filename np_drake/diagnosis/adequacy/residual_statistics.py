@@ -47,8 +47,12 @@ class Burst:
 def strongest_burst(flights: Sequence[FlightResiduals], residual: dict[str, np.ndarray]) -> Burst:
     """Return the largest slow force, axis by axis, over its usual deviation by the median of all flights.
 
-    Noise and sensors that wander are normal, and stay within five deviations in minutes of flight; what acts now and
+    Noise and sensor drift are normal, and stay within five deviations in minutes of flight; what acts now and
     then does not count in a median.   Source: own choice.
+
+    Args:
+        flights: the flights.
+        residual: by flight, (m, 15) what a model leaves of it.
     """
     parts = [_slow_force(e, residual[e.name]) for e in flights]
     parts = [f - np.median(f, axis=0) for f in parts]
@@ -64,7 +68,7 @@ def strongest_burst(flights: Sequence[FlightResiduals], residual: dict[str, np.n
 
 
 def _slow_force(e: FlightResiduals, residual: np.ndarray) -> np.ndarray:
-    """(n, 3) low-passed force of what is left (m, 15) of a flight, without its edges [N]."""
+    """Return (n, 3) the low-passed force of what is left (m, 15) of a flight, without its edges [N]."""
     edge = min(round(EDGE / e.grid.step), (len(residual) - 1) // 2)
     return low_pass(residual[:, FORCE], e.grid.step, BRIEF)[edge : len(residual) - edge]
 
@@ -80,7 +84,10 @@ def strongest_line(
     median about it. In noise that ratio of an average of n flights is a gamma variate of shape n.   Where slow noise
     is steep (gusts), the neighbourhood is narrow: a median over slower and much faster ones would be too low.
 
-    least: (6,) RMS of a material line [N, N·m]; default: any.
+    Args:
+        flights: the flights.
+        residual: by flight, (m, 15) what a model leaves of it.
+        least: (6,) RMS of a material line [N, N·m]; default: any.
     """
     rate = 1.0 / flights[0].grid.step
     size = 2 ** int(np.ceil(np.log2(max(len(e.t) for e in flights))))
@@ -100,7 +107,7 @@ def strongest_line(
 
 
 def _floor(power: np.ndarray, frequency: np.ndarray, lobe: float) -> np.ndarray:
-    """(f, 6) median of the powers about every frequency; `lobe` the least distance to either side [Hz]."""
+    """Return (f, 6) the median of the powers about every frequency; `lobe` the least distance to either side [Hz]."""
     down = np.maximum(lobe, np.minimum(NEIGHBOURHOOD, frequency * (1 - 1 / OCTAVE)))
     up = np.maximum(lobe, np.minimum(NEIGHBOURHOOD, frequency * (OCTAVE - 1)))
     first = np.searchsorted(frequency, frequency - down)
@@ -116,6 +123,10 @@ def slow_torque(
     The noise is that of the middle band. The share is of the slow torque of that axis before anything was explained.
 
     The derivative of white gyro noise has power proportional to frequency squared; noise of rotor speed is white.
+
+    Args:
+        flights: the flights.
+        residual: by flight, (m, 15) what a model leaves of it.
     """
     slow, middle, before = np.zeros(3), np.zeros(3), np.zeros(3)
     for e in flights:

@@ -1,19 +1,19 @@
-"""Causes and minor findings: the effects of the best model, each with its probability and size."""
+"""Causes: the effects of the best model that are probable and material, and the findings below that threshold."""
 
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.adequacy.linear_model import LinearModel
-from np_drake.diagnosis.decision.equivalence import indistinguishable
-from np_drake.diagnosis.decision.judgement import Judged, judge
+from np_drake.diagnosis.adequacy import LinearModel
+from np_drake.diagnosis.decision.explanations import equivalents
+from np_drake.diagnosis.decision.term_assessment import TermAssessment, assess_term
 from np_drake.diagnosis.fitting import Fit, interval
 from np_drake.diagnosis.forward_model import pendulum_error
 from np_drake.diagnosis.held_out import HeldOut
 from np_drake.diagnosis.options import Priors
-from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.diagnosis.result import Cause, Estimate, Finding
 from np_drake.diagnosis.selection import Ranking, names_of, names_of_fit
+from np_drake.effects.posterior import Posterior
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.vehicle import Vehicle
 
@@ -22,48 +22,48 @@ def causes_of(
     ranking: Ranking,
     linear: LinearModel,
     structure: Sequence[int],
-    held_out: Sequence[FlightResiduals],
     held: HeldOut,
     *,
-    gusty: bool = False,
+    gusts: bool = False,
 ) -> tuple[list[Cause], list[Finding]]:
-    """Return causes and minor findings of the best model.
+    """Return the causes among the effects of the best model, and the others as findings below their threshold.
 
     Args:
         ranking: of the models.
-        linear, structure: the best model linear about its fit, and the generic structure beside it.
-        held_out, held: the held-out flights, and the fit on them; they give onsets and sizes there.
-        gusty: gusts blow. The drag that feels them matters however small it is by itself.
+        linear: the best model, linear about its fit.
+        structure: positions of the generic structure beside it.
+        held: the best fit on held-out flights, which gives onsets and sizes there.
+        gusts: whether the slow force is that of gusts. The drag through which they act matters however small it is.
     """
     fit, flights, options = ranking.best, ranking.problem.flights, ranking.options
     same = _same(ranking)
     causes, minor = [], []
     for i, term in enumerate(fit.terms):
         identifier = term.effect.identifier
-        judged = judge(ranking, linear, structure, i, same.get(identifier, ()), held_out, held, gusty=gusty)
-        begins = {
-            e.name: held.terms.get(e.name, fit.everything)[i].begins(e.name) for e in [*flights, *held_out]
-        }
+        found = assess_term(ranking, linear, structure, i, same.get(identifier, ()), held, gusts=gusts)
+        every = [*flights, *held.flights]
+        begins = {e.name: held.terms.get(e.name, fit.everything)[i].begins(e.name) for e in every}
         cause = Cause(
             identifier,
-            judged.probability,
+            found.probability,
             _estimates(fit, i, flights[0].vehicle, options.priors),
             begins,
             same.get(identifier, ()),
-            judged.size.gap,
+            found.size.gap,
             term.effect,
         )
-        if cause.probability >= options.thresholds.sure:
+        if cause.probability >= options.thresholds.cause_probability:
             causes.append(cause)
         else:
-            minor.append(_minor(cause, judged))
+            minor.append(_below_threshold(cause, found))
     return without_missing_drag(causes, minor)
 
 
 def _same(ranking: Ranking) -> Mapping[str, tuple[str, ...]]:
     members = {names_of(ranking.problem, m): m for m in reversed(ranking.models)}
     key = names_of_fit(ranking.best)
-    return indistinguishable(ranking.problem, members[key]) if key in members else {}
+    found = equivalents(ranking.problem, members[key]) if key in members else {}
+    return {name: tuple(others) for name, others in found.items()}
 
 
 def _estimates(fit: Fit, i: int, vehicle: Vehicle, priors: Priors) -> dict[str, Estimate]:
@@ -79,20 +79,50 @@ def _estimates(fit: Fit, i: int, vehicle: Vehicle, priors: Priors) -> dict[str, 
     return out
 
 
-def _minor(cause: Cause, judged: Judged) -> Finding:
+def _below_threshold(cause: Cause, assessed: TermAssessment) -> Finding:
     """Return the finding of an effect that is no cause, with the reason."""
-    size = judged.size
+    size = assessed.size
     values = ", ".join(f"{n} {e.value:.3g} {e.unit}" for n, e in cause.parameters.items())
-    text = (
-        f"{values}: {judged.reason} ({100 * size.force:.2g} % of weight, {100 * size.torque:.2g} % of torque)"
-    )
-    figures = {"force": size.force, "torque": size.torque, "probability": judged.probability}
+    text = f"{values}: {assessed.reason} ({100 * size.force:.2g} % of weight, {100 * size.torque:.2g} % of torque)"
+    figures = {"force": size.force, "torque": size.torque, "probability": assessed.probability}
     return Finding(cause.identifier, text, size.gap, figures)
 
 
 def without_missing_drag(causes: list[Cause], minor: list[Finding]) -> tuple[list[Cause], list[Finding]]:
-    """Return causes and minor findings with winds moved to the latter where no drag is a cause."""
+    """Return both with winds moved from the causes to the findings where no drag is a cause.
+
+    Args:
+        causes: of a model.
+        minor: findings below the threshold of a cause.
+    """
     named = {c.identifier for c in causes}
-    unfelt = [c for c in causes if c.effect and c.effect.needs and not named & {*c.effect.needs}]
-    texts = [Finding(c.identifier, "no cause through which it would be felt", c.share, {}) for c in unfelt]
-    return [c for c in causes if c not in unfelt], [*minor, *texts]
+    without_drag = [c for c in causes if c.effect and c.effect.needs and not named & {*c.effect.needs}]
+    texts = [
+        Finding(c.identifier, "no cause through which it would be felt", c.share, {}) for c in without_drag
+    ]
+    return [c for c in causes if c not in without_drag], [*minor, *texts]
+
+
+def joint_posterior(fit: Fit, causes: Sequence[Cause]) -> Posterior:
+    """Return the covariance of the causes' parameters: correlations of the fit, deviations of the reported intervals.
+
+    A parameter that the fit does not move, such as the number of a rotor, is not among them.
+
+    Args:
+        fit: whose covariance gives the correlations.
+        causes: with their 95 % intervals.
+    """
+    reported = {
+        (c.identifier, name): (estimate.ci95[1] - estimate.ci95[0]) / (2 * 1.96)
+        for c in causes
+        for name, estimate in c.parameters.items()
+    }
+    names = [
+        (fit.terms[f.term].effect.identifier if not f.flight and f.term < len(fit.terms) else "", f.name)
+        for f in fit.free
+    ]
+    own = [k for k, name in enumerate(names) if reported.get(name, 0.0) > 0]
+    scale = np.sqrt(np.maximum(np.diag(fit.covariance)[own], 1e-300))
+    deviation = np.array([reported[names[k]] for k in own])
+    covariance = fit.covariance[np.ix_(own, own)] * np.outer(deviation / scale, deviation / scale)
+    return Posterior([".".join(names[k]) for k in own], (0.5 * (covariance + covariance.T)).tolist()).check()

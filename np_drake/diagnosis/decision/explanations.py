@@ -1,43 +1,39 @@
 """Explanations that still stand: models whose posterior is within a factor of that of the best."""
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.decision.effect_size import size_of, within_calibration
-from np_drake.diagnosis.decision.equivalence import equivalents
+from np_drake.diagnosis.decision.term_assessment import size_of, within_calibration
 from np_drake.diagnosis.fitting import Fit, impossible, refit
 from np_drake.diagnosis.held_out import HeldOut
-from np_drake.diagnosis.regressors import Model
-from np_drake.diagnosis.residuals import FlightResiduals
+from np_drake.diagnosis.regressors import Model, RegressionProblem
 from np_drake.diagnosis.selection import Ranking, names_of, names_of_fit, score_of
 from np_drake.effects.explanation import CALIBRATION, STANDS, Explanation
 from np_drake.effects.library import LIBRARY, MEASURED_ROTORS
 
-MOST = 6  # further models that are refined; own choice
+MOST_REFINED = 6  # further models that are refined; own choice
+MOST_ALTERNATIVES = 2  # effects named as indistinguishable from a cause
 
 
-def explanations_of(
-    ranking: Ranking, held_out: Sequence[FlightResiduals], held: HeldOut
-) -> tuple[Explanation, ...]:
+def explanations_of(ranking: Ranking, held: HeldOut) -> tuple[Explanation, ...]:
     """Return the explanations within a factor `STANDS` of the best, and those that a swap of an effect gives.
 
     Models that differ in immaterial effects alone are one explanation. Best first; probabilities add up to one.
 
     Args:
         ranking: of the models.
-        held_out, held: held-out flights, and the best fit on them; they give the sizes of its effects there.
+        held: the best fit on held-out flights, which gives the sizes of its effects there.
     """
     problem, priors = ranking.problem, ranking.options.priors
     known = {names_of_fit(fit): fit for fit in ranking.fits}
     swaps = _swaps(ranking)
     swapped = {names_of(problem, model) for model in swaps}
     fits = [*ranking.fits]
-    for model in [m for m in [*swaps, *_close(ranking)] if names_of(problem, m) not in known][:MOST]:
+    for model in [m for m in [*swaps, *_close(ranking)] if names_of(problem, m) not in known][:MOST_REFINED]:
         if names_of(problem, model) in known:
             continue
-        fit = refit(problem, model, problem.options.tolerance, None, ranking.noise)
+        fit = refit(problem, model, None, ranking.noise)
         known[names_of_fit(fit)] = fit
         fits.append(fit)
     score = {id(fit): score_of(fit, priors) for fit in fits}
@@ -50,7 +46,7 @@ def explanations_of(
     standing = standing or [ranking.best]
     groups: dict[tuple[str, ...], list[Fit]] = {}
     for fit in sorted(standing, key=lambda f: -score[id(f)]):
-        groups.setdefault(_material(ranking, fit, held_out, held), []).append(fit)
+        groups.setdefault(_material(ranking, fit, held), []).append(fit)
     weights = {name: sum(math.exp(score[id(f)] - least) for f in fits) for name, fits in groups.items()}
     total = sum(weights.values())
     found = [_explanation(name, fits[0], weights[name] / total) for name, fits in groups.items()]
@@ -80,12 +76,10 @@ def _close(ranking: Ranking) -> list[Model]:
     return list(kept.values())
 
 
-def _material(
-    ranking: Ranking, fit: Fit, held_out: Sequence[FlightResiduals], held: HeldOut
-) -> tuple[str, ...]:
+def _material(ranking: Ranking, fit: Fit, held: HeldOut) -> tuple[str, ...]:
     """Return the sorted identifiers of the effects of a fit that are material at their values."""
     options, best = ranking.options, fit is ranking.best
-    unseen = [(e, held.terms[e.name]) for e in held_out if e.name in held.terms] if best else []
+    unseen = [(e, held.terms[e.name]) for e in held.flights] if best else []
     found = []
     for i, term in enumerate(fit.terms):
         size = size_of(fit, i, ranking.problem.flights, ranking.noise, options.tolerance, unseen)
@@ -119,3 +113,35 @@ def _explanation(named: tuple[str, ...], fit: Fit, probability: float) -> Explan
     calibration = tuple(t.effect for t in fit.calibration if t.effect.identifier in known)
     effects = tuple(t.effect for t in fit.terms)
     return Explanation(named, probability, effects, calibration, names, 0.5 * (covariance + covariance.T))
+
+
+def equivalents(problem: RegressionProblem, model: Model) -> dict[str, dict[str, Model]]:
+    """Return by effect of the model, by effect that explains the logs as well in its place, the model with that one.
+
+    The best `MOST_ALTERNATIVES`, the best first.
+
+    Args:
+        problem: the regression that holds the candidates.
+        model: a set of them.
+    """
+    thresholds = problem.options.thresholds
+    out: dict[str, dict[str, Model]] = {}
+    for i in model.members:
+        if problem.candidates[i].generic:
+            continue
+        own = problem.candidates[i].identifiers
+        rest = tuple(j for j in model.members if j != i)
+        found: dict[str, Model] = {}
+        for k, other in enumerate(problem.candidates):
+            members = (*rest, k)
+            if other.generic or set(other.identifiers) & set(own) or not problem.fits_together(members):
+                continue
+            score = problem.score(members)
+            if model.score - score < thresholds.indistinguishable_evidence:
+                name = other.identifiers[-1]
+                if name not in found or score > found[name].score:
+                    found[name] = Model(tuple(sorted(members)), score)
+        names = sorted(found, key=lambda n: -found[n].score)[:MOST_ALTERNATIVES]
+        for name in own:
+            out[name] = {n: found[n] for n in names}
+    return out

@@ -1,18 +1,32 @@
-"""Inference from one set of training flights: causes, and what they leave on all flights."""
+"""Inference from one set of training flights: which effects are causes, and what they leave on all flights.
+
+Training flights alone give the model; held-out flights judge it. In the words of Bayesian model selection:
+
+1. search: the set of effects with the largest evidence, and its maximum a posteriori fit (`find_map_model`);
+2. rank: rival sets, all parameters of each refined, and the probability of every effect (`rank_models`);
+3. hold out: the best fit on flights that it has not seen, its parameters kept (`on_held_out`);
+4. structure: what no effect of the library explains, as generic structure (`LinearModel.select_structure`) and as
+   signs in the residual (`find_unexplained`);
+5. decide: an effect is a cause where its probability of acting and of being material is large enough (`causes_of`).
+
+A slow level force that sensors alone do not make is either that of gusts, which act through a drag, or unknown.
+"""
 
 import dataclasses as dc
 from collections.abc import Sequence
 
-from np_drake.diagnosis.adequacy import Unexplained, find_unexplained
-from np_drake.diagnosis.adequacy.linear_model import LinearModel
+import numpy as np
+
+from np_drake.diagnosis.adequacy import LinearModel, Unexplained, find_unexplained
 from np_drake.diagnosis.decision.causes import causes_of
-from np_drake.diagnosis.decision.gust_causes import in_gusts, residuals, with_gusts
-from np_drake.diagnosis.held_out import HeldOut, on_held_out, without_shocks
+from np_drake.diagnosis.forward_model import Term, predicted_residual
+from np_drake.diagnosis.held_out import HeldOut, mark_outliers, on_held_out
 from np_drake.diagnosis.options import Options
+from np_drake.diagnosis.regressors import DRAG, GUSTY
 from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.diagnosis.result import Cause, Finding
-from np_drake.diagnosis.selection import Ranking, SearchResult, find_map_model, ranked
-from np_drake.diagnosis.wind import position_p_value, with_drag
+from np_drake.diagnosis.selection import Ranking, SearchResult, find_map_model, rank_models
+from np_drake.diagnosis.wind import as_gusts, position_p_value, with_drag
 from np_drake.effects.gusty_wind import GustyWind
 
 SLOW = Finding("slow force", "a level force that comes and goes, of which no wind can be made", 1.0, {})
@@ -23,18 +37,22 @@ PLACE = Finding("place", "a slow force tied to a place", 1.0, {})
 class Inference:
     """Causes and what they leave.
 
-    flights, held_out: with their shocks marked.   held: the causes on held-out flights.
+    flights: of the fit, with their outliers marked.   held: the causes on held-out flights.
     unknown_probability: that something material remains that no effect of the library explains [1].
     """
 
     flights: Sequence[FlightResiduals]
-    held_out: Sequence[FlightResiduals]
     ranking: Ranking
     held: HeldOut
     unexplained: Unexplained
     causes: list[Cause]
-    minor: list[Finding]
+    below_threshold: list[Finding]
     unknown_probability: float
+
+    @property
+    def held_out(self) -> Sequence[FlightResiduals]:
+        """Held-out flights, with their outliers marked."""
+        return self.held.flights
 
     @property
     def options(self) -> Options:
@@ -52,51 +70,103 @@ def infer(
     held_out: Sequence[FlightResiduals],
     options: Options | None = None,
 ) -> Inference:
-    """Rank the effects by training flights, and return the causes that they show; held-out flights judge them."""
-    return concluded(find_map_model(flights, options), held_out)
+    """Search the effects by training flights, and return the causes that they show; held-out flights judge them.
+
+    Args:
+        flights: training flights.
+        held_out: held-out flights.
+        options: all that steers the answer; default: by the sensors of the flights.
+    """
+    return conclude(find_map_model(flights, options), held_out)
 
 
-def concluded(found: SearchResult, held_out: Sequence[FlightResiduals]) -> Inference:
-    """Return the inference of a search."""
-    ranking = ranked(found)
+def conclude(found: SearchResult, held_out: Sequence[FlightResiduals]) -> Inference:
+    """Rank the models of a search, judge the best by held-out flights, and decide which of its effects are causes.
+
+    Args:
+        found: by `find_map_model`.
+        held_out: held-out flights.
+    """
+    ranking = rank_models(found)
     flights, priors, noise = ranking.problem.flights, ranking.options.priors, ranking.noise
-    held_out = [without_shocks(ranking.best.everything, e, noise, priors) for e in held_out]
-    linear = LinearModel(ranking)
-    _, structure = linear.described()
+    held_out = [mark_outliers(ranking.best.everything, e, noise, priors) for e in held_out]
     held = on_held_out(ranking.best, held_out, noise, priors)
-    unexplained = find_unexplained(ranking, linear, structure, held_out, held)
+    linear = LinearModel(ranking)
+    _, structure = linear.select_structure()
+    unexplained = find_unexplained(ranking, linear, structure, held)
     probability = max(unexplained.probability, unexplained.slow_probability)
     if unexplained.slow_probability > 0.5:
-        tied = _knows_its_place(ranking, held_out, held)
-        blown = None if tied else _in_gusts(ranking, linear, structure, held_out, unexplained)
-        if blown is not None:
-            return Inference(flights, held_out, *blown, unexplained.probability)
-        unexplained = dc.replace(unexplained, findings=(PLACE if tied else SLOW, *unexplained.findings))
-    causes, minor = causes_of(ranking, linear, structure, held_out, held)
-    return Inference(flights, held_out, ranking, held, unexplained, causes, minor, probability)
+        position_dependent = _depends_on_position(ranking, held)
+        found_gusts = None if position_dependent else _in_gusts(ranking, linear, structure, held, unexplained)
+        if found_gusts is not None:
+            ranking, held, causes, minor = found_gusts
+            return Inference(flights, ranking, held, unexplained, causes, minor, unexplained.probability)
+        slow = PLACE if position_dependent else SLOW
+        unexplained = dc.replace(unexplained, findings=(slow, *unexplained.findings))
+    causes, minor = causes_of(ranking, linear, structure, held)
+    return Inference(flights, ranking, held, unexplained, causes, minor, probability)
 
 
 def _in_gusts(
-    ranking: Ranking,
-    linear: LinearModel,
-    structure: Sequence[int],
-    held_out: Sequence[FlightResiduals],
-    unexplained: Unexplained,
-) -> tuple[Ranking, HeldOut, Unexplained, list[Cause], list[Finding]] | None:
-    """Return the parts of an inference in which gusts are the slow force; None where no wind can be made of it."""
-    if (felt := with_drag(ranking)) is not ranking:
-        ranking, linear = felt, LinearModel(felt)
-    held = on_held_out(ranking.best, held_out, ranking.noise, ranking.options.priors)
-    causes, minor = causes_of(ranking, linear, structure, held_out, held, gusty=True)
-    causes = with_gusts(ranking, held_out, held, causes, unexplained)
+    ranking: Ranking, linear: LinearModel, structure: Sequence[int], held: HeldOut, unexplained: Unexplained
+) -> tuple[Ranking, HeldOut, list[Cause], list[Finding]] | None:
+    """Return ranking, held-out flights and causes with gusts as the slow force; None where it can be no wind."""
+    if (with_one := with_drag(ranking)) is not ranking:
+        ranking, linear = with_one, LinearModel(with_one)
+    held = on_held_out(ranking.best, held.flights, ranking.noise, ranking.options.priors)
+    causes, minor = causes_of(ranking, linear, structure, held, gusts=True)
+    causes = with_gusts(ranking, held, causes, unexplained)
     if not any(c.identifier == GustyWind.identifier for c in causes):
         return None
-    return ranking, in_gusts(held, causes, held_out), unexplained, causes, minor
+    return ranking, in_gusts(held, causes), causes, minor
 
 
-def _knows_its_place(ranking: Ranking, held_out: Sequence[FlightResiduals], held: HeldOut) -> bool:
+def _depends_on_position(ranking: Ranking, held: HeldOut) -> bool:
     """Return whether the slow force depends on position alike in all flights, as gusts would not."""
-    every = [*ranking.problem.flights, *(e for e in held_out if not e.joined.any())]
-    rest = residuals(ranking, held_out, held)
-    p_value = position_p_value(every, rest, {e.name: None for e in every})
-    return p_value < ranking.options.thresholds.place
+    every = [*ranking.problem.flights, *(e for e in held.flights if not e.joined.any())]
+    p_value = position_p_value(every, _residuals(ranking, held), {e.name: None for e in every})
+    return p_value < ranking.options.thresholds.position_p_value
+
+
+def with_gusts(ranking: Ranking, held: HeldOut, causes: list[Cause], unexplained: Unexplained) -> list[Cause]:
+    """Return the causes with gusts among them, where a drag was found through which they act.
+
+    Args:
+        ranking: of the models.
+        held: the best fit on held-out flights.
+        causes: of the best model.
+        unexplained: what it leaves, with the probability of a slow force.
+    """
+    flights, rest = ranking.problem.flights, _residuals(ranking, held)
+    through_drag = {}
+    for e in (*flights, *held.flights):
+        terms = [t for t in held.terms.get(e.name, ranking.best.terms) if t.effect.identifier in GUSTY]
+        through_drag[e.name] = rest[e.name] + predicted_residual(e, terms)
+    slowly = unexplained.slow_probability
+    return as_gusts(flights, through_drag, causes, slowly, ranking.options, held.flights)
+
+
+def _residuals(ranking: Ranking, held: HeldOut) -> dict[str, np.ndarray]:
+    """Return by flight the residual (m, 15) of the best model [N, N·m, …]."""
+    rest = {e.name: ranking.best.residual(e) for e in ranking.problem.flights}
+    return rest | {e.name: held.swing_free_residual(e) for e in held.flights}
+
+
+def in_gusts(held: HeldOut, causes: Sequence[Cause]) -> HeldOut:
+    """Return the held-out flights with the mean of the gusts in the place of a steady wind.
+
+    Args:
+        held: the best fit on held-out flights.
+        causes: the gusts and the drag through which they act among them, each from when on it acts.
+    """
+    by_name = {c.identifier: c for c in causes}
+    gusts, drag = by_name[GustyWind.identifier], by_name[DRAG]
+    assert gusts.effect is not None
+    assert drag.effect is not None
+    terms, residual = dict(held.terms), dict(held.residual)
+    for e in held.flights:
+        rest = [t for t in held.terms[e.name] if t.effect.identifier not in GUSTY]
+        own_drag = Term(drag.effect, {e.name: drag.onset.get(e.name)})
+        terms[e.name] = [*rest, own_drag, Term(gusts.effect.predicted, {e.name: gusts.onset.get(e.name)})]
+        residual[e.name] = e.y - predicted_residual(e, terms[e.name])
+    return dc.replace(held, terms=terms, residual=residual)

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.decision.infer import Inference, concluded
+from np_drake.diagnosis.decision.infer import Inference, conclude
 from np_drake.diagnosis.held_out import misfit
 from np_drake.diagnosis.residuals import FlightResiduals, make_flight_residuals
 from np_drake.diagnosis.result import CHANNELS, Cause, Finding
@@ -26,12 +26,12 @@ def novelty(first: Inference) -> tuple[Finding, ...]:
     """
     ranking = first.ranking
     if any(c.identifier == GustyWind.identifier for c in first.causes) or any(
-        t.swings for t in ranking.best.terms
+        t.has_hidden_state for t in ranking.best.terms
     ):
         return ()
     ratio = misfit(first.held, ranking.noise)
     channel = int(np.argmax(ratio))
-    if ratio[channel] <= first.options.thresholds.misfit:
+    if ratio[channel] <= first.options.thresholds.misfit_ratio:
         return ()
     text = f"{CHANNELS[channel]} is {ratio[channel]:.2g} times what the training flights leave"
     return (Finding("misfit", text, float(ratio[channel]), {}),)
@@ -45,8 +45,10 @@ def second_answer(first: Inference) -> tuple[Inference, list[FlightResiduals]] |
     joined, judges = split_flights(first.held_out)
     if not joined:
         return None
-    calm = not any(c.effect and c.effect.needs for c in first.causes)
-    return concluded(find_map_model([*first.flights, *joined], first.options, calm=calm), judges), joined
+    still_air = not any(c.effect and c.effect.needs for c in first.causes)
+    return conclude(
+        find_map_model([*first.flights, *joined], first.options, still_air=still_air), judges
+    ), joined
 
 
 def split_flights(
@@ -67,6 +69,11 @@ def split_flights(
 
 
 def without_onsets_in(flights: Sequence[FlightResiduals], cause: Cause) -> Cause:
-    """Return the cause without its onsets in these flights, which are parts of others."""
+    """Return the cause without its onsets in these flights, which are parts of others.
+
+    Args:
+        flights: parts of others.
+        cause: the cause.
+    """
     names = {e.name for e in flights}
     return dc.replace(cause, onset={n: t for n, t in cause.onset.items() if n not in names})

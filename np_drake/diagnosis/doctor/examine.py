@@ -1,29 +1,44 @@
 """Examination of flight logs before a diagnosis: is the log usable, what does it excite, which effects can it tell."""
 
 import dataclasses as dc
+import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from np_drake.diagnosis.doctor.answers import answers
 from np_drake.diagnosis.doctor.flight_facts import contradictions, flight_facts
-from np_drake.diagnosis.doctor.log_report import FlightFacts, LogReport
-from np_drake.diagnosis.doctor.residual_noise import explain, nuisance_of, options_of
-from np_drake.diagnosis.doctor.smallest_sizes import Information, smallest_gust, smallest_sizes
+from np_drake.diagnosis.doctor.log_report import NEVER, NO, YES, Answer, FlightFacts, LogReport
+from np_drake.diagnosis.doctor.smallest_sizes import Information, Smallest, smallest_gust, smallest_sizes
 from np_drake.diagnosis.doctor.swing_test import swing_test
-from np_drake.diagnosis.doctor.traces import nearest_usual, payload_at, traces
-from np_drake.diagnosis.localisation import excitation, excited
-from np_drake.diagnosis.regressors import PAYLOAD
+from np_drake.diagnosis.doctor.traces import (
+    GUSTS,
+    explain,
+    nearest_usual,
+    payload_traces,
+    traces,
+)
+from np_drake.diagnosis.localisation.identifiability import excitation, excited, manoeuvre, tells_apart
+from np_drake.diagnosis.options import Options
+from np_drake.diagnosis.regressors import DRAG, PAYLOAD, WIND, nuisance_of, tolerance_of, with_input
 from np_drake.diagnosis.residuals import FORCE, FlightResiduals, make_flight_residuals, natural_step
+from np_drake.effects.library import LIBRARY, effects_for, unobservable
+from np_drake.effects.parameter import usual_size
 from np_drake.flight_log import FlightLog
 from np_drake.vehicle import Vehicle
 
 Progress = Callable[[float, str], None]
 LEAST_DURATION = 3.0  # of a flight that can be diagnosed [s]; as of the residuals
-MOST_SECONDS = 120.0  # of a flight from which effects are judged [s]; own choice: memory
+MOST_SECONDS = 120.0  # of a flight from which effects are answered for [s]; own choice: memory
 MOST_GAPS = 0.1  # share of rows put into gaps from which a log is limited [1]; own choice
 MOST_SATURATED = 0.05  # share of rows with a rotor at a limit from which a log is limited [1]; own choice
+FAR = 100.0  # usual sizes beyond which a smallest size is infinite [1]
+INSTEAD = {  # words of a reason of `unobservable`: what to log instead
+    "measured rotor speed": "log the commanded thrust and torque as well",
+    "up to a scale": "log rotor speed, with a thrust coefficient from a stand",
+    "no torque": "log the torque command, rotor speed, or every motor's throttle",
+    "no accelerations": "log the accelerometer",
+}
 
 
 def examine(
@@ -58,17 +73,20 @@ def examine(
         if vehicle is None:
             problems.append("no vehicle file: effects are not judged (np-drake doctor --vehicle FILE)")
         return LogReport(facts, bool(long_enough) and not wrong, tuple(problems))
-    return _judged(LogReport(facts, True, tuple(problems), vehicle.name), long_enough, vehicle, tell)
+    return _with_answers(LogReport(facts, True, tuple(problems), vehicle.name), long_enough, vehicle, tell)
 
 
-def _judged(report: LogReport, logs: Sequence[FlightLog], vehicle: Vehicle, tell: Progress) -> LogReport:
+def _with_answers(
+    report: LogReport, logs: Sequence[FlightLog], vehicle: Vehicle, tell: Progress
+) -> LogReport:
     """Return the report with excitation, swings and answers."""
     tell(0.2, "residuals")
     logs = [_head(log) for log in logs]
     step = max(natural_step(log.t) for log in logs)
     flights = [make_flight_residuals(log, vehicle, step) for log in logs]
     moving = excitation(flights)
-    options = options_of(flights, real=any(f.imported for f in report.flights))
+    real = any(f.imported for f in report.flights) or tolerance_of(flights).real
+    options = with_input(Options.for_sensors(real), flights)
     nuisance = nuisance_of(flights, options.tolerance)
     tell(0.4, "effects")
     every = traces(flights, options.priors)
@@ -81,7 +99,8 @@ def _judged(report: LogReport, logs: Sequence[FlightLog], vehicle: Vehicle, tell
         tests.append(swing_test(e, [c.columns for c in others] + [t.columns for t in own], options))
     swinging = [test for test in tests if test.swings]
     tell(0.7, "noise")
-    beside = [payload_at(flights, swinging[0].length, options.priors)] if swinging else []
+    lengths = np.array([test.length for test in swinging[:1]])
+    beside = payload_traces(flights, lengths, options.priors) if swinging else []
     explained = explain(flights, nuisance, [*near, *beside], options)
     tell(0.8, "smallest sizes")
     information = Information(explained.flights, explained.noise, nuisance, every)
@@ -107,8 +126,8 @@ def _judged(report: LogReport, logs: Sequence[FlightLog], vehicle: Vehicle, tell
 
 def _residual_force(flights: Sequence[FlightResiduals]) -> dict[str, float]:
     """Return by axis of B the RMS of the residual force over weight [1]."""
-    y = np.concatenate([e.y[~e.shocks, FORCE] for e in flights])
-    weight = flights[0].vehicle.mass * flights[0].vehicle.gravity
+    y = np.concatenate([e.y[~e.outliers, FORCE] for e in flights])
+    weight = flights[0].weight
     return dict(zip("xyz", (np.sqrt(np.mean(y**2, axis=0)) / weight).tolist(), strict=True))
 
 
@@ -154,3 +173,78 @@ def _require(logs: Sequence[FlightLog]) -> None:
         raise ValueError(
             "doctor: either all flights have accelerations or none. Examine them one kind at a time."
         )
+
+
+def answers(
+    found: Sequence[Smallest],
+    gust: float,
+    drag: float | None,
+    vehicle: Vehicle,
+    *,
+    log_input: str,
+    **known: bool,
+) -> tuple[Answer, ...]:
+    """Return an answer for each parameter of each effect: told, not told, never told, in the order of the library.
+
+    Args:
+        found: smallest sizes; those of the wind are for the usual drag of such a vehicle.
+        gust: least deviation of the force of gusts [N].
+        drag: that of the vehicle, where it is known [N·s/m]: winds act through it.
+        vehicle: the nominal vehicle.
+        log_input: as `FlightLog.input`.
+        known: whether the log has `accelerations` and `torque`.
+    """
+    hidden = unobservable(log_input, **known)
+    sizes = {s.identifier: s for s in found}
+    usual_drag = usual_size(LIBRARY[DRAG].parameters[0], vehicle)
+    out: list[Answer] = []
+    for identifier, effect in effects_for(log_input).items():
+        p = next(p for p in effect.parameters if not p.choices)
+        if identifier in hidden:
+            reason = hidden[identifier]
+            todo = next(
+                (what for words, what in INSTEAD.items() if words in reason), manoeuvre((identifier,))
+            )
+            never = (math.inf, math.inf, usual_size(p, vehicle), NEVER, reason, todo)
+            out.append(Answer(identifier, p.name, p.unit, *never))
+        elif identifier == GUSTS:
+            size = gust / (drag or usual_drag)
+            out.append(_gust_answer(size, drag is None))
+        elif identifier in sizes:
+            scale = usual_drag / drag if identifier == WIND and drag else 1.0
+            out += _answers(
+                sizes[identifier], effect, vehicle, scale, told=identifier != WIND or drag is not None
+            )
+    return tuple(out)
+
+
+def _answers(s: Smallest, effect, vehicle: Vehicle, scale: float, *, told: bool) -> list[Answer]:
+    parameters = {p.name: p for p in effect.parameters}
+    out = []
+    for name, alone, beside in zip(s.parameters, s.alone * scale, s.beside * scale, strict=True):
+        p = parameters[name]
+        typical = p.typical if s.identifier == WIND else usual_size(p, vehicle)
+        far = FAR * typical
+        verdict = YES if beside <= typical else NO
+        reason, todo = "", ""
+        if verdict == NO and alone > typical:
+            reason = "at its usual size it leaves no clear trace in these flights"
+            todo = manoeuvre((s.identifier,))
+        elif verdict == NO:
+            reason = f"it cannot be told from {', '.join(s.resembles)} in these flights"
+            todo = tells_apart(s.identifier, s.resembles[0]) or manoeuvre((s.identifier,))
+        if s.identifier == WIND:
+            reason = reason or ("with their drag" if told else "with usual drag: these flights tell none")
+        alone, beside = (float(v) if v <= far else math.inf for v in (alone, beside))
+        out.append(
+            Answer(s.identifier, name, p.unit, beside, alone, typical, verdict, reason, todo, s.resembles)
+        )
+    return out
+
+
+def _gust_answer(size: float, guessed: bool) -> Answer:
+    p = next(p for p in LIBRARY[GUSTS].parameters if p.name == "deviation")
+    verdict = YES if size <= p.typical else NO
+    reason = "with usual drag: these flights tell none" if guessed else "with their drag"
+    todo = "" if verdict == YES else manoeuvre((GUSTS,))
+    return Answer(GUSTS, p.name, p.unit, size, size, p.typical, verdict, reason, todo)

@@ -29,8 +29,10 @@ MOST_LAW = 0.75  # misfit above which quantities contradict each other [1]; as i
 def flight_facts(log: FlightLog, vehicle: Vehicle | None = None) -> FlightFacts:
     """Return the facts of a flight.
 
-    Args: vehicle: for limits of the rotors and the usual noise of its sensors; None: neither is known, and usual
-    sensors are taken.
+    Args:
+        log: the flight log.
+        vehicle: for limits of the rotors and the usual noise of its sensors; None: neither is known, and usual sensors
+            are taken.
     """
     interval = np.diff(log.t)
     head = log.rows(0, MOST_ROWS)

@@ -8,13 +8,12 @@ from np_drake.diagnosis.residuals import low_pass
 from np_drake.flight_log import FlightLog
 from np_drake.vehicle import Vehicle
 
-LONGEST = 0.2  # lag that is looked for [s]; own choice
+LONGEST_LAG = 0.2  # lag that is looked for [s]; own choice
 BAND = 10.0  # low-pass on both signals [Hz]; own choice: the same on both moves neither
 PARTS = 10  # of a flight, each left out once for the deviation [1]; own choice
 LEAST_PART = 0.5  # of a part [s]; own choice
-LEAST_CORRELATION = (
-    0.9  # below which no lag is told [1]; own choice: in a narrow band, other shifts fit as well
-)
+# Below which no lag is told [1]; own choice: in a narrow band, other shifts fit as well.
+LEAST_CORRELATION = 0.9
 MOST_DEVIATION = 0.02  # above which no lag is told [s]; own choice
 MOST_ROWS = 60_000  # of a flight that are used; own choice: the deviation is then far below a row
 
@@ -22,7 +21,9 @@ MOST_ROWS = 60_000  # of a flight that are used; own choice: the deviation is th
 def lags(log: FlightLog, vehicle: Vehicle | None = None) -> tuple[Lag, ...]:
     """Return the lags between states, and between command and response, as far as the log tells them.
 
-    Args: vehicle: for the torque of measured rotor speed; None: that lag is left out.
+    Args:
+        log: the flight log.
+        vehicle: for the torque of measured rotor speed; None: that lag is left out.
     """
     log = log.rows(0, MOST_ROWS)
     dt = np.diff(log.t)[:, None]
@@ -72,13 +73,13 @@ def _lag(late: str, early: str, t_y: np.ndarray, y: np.ndarray, t_x: np.ndarray,
     deviation is that of the jackknife over parts of the flight.
     """
     step = float(np.median(np.diff(t_x)))
-    parts = min(PARTS, int((t_y[-1] - t_y[0] - 2 * LONGEST) / LEAST_PART))
+    parts = min(PARTS, int((t_y[-1] - t_y[0] - 2 * LONGEST_LAG) / LEAST_PART))
     if parts < 3:
         return None
-    t = np.arange(t_y[0] + LONGEST, t_y[-1] - LONGEST, step)
+    t = np.arange(t_y[0] + LONGEST_LAG, t_y[-1] - LONGEST_LAG, step)
     y = low_pass(_at(t, t_y, y), step, BAND)
     fine = min(step, 0.005)
-    shifts = fine * np.arange(-round(LONGEST / fine), round(LONGEST / fine) + 1)
+    shifts = fine * np.arange(-round(LONGEST_LAG / fine), round(LONGEST_LAG / fine) + 1)
     x = low_pass(x, step, BAND)
     sums = []  # by shift and part: moments of both
     cut = [slice(part[0], part[-1] + 1) for part in np.array_split(np.arange(len(t)), parts)]

@@ -71,6 +71,10 @@ class Information:
         """Return the deviation (k,) of a trace's coefficients over their usual size, beside others with their prior.
 
         Further columns of the trace itself have that prior too.
+
+        Args:
+            trace: of the effect.
+            beside: traces of others.
         """
         own, asked = self._at[id(trace)], len(trace.parameters)
         index = np.concatenate([own, *(self._at[id(t)] for t in beside)])
@@ -85,7 +89,12 @@ class Information:
         return np.sqrt(variance) / scale
 
     def inside(self, trace: Trace, other: Trace) -> bool:
-        """Return whether a trace is that of an effect with more parameters, of which it is the simpler case."""
+        """Return whether a trace is that of an effect with more parameters, of which it is the simpler case.
+
+        Args:
+            trace: of the simpler effect.
+            other: of the other.
+        """
         if len(other.parameters) <= len(trace.parameters):
             return False
         a, b = self._at[id(trace)], self._at[id(other)]
@@ -148,10 +157,15 @@ def _crossing(size: np.ndarray, told: np.ndarray) -> float:
 
 
 def smallest_gust(noise: NoiseModel, seconds: float, time: float = 1.0) -> float:
-    """Return the least deviation of a lateral gusty force that is told from the noise [N].
+    """Return the least deviation of a lateral force of gusts that is told from the noise [N].
 
     The log likelihood of a spectrum is a sum over independent frequencies (Whittle), and so is the information on the
-    power of a first-order process.   Args: seconds: of all flights.   time: its correlation time [s].
+    power of a first-order process.
+
+    Args:
+        noise: noise model of the channels.
+        seconds: length of all flights [s].
+        time: correlation time of the force [s].
     """
     frequency = np.arange(1, max(2, int(0.4 / noise.step * seconds))) / seconds
     gust = 4 * time / (1 + (2 * np.pi * frequency * time) ** 2)  # one-sided, of unit variance [1/Hz]

@@ -18,10 +18,10 @@ from np_drake.diagnosis.doctor.log_report import SwingTest
 from np_drake.diagnosis.numerics import Gram, NoiseModel, fit_noise, scale_only
 from np_drake.diagnosis.options import Options, Priors
 from np_drake.diagnosis.regressors import AT_REST, payloads_of
+from np_drake.diagnosis.regressors.payload import SWING_TEST_LENGTHS
 from np_drake.diagnosis.residuals import FlightResiduals
 
 LATERAL = slice(0, 2)  # channels: force across body z
-LENGTHS = np.geomspace(0.15, 2.5, 32)  # of the pendulum [m]: 9 % apart
 PIECE = 10.0  # of a flight, each with a swing of its own [s]: longer, and a linear swing is out of step
 MOST_PIECES = 6  # of a flight that are used
 ROUNDS = 3  # of regression and noise in turn
@@ -47,7 +47,7 @@ def swing_test(
     priors, how = options.priors, (pieces, flight.grid.step, options.priors.temperature)
     _, without = _fitted(y, X, *how)
     gains, masses = [], []
-    for payload in payloads_of([flight], LENGTHS, priors):
+    for payload in payloads_of([flight], SWING_TEST_LENGTHS, priors):
         own = flight.bridged(payload.own[flight.name][:, LATERAL])
         P = _in_pieces(own[..., :1], own[..., AT_REST:], pieces)
         mean, evidence = _fitted(y, np.concatenate([X, P], axis=-1), *how)
@@ -56,7 +56,9 @@ def swing_test(
     best = int(np.argmax(gains))
     factor = float(np.log(np.mean(np.exp(np.array(gains) - gains[best]))) + gains[best])
     swings = masses[best] > 0 and factor > evident(priors)
-    return SwingTest(flight.name, factor, evident(priors), bool(swings), float(LENGTHS[best]), masses[best])
+    return SwingTest(
+        flight.name, factor, evident(priors), bool(swings), float(SWING_TEST_LENGTHS[best]), masses[best]
+    )
 
 
 def evident(priors: Priors) -> float:

@@ -1,4 +1,4 @@
-"""Traces of effects in flights: columns of a regression at usual sizes for the vehicle, by effect."""
+"""Traces of effects in flights, as columns of a regression at usual sizes, and the noise that no trace explains."""
 
 import dataclasses as dc
 import math
@@ -6,17 +6,21 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.options import Priors
+from np_drake.diagnosis.numerics import Gram, NoiseModel, scale_only
+from np_drake.diagnosis.options import Options, Priors
 from np_drake.diagnosis.regressors import (
+    DRAG,
     PAYLOAD,
     WIND,
     Candidate,
-    PayloadColumns,
     library_candidates,
     payloads_of,
     wind_candidates,
 )
-from np_drake.diagnosis.residuals import WRENCH, FlightResiduals
+from np_drake.diagnosis.regressors.payload import TRACE_LENGTHS
+from np_drake.diagnosis.residuals import WRENCH, FlightResiduals, find_outliers
+from np_drake.diagnosis.result import CHANNELS
+from np_drake.diagnosis.selection.conditioning import noise_of
 from np_drake.effects.base import Parameter
 from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.library import LIBRARY, effects_for
@@ -24,7 +28,7 @@ from np_drake.effects.parameter import usual_size
 from np_drake.effects.parameter_prior import correlation_root
 
 GUSTS = GustyWind.identifier
-LENGTHS = np.geomspace(0.3, 1.5, 5)  # of the tethers at which a payload is asked for [m]; own choice
+LEAST_DRAG = 2.0  # posterior deviations from which a drag is taken as that of the vehicle [1]
 
 
 @dc.dataclass(frozen=True)
@@ -45,15 +49,19 @@ class Trace:
 
 
 def traces(flights: Sequence[FlightResiduals], priors: Priors) -> list[Trace]:
-    """Return the traces of all variants of all effects that such logs can show; payloads at `LENGTHS`.
+    """Return the traces of all variants of all effects that such logs can show; payloads at `TRACE_LENGTHS`.
 
     Gusts have none: they are a noise.
+
+    Args:
+        flights: the flights.
+        priors: priors of parameters, swings and onsets.
     """
     plain = library_candidates(flights)
     found = [_of_candidate(c, flights) for c in plain]
     for c in wind_candidates(flights, plain)[:1]:
         found.append(_of_wind(c, flights))
-    return found + _of_payloads(flights, priors)
+    return found + payload_traces(flights, TRACE_LENGTHS, priors)
 
 
 def _of_candidate(c: Candidate, flights: Sequence[FlightResiduals]) -> Trace:
@@ -78,28 +86,24 @@ def _of_wind(c: Candidate, flights: Sequence[FlightResiduals]) -> Trace:
     return Trace(WIND, wind, tuple(p.typical for p in wind), columns)
 
 
-def _of_payloads(flights: Sequence[FlightResiduals], priors: Priors) -> list[Trace]:
+def payload_traces(flights: Sequence[FlightResiduals], lengths: np.ndarray, priors: Priors) -> list[Trace]:
+    """Return the traces of payloads on tethers of these lengths; none where the library has no payload.
+
+    Args:
+        flights: the flights.
+        lengths: (k,) of the tethers [m].
+        priors: of payloads.
+    """
     if PAYLOAD not in LIBRARY:
         return []
-    return [_of_payload(payload, flights) for payload in payloads_of(flights, LENGTHS, priors)]
-
-
-def payload_at(flights: Sequence[FlightResiduals], length: float, priors: Priors) -> Trace:
-    """Return the trace of a payload on a tether of this length [m]."""
-    (payload,) = payloads_of(flights, np.array([length]), priors)
-    return _of_payload(payload, flights)
-
-
-def _of_payload(payload: PayloadColumns, flights: Sequence[FlightResiduals]) -> Trace:
-    mass = LIBRARY[PAYLOAD].parameters[:1]
+    mass, found = LIBRARY[PAYLOAD].parameters[:1], []
     usual = usual_size(mass[0], flights[0].vehicle)
-    columns = {}
-    for e in flights:
-        X = np.zeros((*e.y.shape, payload.size))
-        X[:, WRENCH][..., payload.at(e.name)] = payload.own[e.name]
-        X[..., 0] *= usual / payload.unit
-        columns[e.name] = X
-    return Trace(PAYLOAD, mass, (usual,), columns)
+    for payload in payloads_of(flights, lengths, priors):
+        columns = payload.candidate(flights).columns
+        for X in columns.values():
+            X[..., 0] *= usual / payload.unit
+        found.append(Trace(PAYLOAD, mass, (usual,), columns))
+    return found
 
 
 def nearest_usual(found: Sequence[Trace]) -> list[Trace]:
@@ -110,3 +114,71 @@ def nearest_usual(found: Sequence[Trace]) -> list[Trace]:
         if trace.identifier not in best or away < best[trace.identifier][0]:
             best[trace.identifier] = (away, trace)
     return [trace for _, trace in best.values()]
+
+
+@dc.dataclass(frozen=True)
+class Explained:
+    """Flights with their outliers known, the noise model of what no effect explains, and the drag of the vehicle.
+
+    floor: by channel of the wrench, RMS of what no effect explains [N, N·m].   drag: mean lateral drag that explains
+    them best [N·s/m]; None where it is not told from zero.
+    """
+
+    flights: list[FlightResiduals]
+    noise: NoiseModel
+    floor: dict[str, float]
+    drag: float | None
+
+
+def explain(
+    flights: Sequence[FlightResiduals],
+    nuisance: Sequence[Candidate],
+    traces: Sequence[Trace],
+    options: Options,
+) -> Explained:
+    """Fit all traces and the nuisance together, and return what is left as noise.
+
+    An effect that is in the logs does not count as noise; what no effect explains does.
+
+    Args:
+        flights: the flights.
+        nuisance: nuisance columns, with prior N(0, 1).
+        traces: one of each effect.
+        options: tolerances of sensors, and the share of a linear prediction that is wrong.
+    """
+    blocks = [c.columns for c in nuisance] + [t.columns for t in traces]
+    step = flights[0].grid.step
+    _, _, residual = _fitted(flights, blocks, scale_only([e.y for e in flights], step))
+    flights = [dc.replace(e, outliers=find_outliers(r, step)) for e, r in zip(flights, residual, strict=True)]
+    channels = [e.bridged(e.y) for e in flights]
+    _, _, residual = _fitted(flights, blocks, scale_only(channels, step))
+    noise = noise_of(flights, residual, channels, options, options.priors.linear_error)
+    mean, deviation, residual = _fitted(flights, blocks, noise)
+    noise = noise_of(flights, residual, channels, options, options.priors.linear_error)
+    floor = {name: float(noise.rms[WRENCH][c]) for c, name in enumerate(CHANNELS)}
+    return Explained(list(flights), noise, floor, _drag(mean, deviation, nuisance, traces))
+
+
+def _fitted(
+    flights: Sequence[FlightResiduals], blocks: Sequence[dict[str, np.ndarray]], noise: NoiseModel
+) -> tuple[np.ndarray, np.ndarray, list[np.ndarray]]:
+    """Return coefficients (k,), their deviations, and by flight the residual (m, 15) without outliers."""
+    total: Gram = sum(e.gram(noise, [b[e.name] for b in blocks]) for e in flights)
+    mean, covariance = total.posterior(np.arange(len(total.Xy)))
+    sizes = [next(iter(b.values())).shape[-1] for b in blocks]
+    parts = np.split(mean, np.cumsum(sizes)[:-1])
+    residual = [
+        e.bridged(e.y - sum(b[e.name] @ part for b, part in zip(blocks, parts, strict=True))) for e in flights
+    ]
+    return mean, np.sqrt(np.diag(covariance)), residual
+
+
+def _drag(mean, deviation, nuisance: Sequence[Candidate], traces: Sequence[Trace]) -> float | None:
+    at = sum(c.size for c in nuisance)
+    for trace in traces:
+        if trace.identifier == DRAG:
+            weight = deviation[at : at + 2] ** -2.0
+            size = float(weight @ mean[at : at + 2] / weight.sum())
+            return size * trace.typical[0] if size > LEAST_DRAG * weight.sum() ** -0.5 else None
+        at += next(iter(trace.columns.values())).shape[-1]
+    return None

@@ -93,6 +93,7 @@ def refine(
     # One buffer serves all steps: only the first n columns of its rows change, and each step uses only its own.
     J = np.zeros((rows + n + k, n + k))
     J[rows:] = np.eye(n + k)
+    # The prior is a block of rows W z ~ N(0, 1), so that least squares on all rows gives the maximum a posteriori.
     W = prior_whitening(everything, free)
     J[rows : rows + n, :n] = W
     for c, at in zip(linear, pairwise(np.cumsum([n, *sizes_of]).tolist()), strict=True):
@@ -119,17 +120,18 @@ def refine(
     lower = np.array([f.lower for f in free]) / scale
     upper = np.array([f.upper for f in free]) / scale
     start = np.clip(read(everything, free) / scale, lower + 1e-6, upper - 1e-6)
-    reach = np.full(k, 20.0)
+    wide = np.full(k, 20.0)  # bounds of linear coefficients, in deviations of their prior
     best = minimise(
         residual,
         jacobian,
         np.concatenate([start, np.zeros(k)]),
-        np.concatenate([lower, -reach]),
-        np.concatenate([upper, reach]),
+        np.concatenate([lower, -wide]),
+        np.concatenate([upper, wide]),
         evaluations,
         J[:, n:].T @ J[:, n:] if k else None,
     )
     fitted = write(everything, free, best.z[:n] * scale)
+    # Laplace approximation: at the minimum the posterior is Gaussian with covariance (J'J)^-1.
     covariance = np.linalg.inv(best.information)
     robust = _robust(covariance, best.jacobian, best.residual, flights, noise)
     covariance = (covariance * np.sqrt(np.outer(robust, robust)))[:n, :n]
@@ -154,6 +156,11 @@ def scaled_jacobian(now: Sequence[Term], free: Sequence[Free], flight: FlightRes
     """Return the derivative (m, 15, k) of the predicted residual by the free parameters over their scales.
 
     By finite differences; only terms that interact with the changed one are evaluated again.
+
+    Args:
+        now: terms at the point of linearisation.
+        free: free parameters of the terms.
+        flight: the flight.
     """
     values = read(now, free)
     scale = np.array([f.scale for f in free])
@@ -169,7 +176,7 @@ def scaled_jacobian(now: Sequence[Term], free: Sequence[Free], flight: FlightRes
             step = -step
         moved = write(now, [f], np.array([values[k] + step]))
         group = _group(now, f.term)
-        if now[f.term].swings and len(group) == 1:
+        if now[f.term].has_hidden_state and len(group) == 1:
             swinging.setdefault(f.term, []).append((k, step, moved[f.term]))
             continue
         if group not in base:
@@ -204,7 +211,7 @@ def _group(terms: Sequence[Term], i: int) -> tuple[int, ...]:
 
     def alone(t: Term) -> bool:
         sensor = isinstance(t.effect, SensorEffect) and not t.effect.clock_shift
-        return sensor or t.swings
+        return sensor or t.has_hidden_state
 
     if alone(terms[i]):
         return (i,)
@@ -225,5 +232,6 @@ def _robust(covariance, J, fun, flights, noise) -> np.ndarray:
             g = J[a:b].T @ fun[a:b]
             meat += np.outer(g, g)
         start = stop
+    # Sandwich estimator (Huber-White), clustered by blocks: C (sum g g') C with the score g of each block.
     sandwich = np.diag(covariance @ meat @ covariance)
     return np.maximum(1.0, sandwich / np.maximum(np.diag(covariance), 1e-300))

@@ -11,7 +11,6 @@ from np_drake.diagnosis.fitting.swing_fit import fitted_to_whole_flight
 from np_drake.diagnosis.forward_model import Term, predicted_residual
 from np_drake.diagnosis.numerics import NoiseModel, scale_only
 from np_drake.diagnosis.regressors import Model, RegressionProblem, calibration_terms
-from np_drake.diagnosis.tolerance import Tolerance
 
 ITERATIONS = 6
 AGAIN = 3  # largest number of restarts of a descent with a hidden swing; own choice
@@ -20,7 +19,6 @@ AGAIN = 3  # largest number of restarts of a descent with a hidden swing; own ch
 def refit(
     problem: RegressionProblem,
     model: Model,
-    tolerance: Tolerance,
     known: Fit | None,
     noise: NoiseModel | None = None,
     iterations: int = ITERATIONS,
@@ -32,7 +30,6 @@ def refit(
     Args:
         problem: the regression that holds the candidates.
         model: the candidates to fit.
-        tolerance: tolerance of calibration.
         known: an earlier fit, or None.
         noise: noise model that whitens; default: that of the problem.
         iterations: largest number of iterations.
@@ -41,12 +38,12 @@ def refit(
     terms = _terms_at_posterior(problem, model)
     starts = [terms]
     if known is not None and _same(known.terms, terms):
-        starts = [list(known.terms), terms] if any(t.swings for t in terms) else [list(known.terms)]
-    fits = [_descend(problem, model, tolerance, start, noise, iterations) for start in starts]
+        starts = [list(known.terms), terms] if any(t.has_hidden_state for t in terms) else [list(known.terms)]
+    fits = [_descend(problem, model, start, noise, iterations) for start in starts]
     return max(fits, key=lambda f: f.log_evidence)
 
 
-def first_fit(problem: RegressionProblem, model: Model, tolerance: Tolerance, iterations: int) -> Fit:
+def first_fit(problem: RegressionProblem, model: Model, iterations: int) -> Fit:
     """Fit a model's parameters where no fit is known; its residual becomes the noise of the next.
 
     A swing that is not yet fitted is part of the noise, whose resonance then hides it. The start is therefore the swing
@@ -55,32 +52,28 @@ def first_fit(problem: RegressionProblem, model: Model, tolerance: Tolerance, it
     Args:
         problem: the regression that holds the candidates.
         model: the candidates to fit.
-        tolerance: tolerance of calibration.
         iterations: largest number of iterations.
     """
     flights, terms = problem.flights, _terms_at_posterior(problem, model)
-    if not any(t.swings for t in terms):
-        return refit(problem, model, tolerance, None, iterations=iterations)
+    if not any(t.has_hidden_state for t in terms):
+        return refit(problem, model, None, iterations=iterations)
     same_scale = scale_only(
         [e.known(e.bridged(e.y - predicted_residual(e, terms))) for e in flights], flights[0].grid.step
     )
-    return _descend(problem, model, tolerance, _swung(terms, problem, same_scale), same_scale, iterations)
+    return _descend(problem, model, _swung(terms, problem, same_scale), same_scale, iterations)
 
 
-def restarted(
-    problem: RegressionProblem, model: Model, tolerance: Tolerance, fit: Fit, noise: NoiseModel
-) -> Fit:
+def restart(problem: RegressionProblem, model: Model, fit: Fit, noise: NoiseModel) -> Fit:
     """Return the fit, restarted until it gains no more where it has a hidden swing.
 
     Args:
         problem: the regression that holds the candidates.
         model: the candidates of the fit.
-        tolerance: tolerance of calibration.
         fit: a `refit` with this noise.
         noise: noise model that whitens.
     """
-    for _ in range(AGAIN if any(t.swings for t in fit.terms) else 0):
-        before, fit = fit, _descend(problem, model, tolerance, list(fit.terms), noise, ITERATIONS)
+    for _ in range(AGAIN if any(t.has_hidden_state for t in fit.terms) else 0):
+        before, fit = fit, _descend(problem, model, list(fit.terms), noise, ITERATIONS)
         if fit.log_evidence < before.log_evidence + 1.0:
             return max(before, fit, key=lambda f: f.log_evidence)
     return fit
@@ -89,7 +82,6 @@ def restarted(
 def _descend(
     problem: RegressionProblem,
     model: Model,
-    tolerance: Tolerance,
     start: list[Term],
     noise: NoiseModel,
     iterations: int,
@@ -97,7 +89,7 @@ def _descend(
     drifting = [c for c in problem.nuisance if c.variant == "sensor drift"]
     fit = refine(
         start,
-        calibration_terms(problem.flights[0].vehicle, tolerance),
+        calibration_terms(problem.flights[0].vehicle, problem.options.tolerance),
         problem.flights,
         noise,
         temperature=problem.temperature,
@@ -127,6 +119,7 @@ def _terms_at_posterior(problem: RegressionProblem, model: Model) -> list[Term]:
     parts = [(c, slice(a, b)) for c, a, b in zip(chosen, ends[:-1], ends[1:], strict=True)]
     for candidate, own in parts:
         coefficients, _ = candidate.physical(mean[own], covariance[own, own])
+        # Conditioning of a Gaussian: fixing some coefficients moves the others by their covariance with them.
         mean = mean + covariance[:, own] @ np.linalg.solve(covariance[own, own], coefficients - mean[own])
     return [term for candidate, own in parts for term in candidate.terms(mean[own])]
 

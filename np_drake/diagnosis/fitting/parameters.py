@@ -48,7 +48,7 @@ def free_parameters(
             if not p.choices:
                 scale = scales.get(i, width * usual_size(p, vehicle))
                 found.append(Free(i, p.name, scale, p.neutral, p.lower, p.upper))
-        if not term.swings:
+        if not term.has_hidden_state:
             continue
         for e in flights:
             if term.begins(e.name) != NEVER:
@@ -58,7 +58,12 @@ def free_parameters(
 
 
 def prior_whitening(terms: Sequence[Term], free: Sequence[Free]) -> np.ndarray:
-    """Return the matrix (k, k) that maps deviations from neutral over scale to independent standard ones [1]."""
+    """Return the matrix (k, k) that maps deviations from neutral over scale to independent standard ones [1].
+
+    Args:
+        terms: terms of a model, with their onsets and hidden states.
+        free: free parameters of the terms.
+    """
     W = np.eye(len(free))
     for i, term in enumerate(terms):
         own = [k for k, f in enumerate(free) if f.term == i and not f.flight]
@@ -82,7 +87,12 @@ def _size(term: Term, e: FlightResiduals) -> int:
 
 
 def read(terms: Sequence[Term], free: Sequence[Free]) -> np.ndarray:
-    """Return the values (k,) of the free parameters."""
+    """Return the values (k,) of the free parameters.
+
+    Args:
+        terms: that hold the values.
+        free: free parameters of the terms.
+    """
     return np.array(
         [
             padded(terms[f.term].hidden.get(f.flight), f.entry + 1)[f.entry]
@@ -94,7 +104,13 @@ def read(terms: Sequence[Term], free: Sequence[Free]) -> np.ndarray:
 
 
 def write(terms: Sequence[Term], free: Sequence[Free], values: np.ndarray) -> list[Term]:
-    """Return the terms with the free parameters set to `values` (k,); other terms are unchanged."""
+    """Return the terms with the free parameters set to `values` (k,); other terms are unchanged.
+
+    Args:
+        terms: to be changed.
+        free: free parameters of the terms.
+        values: (k,) in physical units.
+    """
     moved = {f.term for f in free}
     fields: list[dict[str, float]] = [{} for _ in terms]
     hidden = {i: {k: np.array(v) for k, v in terms[i].hidden.items()} for i in moved}

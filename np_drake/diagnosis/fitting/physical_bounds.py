@@ -14,7 +14,13 @@ STEPS = 3  # points of an interval that are tried; own choice
 
 
 def interval(fit: Fit, i: int, name: str) -> tuple[float, float]:
-    """Return the 95 % interval of a parameter of term i, from the covariance of the fit."""
+    """Return the 95 % interval of a parameter of term i, from the covariance of the fit.
+
+    Args:
+        fit: of the model.
+        i: position of the term.
+        name: of the parameter.
+    """
     value = float(getattr(fit.terms[i].effect, name))
     own = (k for k, f in enumerate(fit.free) if (f.term, f.name, f.flight) == (i, name, ""))
     half = sum(1.96 * float(np.sqrt(fit.covariance[k, k])) for k in own)

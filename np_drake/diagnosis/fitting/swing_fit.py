@@ -25,6 +25,7 @@ GRID = 128  # swings in the grid of starts; own choice
 TRIED = 3  # best grid points from which to descend, besides the given swing; own choice
 SMALL = 0.02  # step of finite differences [rad]
 WAYS = 32  # posterior samples of a swing, whose mean prediction is used; own choice
+SPANS = (4.0, 8.0)  # growing lengths of a flight over which its swing is fitted [s]
 
 
 class SwingFit:
@@ -33,6 +34,14 @@ class SwingFit:
     The term is a payload that begins at `onset`. A swing (size,) holds angles [rad] and rates [rad/s] at the start, and
     jumps at outliers (`hidden_size`).
 
+    Args:
+        terms: terms of a model, with their onsets and hidden states.
+        i: position of the payload among them.
+        flight: the flight.
+        noise: noise model of the channels.
+        onset: time at which the payload begins [s]; None: from the start.
+        rows: (m,) bool, rows that count.
+        priors: priors of parameters, swings and onsets.
     Source: nonlinear least squares from a grid. The grid is own choice: after a snap any swing is possible.
     """
 
@@ -88,13 +97,19 @@ class SwingFit:
         return ends[np.argmin(self.costs(ends))]
 
     def descend(self, swing: np.ndarray, free: slice = slice(None)) -> np.ndarray:
-        """Return the best swing (size,) on the path of Gauss-Newton in the free entries."""
+        """Return the best swing (size,) on the path of Gauss-Newton in the free entries.
+
+        Args:
+            swing: (size,) to begin with.
+            free: entries that may change.
+        """
         best, least = swing, np.inf
         for _ in range(STEPS + 1):
             miss, X, A = self._normal(swing, free)
             cost = float(miss @ miss + np.sum((swing / self._prior) ** 2))
             if cost < least:
                 best, least = swing, cost
+            # Gauss-Newton on the normal equations A step = X'miss - prior, clipped to swings that are possible.
             step = np.linalg.solve(A, X.T @ miss - swing[free] / self._prior[free] ** 2)
             swing = np.clip(swing + step @ np.eye(self.size)[free], -self._limit, self._limit)
         return best
@@ -130,20 +145,23 @@ class SwingFit:
         return self._noise.whiten(bridged, self._flight.name)[self._scored]
 
 
-SPANS = (4.0, 8.0)  # growing lengths of a flight over which its swing is fitted [s]
-
-
 def fitted_to_whole_flight(
     terms: Sequence[Term], flight: FlightResiduals, noise: NoiseModel, priors: Priors
 ) -> list[Term]:
     """Return the terms with hidden states, jumps included, that fit the whole flight.
 
     What remains of the flight is then not due to the swing. These swings are no prediction: they have seen the flight.
+
+    Args:
+        terms: terms of a model, with their onsets and hidden states.
+        flight: the flight.
+        noise: noise model of the channels.
+        priors: priors of parameters, swings and onsets.
     """
     terms = list(terms)
     for i, term in enumerate(terms):
         begin = term.begins(flight.name)
-        if not term.swings or begin == NEVER:
+        if not term.has_hidden_state or begin == NEVER:
             continue
         start = flight.t[0] if begin is None else begin
         whole = SwingFit(terms, i, flight, noise, begin, flight.t >= start, priors)

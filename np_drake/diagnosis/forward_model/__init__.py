@@ -2,7 +2,9 @@
 
 from np_drake.diagnosis.forward_model.payload_state import (
     MOST_JUMPS,
+    NEVER,
     STATE,
+    Term,
     hidden_size,
     jumps,
     padded,
@@ -12,7 +14,6 @@ from np_drake.diagnosis.forward_model.payload_state import (
     swing_wrenches,
 )
 from np_drake.diagnosis.forward_model.prediction import StageCache, predicted_residual
-from np_drake.diagnosis.forward_model.term import NEVER, Term
 
 __all__ = [
     "MOST_JUMPS",

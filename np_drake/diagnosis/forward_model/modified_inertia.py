@@ -10,7 +10,12 @@ from np_drake.effects.base import MassEffect, MassProperties
 
 
 class ModifiedInertia:
-    """Mass properties of a flight's vehicle under mass effects, applied to the motion of the flight."""
+    """Mass properties of a flight's vehicle under mass effects, applied to the motion of the flight.
+
+    Args:
+        flight: the flight.
+        effects: mass effects, in the order in which they act.
+    """
 
     def __init__(self, flight: FlightResiduals, effects: Sequence[MassEffect]):
         self._e = flight

@@ -1,32 +1,50 @@
-"""Hidden state of a suspended payload: a pendulum driven by the measured motion of the quadrotor."""
+"""Terms of a model, and the hidden state of one that is a payload: a pendulum driven by the measured motion."""
 
 import dataclasses as dc
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from np_drake.diagnosis.options import Priors
-from np_drake.diagnosis.residuals import FORCE, FlightResiduals
+from np_drake.diagnosis.residuals import FORCE, OUTLIERS_APART, FlightResiduals
+from np_drake.effects.base import Effect
 from np_drake.effects.pendulum import across, swing_many
 from np_drake.effects.rotor_inflow import hover_induced_velocity
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.vehicle import Vehicle
 
-if TYPE_CHECKING:
-    from np_drake.diagnosis.forward_model.term import Term
-
+NEVER = float("inf")  # onset of an effect that is absent from a flight [s]
 STATE = 4  # swing angles [rad] and their rates [rad/s] about the direction of rest
-MOST_JUMPS = (
-    4  # largest number of jumps in a flight; sampled motion does not show how a snap changes the swing
-)
-APART = 0.3  # least time between jumps [s]
+MOST_JUMPS = 4  # in a flight; sampled motion does not show how a snap changes the swing
 PENDULUM = {
     "mass": 1.0,
     "length": 0.4,
     "hook": 0.05,
     "damping": 0.5,
 }  # errors over that of the mass [1, 1, m, 1/s]
+
+
+@dc.dataclass(frozen=True)
+class Term:
+    """Effect in a model of the logs.
+
+    onset: by flight, the time at which it begins [s]; missing or None: from the start; `NEVER`: absent.
+    hidden: by flight, the hidden state (size,), a payload's initial swing and its jumps at outliers. It may hold
+        several samples (k, size), whose mean prediction counts.
+    """
+
+    effect: Effect
+    onset: dict[str, float | None] = dc.field(default_factory=dict)
+    hidden: dict[str, np.ndarray] = dc.field(default_factory=dict)
+
+    @property
+    def has_hidden_state(self) -> bool:
+        """Whether the effect has a hidden swing."""
+        return self.effect.has_hidden_state
+
+    def begins(self, flight: str) -> float | None:
+        """Return the onset in this flight [s]."""
+        return self.onset.get(flight)
 
 
 def pendulum_error(name: str, payload: SuspendedPayload, vehicle: Vehicle, priors: Priors) -> float:
@@ -53,21 +71,31 @@ def pendulum_error(name: str, payload: SuspendedPayload, vehicle: Vehicle, prior
 
 
 def jumps(flight: FlightResiduals, onset: float | None) -> np.ndarray:
-    """Return the rows (k,) of the grid right after outliers, at which the swing may jump."""
-    if onset == float("inf"):
+    """Return the rows (k,) of the grid right after outliers, at which the swing may jump.
+
+    Args:
+        flight: the flight.
+        onset: time at which it begins [s]; None: from the start; infinite: not at all.
+    """
+    if onset == NEVER:
         return np.zeros(0, int)
-    ends = np.flatnonzero(np.diff(flight.shocks.astype(int)) < 0) + 1
-    after = (flight.t[0] if onset is None else onset) + APART
+    ends = np.flatnonzero(np.diff(flight.outliers.astype(int)) < 0) + 1
+    after = (flight.t[0] if onset is None else onset) + OUTLIERS_APART
     kept: list[int] = []
     for k in ends:
         if flight.t[k] > after and len(kept) < MOST_JUMPS:
             kept.append(int(k))
-            after = flight.t[k] + APART
+            after = flight.t[k] + OUTLIERS_APART
     return np.array(kept, int)
 
 
 def hidden_size(flight: FlightResiduals, onset: float | None) -> int:
-    """Return the size of a payload's hidden state in a flight: its initial swing, and a jump after every outlier."""
+    """Return the size of a payload's hidden state in a flight: its initial swing, and a jump after every outlier.
+
+    Args:
+        flight: the flight.
+        onset: time at which it begins [s]; None: from the start; infinite: not at all.
+    """
     return STATE * (1 + len(jumps(flight, onset)))
 
 
@@ -75,34 +103,33 @@ def swing_units(size: int, rate: float) -> np.ndarray:
     """Return the scale (size,) of a hidden state at natural rate `rate` [1/s].
 
     It is 1 rad for angles, and for rates the value of equal energy.
+
+    Args:
+        size: of the hidden state.
+        rate: natural rate [1/s].
     """
     return np.tile([1.0, 1.0, rate, rate], size // STATE)
 
 
 def padded(hidden: np.ndarray | None, size: int) -> np.ndarray:
-    """Return the known entries of a hidden state, padded with zeros to (size,)."""
+    """Return the known entries of a hidden state, padded with zeros to (size,).
+
+    Args:
+        hidden: known entries; None: none.
+        size: of the result.
+    """
     known = np.zeros(0) if hidden is None else hidden[:size]
     return np.concatenate([known, np.zeros(size - len(known))])
 
 
-def hook_acceleration(flight: FlightResiduals, hooks: np.ndarray) -> np.ndarray:
-    """Return the acceleration of hooks in W at the middles of the grid's steps [m/s²].
+def at_hooks(motion: np.ndarray, hooks: np.ndarray) -> np.ndarray:
+    """Return the motion of hooks in W at the middles of the grid's steps.
 
     Args:
-        flight: the flight.
+        motion: (n-1, 3, 4) of Bo and of its levers: `FlightResiduals.driving` [m/s², 1/s²] or `moving` [m/s, 1/s].
         hooks: (m, 3) positions p_BoTo_B [m].
     Returns: (n-1, m, 3), or (n-1, 1, 3) where all hooks are the same.
     """
-    return _at_hooks(flight.driving, hooks)
-
-
-def hook_velocity(flight: FlightResiduals, hooks: np.ndarray) -> np.ndarray:
-    """Return the velocity of hooks in W at the middles of the grid's steps [m/s]; shapes as `hook_acceleration`."""
-    return _at_hooks(flight.moving, hooks)
-
-
-def _at_hooks(motion: np.ndarray, hooks: np.ndarray) -> np.ndarray:
-    """Return the motion (n-1, 3, 4) of Bo and of its levers at hooks (m, 3), (n-1, m, 3) or (n-1, 1, 3)."""
     own = hooks[:1] if np.all(hooks == hooks[0]) else hooks
     return motion[:, None, :, 0] + np.swapaxes(motion[..., 1:] @ own.T, 1, 2)
 
@@ -145,7 +172,7 @@ def specific_pull(
         onset: time at which the payload is attached [s]; None: from the start.
         damping: of all or of each, (m,) [1/s].
     """
-    a = hook_acceleration(flight, hooks)
+    a = at_hooks(flight.driving, hooks)
     first = 0 if onset is None else int(np.clip(np.searchsorted(flight.t, onset), 0, len(a) - 2))
     weight = np.array([0.0, 0.0, flight.vehicle.gravity])
     window = a[first : first + 25, 0].mean(axis=0)
@@ -153,7 +180,7 @@ def specific_pull(
     at = zip(jumps(flight, onset) - first, range(STATE, swing.shape[1], STATE), strict=False)
     jumped = {int(k): swing[:, j : j + STATE] for k, j in at}
     driving = a[first:, 0] if a.shape[1] == 1 else a[first:]
-    v_hook = hook_velocity(flight, hooks)[first:] if np.any(damping) else None
+    v_hook = at_hooks(flight.moving, hooks)[first:] if np.any(damping) else None
     middle = swing_many(
         *(lengths, r, r_rate, driving, flight.grid.step, flight.vehicle.gravity, jumped),
         damping=damping,
@@ -167,13 +194,17 @@ def specific_pull(
     return begun * (held @ flight.R_WB)
 
 
-def swing_wrenches(flight: FlightResiduals, terms: "Sequence[Term]") -> np.ndarray:
+def swing_wrenches(flight: FlightResiduals, terms: Sequence[Term]) -> np.ndarray:
     """Return the wrenches (n, m, 6) of payloads in B on the grid [N, N·m].
 
     All payloads begin at the onset of the first. Many cost little more than one.
+
+    Args:
+        flight: the flight.
+        terms: payloads.
     """
     onset = terms[0].begins(flight.name)
-    if onset == float("inf"):
+    if onset == NEVER:
         return np.zeros((len(flight.t), len(terms), 6))
     payloads = [t.effect.payload for t in terms]  # type: ignore[attr-defined]
     hooks = np.array([p.hook for p in payloads])
@@ -185,10 +216,14 @@ def swing_wrenches(flight: FlightResiduals, terms: "Sequence[Term]") -> np.ndarr
     return np.concatenate([force, np.cross(hooks, force)], axis=2)
 
 
-def swing_wrench(flight: FlightResiduals, term: "Term") -> np.ndarray:
+def swing_wrench(flight: FlightResiduals, term: Term) -> np.ndarray:
     """Return the wrench (n, 6) of one suspended payload in B on the grid [N, N·m].
 
     Where its hidden state has several samples, this is their mean.
+
+    Args:
+        flight: the flight.
+        term: the payload.
     """
     ways = np.atleast_2d(term.hidden.get(flight.name, np.zeros(0)))
     terms = [dc.replace(term, hidden={flight.name: way}) for way in ways]

@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 
 from np_drake.diagnosis.forward_model.modified_inertia import ModifiedInertia
-from np_drake.diagnosis.forward_model.payload_state import swing_wrench
+from np_drake.diagnosis.forward_model.payload_state import NEVER, Term, swing_wrench
 from np_drake.diagnosis.forward_model.sensor_residual import sensor_residual, without_errors
-from np_drake.diagnosis.forward_model.term import NEVER, Term
 from np_drake.diagnosis.residuals import FlightResiduals, Instants
 from np_drake.diagnosis.residuals import flight_residuals as channels
 from np_drake.effects.base import (
@@ -34,7 +33,13 @@ class StageCache:
         self._known: dict[tuple, Any] = {}
 
     def once(self, stage: str, key: tuple, make: Callable[[], Any]) -> Any:
-        """Return the cached value of a stage for this key, computed by `make` on first use."""
+        """Return the cached value of a stage for this key, computed by `make` on first use.
+
+        Args:
+            stage: name of the stage.
+            key: what its value depends on.
+            make: computes the value.
+        """
         if (stage, key) not in self._known:
             self._known[stage, key] = make()
         return self._known[stage, key]
@@ -56,9 +61,11 @@ def predicted_residual(
     sensors = tuple(t.effect for t in terms if isinstance(t.effect, SensorEffect))
     turning = tuple((t.effect, t.begins(log)) for t in terms if isinstance(t.effect, ActuatorEffect))
     pushing = [
-        (t.effect, t.begins(log)) for t in terms if isinstance(t.effect, WrenchEffect) and not t.swings
+        (t.effect, t.begins(log))
+        for t in terms
+        if isinstance(t.effect, WrenchEffect) and not t.has_hidden_state
     ]
-    blowing = tuple(pair for pair in pushing if type(pair[0]).air_velocity is not WrenchEffect.air_velocity)
+    winds = tuple(pair for pair in pushing if type(pair[0]).air_velocity is not WrenchEffect.air_velocity)
     y = np.zeros_like(flight.y)
     for sensor in sensors:
         y += stages.once("sensor", (sensor,), partial(sensor_residual, flight, sensor))
@@ -73,12 +80,12 @@ def predicted_residual(
     if flight.log.a is not None:
         y[:, 11] += _after_rows(flight, terms, turned.after)
     if pushing:
-        moving = (key, sensors, blowing)
-        motions = stages.once("motions", moving, partial(_motions, flight, thrust, blowing))
+        moving = (key, sensors, winds)
+        motions = stages.once("motions", moving, partial(_motions, flight, thrust, winds))
         for one in (pair for pair in pushing if pair[0].pushes or pair[0].turns):
             added = added + stages.once("wrench", (moving, one), partial(_wrench, flight, *one, *motions))
     for term in terms:
-        if term.swings:
+        if term.has_hidden_state:
             added = added + swing_wrench(flight, term)
     y[:, channels.WRENCH] += _through_mass(
         flight,
@@ -91,7 +98,12 @@ def predicted_residual(
 
 
 def gate(t: np.ndarray, onset: float | None) -> np.ndarray:
-    """Return a step (n, 1) that is one from the onset on."""
+    """Return a step (n, 1) that is one from the onset on.
+
+    Args:
+        t: (n,) instants [s].
+        onset: time at which it begins [s]; None: from the start; infinite: not at all.
+    """
     return np.ones((len(t), 1)) if onset is None else (np.asarray(t) >= onset).astype(float)[:, None]
 
 
@@ -171,17 +183,17 @@ def _after_rows(flight: FlightResiduals, terms: Sequence[Term], excess: np.ndarr
     return share * excess + (share - 1.0) * flight.after
 
 
-def _motions(flight: FlightResiduals, thrust: Thrust, blowing: Sequence[Begun]) -> tuple[Motion, Motion]:
+def _motions(flight: FlightResiduals, thrust: Thrust, winds: Sequence[Begun]) -> tuple[Motion, Motion]:
     """Return the motions at the instants of force and of torque, with the air velocity of the winds."""
     rows, mids, rate_rows, rate_mids = thrust
     at_force = (mids, rate_mids) if flight.log.a is None else (rows, rate_rows)
 
     def at(instants: Instants, x: np.ndarray, f: np.ndarray, rate: np.ndarray) -> Motion:
         t, still = instants.t, np.zeros((len(instants.t), 3))
-        wind = sum((effect.air_velocity(t) * gate(t, begin) for effect, begin in blowing), start=still)
+        wind = sum((effect.air_velocity(t) * gate(t, begin) for effect, begin in winds), start=still)
         return Motion(t, x, f, wind, rate)
 
-    x_rows, x_mids = flight.states_felt
+    x_rows, x_mids = flight.wrench_states
     return at(flight.rows, x_rows, *at_force), at(flight.mids, x_mids, mids, rate_mids)
 
 

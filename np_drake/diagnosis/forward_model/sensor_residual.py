@@ -12,15 +12,18 @@ from np_drake.effects.base import Measurement, SensorEffect
 from np_drake.rigid_body import Q, V, W
 from np_drake.vehicle import Vehicle
 
-DIFFERENTIATED_BAND = (
-    2.0  # low-pass on accelerations from velocities where an attitude error turns them [Hz]; own choice
-)
+# Low-pass on accelerations from velocities where an attitude error turns them [Hz]; own choice.
+DIFFERENTIATED_BAND = 2.0
 
 
 def sensor_residual(flight: FlightResiduals, effect: SensorEffect) -> np.ndarray:
     """Return the channels as measured less the true ones (m, 15), exact to third order in the sensor error.
 
     Of a small error to first order.
+
+    Args:
+        flight: the flight.
+        effect: a sensor error.
     """
     return _small(flight, effect) if effect.small else _exact(flight, effect)
 
@@ -40,8 +43,9 @@ def _exact(flight: FlightResiduals, effect: SensorEffect) -> np.ndarray:
     if not effect.corrupts or effect.clock_shift:
         return y
     a = np.zeros((len(log), 3)) if log.a is None else log.a
-    logged = Measurement(states_at_rows(flight), a, np.zeros((len(log), 3)), np.zeros((len(log), 4)))
-    truth = _before(flight.vehicle, logged, [effect])
+    x = log.x if log.a is None else flight.rows.x  # with the attitude that the channels use
+    logged = Measurement(x, a, np.zeros((len(log), 3)), np.zeros((len(log), 4)))
+    truth = true_measurement(flight.vehicle, logged, [effect])
     read = effect.measure(flight.vehicle, truth, np.zeros((len(log), 0)))
     onto = Resampler.of_instants(flight.grid, log.t) if log.a is None else flight.from_rows
     mass, moved = flight.vehicle.mass, read.x - truth.x
@@ -97,6 +101,10 @@ def without_errors(flight: FlightResiduals, effects: Sequence[SensorEffect]) -> 
     """Return the flight with its instants and rates corrected for the sensor errors.
 
     Other effects act on the true motion. Channels and log stay as measured.
+
+    Args:
+        flight: the flight.
+        effects: sensor errors.
     """
     acting = [effect for effect in effects if effect.corrupts and not effect.clock_shift and not effect.small]
     if not acting:
@@ -109,14 +117,20 @@ def without_errors(flight: FlightResiduals, effects: Sequence[SensorEffect]) -> 
 
 def _instants_before(flight: FlightResiduals, read: Instants, effects: Sequence[SensorEffect]) -> Instants:
     none = np.zeros((len(read.t), 4))
-    truth = _before(flight.vehicle, Measurement(read.x, read.a, none[:, :3], none), effects)
+    truth = true_measurement(flight.vehicle, Measurement(read.x, read.a, none[:, :3], none), effects)
     return dc.replace(read, x=truth.x)
 
 
-def _before(vehicle: Vehicle, read: Measurement, effects: Sequence[SensorEffect]) -> Measurement:
-    """Return the true quantities to third order, by fixed-point iteration on what measuring them would read."""
+def true_measurement(vehicle: Vehicle, read: Measurement, effects: Sequence[SensorEffect]) -> Measurement:
+    """Return the true quantities to third order, by fixed-point iteration on what measuring them would read.
+
+    Args:
+        vehicle: the nominal vehicle.
+        read: quantities as measured.
+        effects: sensor errors, in the order in which they act.
+    """
     truth = read
-    for _ in range(3):
+    for _ in range(3):  # a bias is exact after one or two
         again = truth
         for effect in effects:
             again = effect.measure(vehicle, again, np.zeros((len(read.x), 0)))
@@ -124,11 +138,3 @@ def _before(vehicle: Vehicle, read: Measurement, effects: Sequence[SensorEffect]
         x[:, Q] /= np.linalg.norm(x[:, Q], axis=1, keepdims=True)
         truth = dc.replace(read, x=x, a=truth.a + read.a - again.a)
     return truth
-
-
-def states_at_rows(flight: FlightResiduals) -> np.ndarray:
-    """Return the states (n, 13) at the rows of the log, with the attitude that the channels use."""
-    if flight.log.a is not None:
-        return flight.rows.x
-    log = flight.log
-    return np.concatenate([log.p, log.q, log.v, log.w], axis=1)

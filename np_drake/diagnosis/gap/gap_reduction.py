@@ -6,7 +6,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from np_drake.diagnosis.forward_model import Term, predicted_residual
-from np_drake.diagnosis.held_out import HeldOut, pooled, remaining_residual, scored_on_fitted_rows
+from np_drake.diagnosis.held_out import (
+    HeldOut,
+    closed_fraction,
+    pooled,
+    remaining_residual,
+    scored_on_fitted_rows,
+)
 from np_drake.diagnosis.numerics import NoiseModel
 from np_drake.diagnosis.residuals import WRENCH, FlightResiduals
 from np_drake.diagnosis.result import Cause, GapReduction, Replay, ReplayGap, Rung
@@ -18,12 +24,10 @@ DRAWS = 400  # bootstrap samples
 SEED = 1  # bootstrap seed
 LEAD = 0.5  # commands before a replay that motors and delays need [s]
 LEAST_REPLAYED = 3.0  # least time after a cause begins; else all of the flight is replayed [s]; own choice
-LEAST_GAP = 0.02  # gap over noise power below which there is none to close [1]; own choice
 
 
 def measure_gap_reduction(
     causes: Sequence[Cause],
-    flights: Sequence[FlightResiduals],
     noise: NoiseModel,
     held: HeldOut,
     replay: Replay | None,
@@ -32,17 +36,17 @@ def measure_gap_reduction(
 
     Args:
         causes: the causes that are added.
-        flights: the held-out flights.
         noise: noise model of the channels.
-        held: held-out terms and the rows that count, by flight.
+        held: held-out flights under the fit.
         replay: the simulator; None: no replay.
     """
+    flights = held.flights
     before = {e.name: e.y[held.rows[e.name]] for e in flights}
     named = {c.identifier for c in causes}
     kept = {n: [t for t in terms if t.effect.identifier in named] for n, terms in held.terms.items()}
     after = {e.name: (e.y - predicted_residual(e, kept[e.name]))[held.rows[e.name]] for e in flights}
     floor = 1.0
-    ladder = _ladder(causes, flights, noise, held)
+    ladder = _ladder(causes, noise, held)
     fraction = closed_fraction(
         pooled(list(before.values()), noise), pooled(list(after.values()), noise), floor
     )
@@ -55,7 +59,7 @@ def measure_gap_reduction(
     ]
     if replay is not None:
         effects = [
-            (c.effect.foreseen, {e.name: _onset_of(kept[e.name], c.identifier, e) for e in flights})
+            (c.effect.predicted, {e.name: _onset_of(kept[e.name], c.identifier, e) for e in flights})
             for c in causes
             if c.effect is not None
         ]
@@ -100,14 +104,6 @@ def _with_effects(replay: Replay, logs, effects, warnings: list[str]) -> ReplayG
         return None
 
 
-def closed_fraction(before: float, after: float, floor: float) -> float:
-    """Return 1 - (after² - floor²) / (before² - floor²), limited to -1 … 1; zero where there was no gap [1]."""
-    gap = before**2 - floor**2
-    if gap <= LEAST_GAP * floor**2:
-        return 0.0
-    return float(np.clip(1 - (after**2 - floor**2) / gap, -1.0, 1.0))
-
-
 def _onset_of(terms: Sequence[Term], identifier: str, flight: FlightResiduals) -> float | None:
     """Return the onset from the first row of the log on [s]."""
     begin = next((t.begins(flight.name) for t in terms if t.effect.identifier == identifier), None)
@@ -119,15 +115,13 @@ def _order(cause: Cause) -> tuple[bool, float]:
     return bool(cause.effect is not None and type(cause.effect).needs), -float(np.nan_to_num(cause.share))
 
 
-def _ladder(
-    causes: Sequence[Cause], flights: Sequence[FlightResiduals], noise: NoiseModel, held: HeldOut
-) -> tuple[Rung, ...]:
+def _ladder(causes: Sequence[Cause], noise: NoiseModel, held: HeldOut) -> tuple[Rung, ...]:
     """Return the residual of the nominal model, with effects added in order of share, and of noise alone."""
-    rungs = [Rung("nominal", remaining_residual([], flights, noise, held))]
+    rungs = [Rung("nominal", remaining_residual([], noise, held))]
     so_far: list[Cause] = []
     for cause in sorted(causes, key=_order):
         so_far.append(cause)
-        rungs.append(Rung(f"+ {cause.identifier}", remaining_residual(so_far, flights, noise, held)))
+        rungs.append(Rung(f"+ {cause.identifier}", remaining_residual(so_far, noise, held)))
     return (*rungs, Rung("noise floor", 1.0))
 
 

@@ -9,22 +9,36 @@ from np_drake.diagnosis.fitting import SwingFit
 from np_drake.diagnosis.forward_model import MOST_JUMPS, NEVER, STATE, Term, jumps, predicted_residual
 from np_drake.diagnosis.numerics import NoiseModel
 from np_drake.diagnosis.options import Priors
-from np_drake.diagnosis.regressors import SwitchedRegressors
-from np_drake.diagnosis.residuals import APART, BOUNCE, LONGEST, MOST, FlightResiduals, find_shocks
+from np_drake.diagnosis.regressors import onset_log_likelihood
+from np_drake.diagnosis.residuals import (
+    LONGEST_BOUNCE,
+    LONGEST_OUTLIER,
+    MOST_OUTLIERS,
+    OUTLIERS_APART,
+    FlightResiduals,
+    find_outliers,
+)
 
 HIDDEN_SPAN = 2.0  # over which a hidden start is fitted; these rows are not scored [s]
-JUMP_SPAN = 1.5  # after a shock, over which a swing is fitted anew; not scored either [s]
+JUMP_SPAN = 1.5  # after an outlier, over which a swing is fitted anew; not scored either [s]
 
 
 def adapt(terms: Sequence[Term], flight: FlightResiduals, noise: NoiseModel, priors: Priors) -> list[Term]:
-    """Return the terms with onset and initial swing adapted to a held-out flight, parameters kept."""
+    """Return the terms with onset and initial swing adapted to a held-out flight, parameters kept.
+
+    Args:
+        terms: terms of a model, with their onsets and hidden states.
+        flight: the flight.
+        noise: noise model of the channels.
+        priors: priors of parameters, swings and onsets.
+    """
     known = [any(begin is not None for begin in t.onset.values()) for t in terms]
     fitted = list(terms)
     terms = [dc.replace(t, onset={}, hidden={}) for t in terms]
     terms = [_anchored(terms, i, flight, noise, priors) for i in range(len(terms))]
-    felt_by = {i: _felt_by(fitted, i) for i in range(len(terms))}
-    for i in sorted(range(len(terms)), key=lambda i: (not known[i], felt_by[i] is not None)):
-        j = felt_by[i]
+    drag_of = {i: _drag_of(fitted, i) for i in range(len(terms))}
+    for i in sorted(range(len(terms)), key=lambda i: (not known[i], drag_of[i] is not None)):
+        j = drag_of[i]
         if j is not None:
             terms[i] = dc.replace(terms[i], onset=terms[j].onset)
         elif type(terms[i].effect).begins:
@@ -41,6 +55,11 @@ def predictive_terms(
     motion tells for long after its tether went slack, fades to the weight that hangs.   Source: mean of a posterior;
     own choice: by Laplace's approximation, parameters kept.
 
+    Args:
+        terms: terms of a model, with their onsets and hidden states.
+        flight: the flight.
+        noise: noise model of the channels.
+        priors: priors of parameters, swings and onsets.
     Returns: the terms; hidden swings are (`WAYS`, size) [rad, rad/s].
     """
     out = list(terms)
@@ -55,39 +74,49 @@ def predictive_terms(
     return out
 
 
-def _felt_by(terms: Sequence[Term], i: int) -> int | None:
-    """The drag that feels the wind which is term i, if they began together in the flights of the fit."""
+def _drag_of(terms: Sequence[Term], i: int) -> int | None:
+    """Return the position of the drag through which term i, a wind, acts, if they began together in the fit."""
     needed = type(terms[i].effect).needs
     together = (j for j, t in enumerate(terms) if t.effect.identifier in needed and t.onset == terms[i].onset)
     return next(together, None)
 
 
-def without_shocks(
+def mark_outliers(
     terms: Sequence[Term], flight: FlightResiduals, noise: NoiseModel, priors: Priors
 ) -> FlightResiduals:
-    """Return the flight with its shocks marked, as the residual of the terms shows them.
+    """Return the flight with its outliers marked, as the residual of the terms shows them.
 
-    A swing is lost at a shock, and what it misses from there on looks like more of them: they are taken in turn.
+    A swing is lost at an outlier, and what it misses from there on looks like more of them: they are taken in turn.
+
+    Args:
+        terms: terms of a model, with their onsets and hidden states.
+        flight: the flight.
+        noise: noise model of the channels.
+        priors: priors of parameters, swings and onsets.
     """
-    for _ in range(MOST_JUMPS if any(t.swings for t in terms) else 0):
-        found = _shocks(terms, flight, noise, priors, most=1.0)  # where a swing is lost it misses ever more
-        first = _first_run(found & (flight.t > _end_of(flight.t, flight.shocks) + APART))
+    for _ in range(MOST_JUMPS if any(t.has_hidden_state for t in terms) else 0):
+        found = _outliers(terms, flight, noise, priors, most=1.0)  # where a swing is lost it misses ever more
+        first = _first_run(found & (flight.t > _end_of(flight.t, flight.outliers) + OUTLIERS_APART))
         if not first.any():
             return flight
-        flight = dc.replace(flight, shocks=flight.shocks | first)
-    return dc.replace(flight, shocks=flight.shocks | _shocks(terms, flight, noise, priors))
+        flight = dc.replace(flight, outliers=flight.outliers | first)
+    return dc.replace(flight, outliers=flight.outliers | _outliers(terms, flight, noise, priors))
 
 
-def _shocks(
-    terms: Sequence[Term], flight: FlightResiduals, noise: NoiseModel, priors: Priors, most: float = MOST
+def _outliers(
+    terms: Sequence[Term],
+    flight: FlightResiduals,
+    noise: NoiseModel,
+    priors: Priors,
+    most: float = MOST_OUTLIERS,
 ) -> np.ndarray:
     residual = flight.y - predicted_residual(flight, adapt(terms, flight, noise, priors))
-    longest = BOUNCE if any(t.swings for t in terms) else LONGEST
-    return find_shocks(residual, flight.grid.step, longest, most)
+    longest = LONGEST_BOUNCE if any(t.has_hidden_state for t in terms) else LONGEST_OUTLIER
+    return find_outliers(residual, flight.grid.step, longest, most)
 
 
 def _first_run(found: np.ndarray) -> np.ndarray:
-    """The first unbroken run of true rows (m,), alone."""
+    """Return the first unbroken run of true rows (m,), alone."""
     start = int(np.argmax(found))
     run = np.zeros_like(found)
     if found.any():
@@ -97,14 +126,19 @@ def _first_run(found: np.ndarray) -> np.ndarray:
 
 
 def _end_of(t: np.ndarray, rows: np.ndarray) -> float:
-    """The last of these rows [s]; before the flight where there are none."""
+    """Return the last of these rows [s]; before the flight where there are none."""
     return float(t[np.flatnonzero(rows)[-1]]) if rows.any() else -np.inf
 
 
 def hidden_state_rows(term: Term, flight: FlightResiduals) -> list[np.ndarray]:
-    """Return rows (m,) to which the hidden state is fitted: at its start, and after every shock."""
+    """Return rows (m,) to which the hidden state is fitted: at its start, and after every outlier.
+
+    Args:
+        term: of a model.
+        flight: the flight.
+    """
     start = term.begins(flight.name)
-    if not term.swings or start == NEVER:
+    if not term.has_hidden_state or start == NEVER:
         return []
     begin = flight.t[0] if start is None else start
     spans = [(begin, HIDDEN_SPAN), *((float(flight.t[k]), JUMP_SPAN) for k in jumps(flight, start))]
@@ -112,20 +146,29 @@ def hidden_state_rows(term: Term, flight: FlightResiduals) -> list[np.ndarray]:
 
 
 def scored_rows(terms: Sequence[Term], flight: FlightResiduals) -> np.ndarray:
-    """Return (m,) the rows that count: seen by no fit and no hidden state, without a tether's shocks.
+    """Return (m,) the rows that count: seen by no fit and no hidden state, without a tether's outliers.
 
     In a flight so short that none would be left, all rows that no fit has seen (`scored_on_fitted_rows`).
+
+    Args:
+        terms: terms of a model, with their onsets and hidden states.
+        flight: the flight.
     """
     rows = ~flight.joined
     for term in terms:
         fitted = hidden_state_rows(term, flight)
-        for some in [*fitted, flight.shocks] if fitted else []:
+        for some in [*fitted, flight.outliers] if fitted else []:
             rows = rows & ~some
     return rows if rows.any() else ~flight.joined
 
 
 def scored_on_fitted_rows(terms: Sequence[Term], flight: FlightResiduals) -> bool:
-    """Return whether a short flight is scored on rows to which its own swing was fitted."""
+    """Return whether a short flight is scored on rows to which its own swing was fitted.
+
+    Args:
+        terms: terms of a model, with their onsets and hidden states.
+        flight: the flight.
+    """
     rows = scored_rows(terms, flight)
     return any(bool(np.any(rows & fitted)) for term in terms for fitted in hidden_state_rows(term, flight))
 
@@ -138,7 +181,7 @@ def _anchored(
     priors: Priors,
     onset: float | None = None,
 ) -> Term:
-    """The term, its swing fitted to the rows at its start, then every jump to those after the shock."""
+    """Return the term, its swing fitted to the rows at its start, then every jump to those after the outlier."""
     now = list(terms)
     for k, rows in enumerate(hidden_state_rows(dc.replace(terms[i], onset={flight.name: onset}), flight)):
         fit = SwingFit(now, i, flight, noise, onset, rows, priors)
@@ -150,7 +193,7 @@ def _anchored(
 def _with_onset(
     terms: list[Term], i: int, flight: FlightResiduals, noise: NoiseModel, priors: Priors, *, known: bool
 ) -> Term:
-    """Where in this flight the term begins, its parameters being known (whatever a payload's swing was).
+    """Return the term from where it begins in this flight, its parameters being known (whatever a payload's swing was).
 
     known: to begin in flight. What acts from the start in all flights of the fit hardly begins late here, and is not
     excused where it is not there at all.
@@ -158,7 +201,9 @@ def _with_onset(
     term = terms[i]
     rest = predicted_residual(flight, [t for j, t in enumerate(terms) if j != i])
     trace = (
-        _span_by_span(terms, i, flight, noise, priors) if term.swings else predicted_residual(flight, terms)
+        _span_by_span(terms, i, flight, noise, priors)
+        if term.has_hidden_state
+        else predicted_residual(flight, terms)
     )
     t, profile = onset_log_likelihood(flight, noise, flight.y - rest, trace - rest)
     k = int(np.argmax(profile))
@@ -174,7 +219,7 @@ def _with_onset(
 def _span_by_span(
     terms: Sequence[Term], i: int, flight: FlightResiduals, noise: NoiseModel, priors: Priors
 ) -> np.ndarray:
-    """(m, 15) predicted residual of the terms with a payload that swings in every span as that span shows it by itself.
+    """Return (m, 15) the predicted residual with a payload that swings in every span as that span shows it by itself.
 
     A swing that is followed from the start of the flight is wrong wherever the payload was hung on later; where it
     explains a span better, it is right.
@@ -195,22 +240,3 @@ def _span_by_span(
         if losses[0] < losses[1]:
             trace[rows] = alone[rows]
     return trace
-
-
-def onset_log_likelihood(
-    flight: FlightResiduals, noise: NoiseModel, target: np.ndarray, own: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return (n,) times of the grid, the last one "not at all", and log likelihoods if `own` begins there."""
-    columns = SwitchedRegressors(flight, noise, target, np.zeros((*target.shape, 0)))
-    t, X = columns.t, own[..., None]
-    rows = np.arange(1, len(t))
-    whole = columns.whole(X)
-    XX, _, Xy = (
-        np.concatenate([a[:1], b, 0 * a[:1]])
-        for a, b in zip(whole, columns.begun(X, whole, rows), strict=True)
-    )
-    after = (Xy - 0.5 * XX[..., 0])[:, 0]
-    times = np.append(t, t[-1] + flight.grid.step)
-    usable = (times < t[0] + 0.3) & (times > t[0])
-    after[usable] = -np.inf
-    return times, after

@@ -11,8 +11,9 @@ from np_drake.diagnosis.held_out.adaptation import adapt, predictive_terms, scor
 from np_drake.diagnosis.numerics import NoiseModel
 from np_drake.diagnosis.options import Priors
 from np_drake.diagnosis.residuals import WRENCH, FlightResiduals
-from np_drake.diagnosis.residuals import flight_residuals as ev
 from np_drake.diagnosis.result import Cause
+
+LEAST_GAP = 0.02  # gap over noise power below which there is none to close [1]; own choice
 
 
 @dc.dataclass(frozen=True)
@@ -22,14 +23,26 @@ class HeldOut:
     whole_flight_terms: the terms with hidden states that fit the whole flight.
     """
 
+    flights: Sequence[FlightResiduals]
     terms: dict[str, list[Term]]
     residual: dict[str, np.ndarray]
     rows: dict[str, np.ndarray]
     whole_flight_terms: dict[str, list[Term]]
 
+    def swing_free_residual(self, e: FlightResiduals) -> np.ndarray:
+        """Return the residual (m, 15) of a flight with a payload's swing fitted to all of it, outliers interpolated."""
+        return e.bridged(e.y - predicted_residual(e, self.whole_flight_terms[e.name]))
+
 
 def on_held_out(fit: Fit, flights: Sequence[FlightResiduals], noise: NoiseModel, priors: Priors) -> HeldOut:
-    """Return the fit on held-out flights."""
+    """Return the fit on held-out flights, its onsets and swings adapted to each, its parameters kept.
+
+    Args:
+        fit: to training flights.
+        flights: held-out flights.
+        noise: noise model of the training flights.
+        priors: of swings and onsets.
+    """
     terms, residual, rows, whole = {}, {}, {}, {}
     for e in flights:
         known = adapt(fit.everything, e, noise, priors)
@@ -37,28 +50,56 @@ def on_held_out(fit: Fit, flights: Sequence[FlightResiduals], noise: NoiseModel,
         residual[e.name] = e.y - predicted_residual(e, terms[e.name])
         rows[e.name] = scored_rows(terms[e.name], e)
         whole[e.name] = fitted_to_whole_flight(known, e, noise, priors)
-    return HeldOut(terms, residual, rows, whole)
+    return HeldOut(flights, terms, residual, rows, whole)
 
 
 def misfit(held: HeldOut, noise: NoiseModel) -> np.ndarray:
-    """Return (6,) the RMS residual of held-out flights over noise, by channel of the wrench [1]."""
-    residual = np.concatenate([held.residual[name][rows, ev.WRENCH] for name, rows in held.rows.items()])
-    return np.sqrt(np.mean(residual**2, axis=0)) / np.maximum(noise.rms[ev.WRENCH], 1e-12)
+    """Return (6,) the RMS residual of held-out flights over noise, by channel of the wrench [1].
+
+    Args:
+        held: held-out flights under a fit.
+        noise: noise model of the channels.
+    """
+    residual = np.concatenate([held.residual[name][rows, WRENCH] for name, rows in held.rows.items()])
+    return np.sqrt(np.mean(residual**2, axis=0)) / np.maximum(noise.rms[WRENCH], 1e-12)
 
 
 def pooled(parts: Sequence[np.ndarray], noise: NoiseModel) -> float:
-    """Return the RMS over rows and wrench channels, channels divided by their noise [1]."""
+    """Return the RMS over rows and wrench channels, channels divided by their noise [1].
+
+    Args:
+        parts: residuals (m, 15), which count together.
+        noise: noise model of the channels.
+    """
     rows = np.concatenate(parts)[:, WRENCH] / np.maximum(noise.rms[WRENCH], 1e-12)
     return float(np.sqrt(np.mean(rows**2)))
 
 
-def remaining_residual(
-    causes: Sequence[Cause], flights: Sequence[FlightResiduals], noise: NoiseModel, held: HeldOut
-) -> float:
-    """Return the RMS residual of these causes on held-out flights, in units of the noise [1]."""
+def closed_fraction(before: float, after: float, floor: float) -> float:
+    """Return 1 - (after² - floor²) / (before² - floor²), limited to -1 … 1; zero where there was no gap [1].
+
+    Args:
+        before: RMS residual without the causes.
+        after: the same with them.
+        floor: that of noise.
+    """
+    gap = before**2 - floor**2
+    if gap <= LEAST_GAP * floor**2:
+        return 0.0
+    return float(np.clip(1 - (after**2 - floor**2) / gap, -1.0, 1.0))
+
+
+def remaining_residual(causes: Sequence[Cause], noise: NoiseModel, held: HeldOut) -> float:
+    """Return the RMS residual of some causes on held-out flights, in units of the noise [1].
+
+    Args:
+        causes: whose terms alone act.
+        noise: noise model of the channels.
+        held: held-out flights under the fit.
+    """
     names = {c.identifier for c in causes}
     parts = []
-    for e in flights:
+    for e in held.flights:
         terms = [t for t in held.terms[e.name] if t.effect.identifier in names]
         parts.append((e.y - predicted_residual(e, terms))[held.rows[e.name]])
     return pooled(parts, noise)

@@ -1,13 +1,1 @@
 """Localisation of the gap in channel, time, regime and frequency, and identifiability of effects from the logs."""
-
-from np_drake.diagnosis.localisation.identifiability import assess_identifiability, excitation, excited
-from np_drake.diagnosis.localisation.localisation import localise
-from np_drake.diagnosis.localisation.unexcited import unexcited_diagnosis
-
-__all__ = [
-    "assess_identifiability",
-    "excitation",
-    "excited",
-    "localise",
-    "unexcited_diagnosis",
-]

@@ -1,24 +1,23 @@
 """Identifiability: excitation of the logs, and effects that they cannot show or cannot tell apart."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
 from np_drake import attitude
-from np_drake.diagnosis.localisation.manoeuvres import manoeuvre
-from np_drake.diagnosis.numerics import NoiseModel
-from np_drake.diagnosis.regressors import Candidate
+from np_drake.diagnosis.held_out import pooled
+from np_drake.diagnosis.localisation.localisation import localise
+from np_drake.diagnosis.numerics import NoiseModel, fit_noise
+from np_drake.diagnosis.regressors import Candidate, library_candidates
 from np_drake.diagnosis.residuals import WRENCH, FlightResiduals
-from np_drake.diagnosis.result import CHANNELS, Confusable, Identifiability
+from np_drake.diagnosis.result import CHANNELS, Confusable, GapReduction, Identifiability
+from np_drake.effects.library import effect_of
 
-LEAST_EXCITATION = {
-    "speed": 0.08,
-    "rate": 0.05,
-    "tilt": 1.0,
-    "thrust variation": 0.01,
-}  # [m/s, rad/s, deg, 1]; own choice
-BARELY = 10.0  # whitened size of an effect that is just visible [1]
-SAME = 9.0  # squared whitened distance below which two just visible effects are the same [1]
+# Of any quantity, to tell effects apart [m/s, rad/s, deg, 1]; own choice.
+LEAST_EXCITATION = {"speed": 0.08, "rate": 0.05, "tilt": 1.0, "thrust variation": 0.01}
+BARELY_VISIBLE = 10.0  # whitened size of an effect that is just visible [1]
+SAME_DISTANCE = 9.0  # squared whitened distance below which two just visible effects are the same [1]
 
 
 def excitation(flights: Sequence[FlightResiduals]) -> dict[str, float]:
@@ -57,8 +56,9 @@ def confusables(
 ) -> list[Confusable]:
     """Return the effects that cannot be seen at their usual size, and pairs that are the same when just visible.
 
-    An effect scaled to whitened size `BARELY` is the same as another if its squared distance to the other's columns is
-    below `SAME`. Effects of one sign alone, as a delay and a clock that is ahead, are the same where signs agree.
+    An effect scaled to whitened size `BARELY_VISIBLE` is the same as another if its squared distance to the other's
+    columns is below `SAME_DISTANCE`. Effects of one sign alone, as a delay and a clock that is ahead, are the same
+    where signs agree.
 
     Args:
         flights: the flights.
@@ -91,12 +91,12 @@ def confusables(
         if a in invisible:
             continue
         direction = X[:, np.argmax(np.sum(X**2, axis=0))]
-        direction = BARELY * direction / np.linalg.norm(direction)
+        direction = BARELY_VISIBLE * direction / np.linalg.norm(direction)
         for b, Q in bases.items():
             # No positive size of one is what a positive size of the other is.
             if {a, b} <= one_sided and float(direction @ blocks[b][:, 0]) < 0:
                 continue
-            if a != b and float(np.sum((direction - Q @ (Q.T @ direction)) ** 2)) < SAME:
+            if a != b and float(np.sum((direction - Q @ (Q.T @ direction)) ** 2)) < SAME_DISTANCE:
                 found.add((a, b) if a < b else (b, a))
     out += [
         Confusable(pair, "their traces in these flights are collinear", manoeuvre(pair))
@@ -139,3 +139,47 @@ def assess_identifiability(
         not_identifiable=tuple(confusables(train, candidates, noise)),
         warnings=tuple(warnings),
     )
+
+
+def manoeuvre(effects: Sequence[str]) -> str:
+    """Return one line that names a manoeuvre for one effect or for a pair, by their identifiers."""
+    if len(effects) == 2 and (apart := tells_apart(*effects)):
+        return apart
+    known = [effect_of(name).excited_by for name in effects if effect_of(name).excited_by]
+    return "; or ".join(dict.fromkeys(known)) or "a flight that excites every axis at several speeds"
+
+
+def tells_apart(a: str, b: str) -> str:
+    """Return the manoeuvre of their own that tells effects a and b apart; empty where none is known.
+
+    Args:
+        a: identifier of an effect.
+        b: identifier of another.
+    """
+    return effect_of(a).told_from.get(b, "") or effect_of(b).told_from.get(a, "")
+
+
+def unexcited_diagnosis(
+    flights: Sequence[FlightResiduals], held_out: Sequence[FlightResiduals]
+) -> dict[str, Any]:
+    """Return the fields of a `Diagnosis` for flights in which nothing moves: an empty verdict, nothing identifiable.
+
+    Args:
+        flights: training flights.
+        held_out: held-out flights.
+    """
+    noise = fit_noise([e.y - e.y.mean(axis=0) for e in flights], flights[0].grid.step)
+    pairs = confusables(flights, library_candidates(flights), noise)
+    rows = {e.name: np.ones(len(e.t), bool) for e in held_out}
+    checked = Identifiability(
+        False, excitation(flights), {}, tuple(pairs), ("nothing is excited: these logs cannot tell.",)
+    )
+    size = pooled([e.y for e in held_out], noise)
+    return {
+        "verdict": (),
+        "causes": (),
+        "identifiability": checked,
+        "localisation": localise(held_out, {e.name: e.y for e in held_out}, noise, rows),
+        "gap_reduction": GapReduction(size, size, 1.0, 0.0, (0.0, 0.0), ()),
+        "warnings": checked.warnings,
+    }

@@ -8,6 +8,7 @@ import ruptures
 from scipy import signal
 
 from np_drake import attitude
+from np_drake.diagnosis.held_out import closed_fraction
 from np_drake.diagnosis.numerics import NoiseModel
 from np_drake.diagnosis.residuals import WRENCH, FlightResiduals
 from np_drake.diagnosis.result import CHANNELS, Band, ChannelGap, Localisation, Regime, Segment
@@ -68,15 +69,16 @@ def channel_gaps(
     out = []
     for c, name in enumerate(CHANNELS):
         b, a, floor = rms(before, c), rms(after, c), float(noise.rms[c])
-        gap = b**2 - floor**2
-        explained = float(np.clip(1 - (a**2 - floor**2) / gap, -1.0, 1.0)) if gap > 0.02 * floor**2 else 0.0
-        out.append(ChannelGap(name, UNITS[c], b, floor, a, explained))
+        out.append(ChannelGap(name, UNITS[c], b, floor, a, closed_fraction(b, a, floor)))
     return tuple(out)
 
 
 def segments(flight: FlightResiduals, noise: NoiseModel) -> list[Segment]:
     """Return the segments of a flight between change points of the residual's mean.
 
+    Args:
+        flight: the flight.
+        noise: noise model of the channels.
     Source: exact segmentation by dynamic programming, PELT (Killick et al. 2012), as in ruptures; the penalty is own
         choice.
     """
@@ -102,7 +104,7 @@ def quantities(flight: FlightResiduals) -> dict[str, tuple[np.ndarray, str]]:
     """Return the quantities that define a regime: by name, values (m,) on the grid and unit."""
     mids = flight.mids
     tilt = np.degrees(np.arccos(np.clip(attitude.body_z(mids.q)[:, 2], -1, 1)))
-    raw = np.stack(
+    at_mids = np.stack(
         [
             np.linalg.norm(mids.x[:, 7:10], axis=1),
             mids.x[:, 2],
@@ -111,7 +113,7 @@ def quantities(flight: FlightResiduals) -> dict[str, tuple[np.ndarray, str]]:
         ],
         axis=1,
     )
-    on = flight.from_mids(raw)
+    on = flight.from_mids(at_mids)
     return {
         "speed": (on[:, 0], "m/s"),
         "thrust": (flight.nominal[:, 2], "N"),
@@ -153,9 +155,9 @@ def regimes(
 def round_bounds(value: np.ndarray) -> np.ndarray:
     """Return increasing multiples of 1, 2 or 5 times a power of ten that hold all values, some `BINS` ranges."""
     low, high = np.quantile(value, (RARE, 1 - RARE))
-    raw = max(high - low, LEAST_SPAN) / BINS
-    power = 10.0 ** np.floor(np.log10(raw))
-    step = power * min((1.0, 2.0, 5.0, 10.0), key=lambda digit: abs(np.log(digit * power / raw)))
+    width = max(high - low, LEAST_SPAN) / BINS
+    power = 10.0 ** np.floor(np.log10(width))
+    step = power * min((1.0, 2.0, 5.0, 10.0), key=lambda digit: abs(np.log(digit * power / width)))
     inner = np.arange(np.floor(low / step) + 1, np.ceil(high / step))
     outer = np.floor(value.min() / step), max(np.ceil(value.max() / step), np.floor(value.min() / step) + 1)
     return step * np.unique([outer[0], *inner, outer[1]])

@@ -27,6 +27,9 @@ class Gram:
     def __add__(self, other: "Gram") -> "Gram":
         return Gram(self.XX + other.XX, self.Xy + other.Xy, self.yy + other.yy, self.samples + other.samples)
 
+    def __radd__(self, zero: int) -> "Gram":
+        return self  # so that `sum`, which begins with zero, adds statistics
+
     def tempered(self, temperature: float) -> "Gram":
         """Return the statistics as if the noise had `temperature` times its variance."""
         return Gram(self.XX / temperature, self.Xy / temperature, self.yy / temperature, self.samples)
@@ -41,6 +44,7 @@ class Gram:
         The log evidence of any set together with the first n is the sum of that of the set here and that of the n. The
         posterior of a set together with the first n is, for the coefficients of the set, that of the set here.
         """
+        # Block elimination: the Schur complement of the first n columns is the Gram matrix of what they leave.
         factor = np.linalg.cholesky(self.XX[:n, :n] + np.eye(n))
         B = np.linalg.solve(factor, self.XX[:n, n:])
         b = np.linalg.solve(factor, self.Xy[:n])

@@ -57,6 +57,7 @@ def minimise(
         for _ in range(TRIES):
             step = np.zeros_like(z)
             A = H[np.ix_(free, free)]
+            # Levenberg-Marquardt: (H + damping diag H) step = -g, more damping where a step fails.
             step[free] = -np.linalg.solve(A + damping * np.diag(np.diag(A) + 1e-9), g[free])
             new = np.clip(z + step, lower, upper)
             r_new = residual(new)

@@ -1,10 +1,8 @@
 """Regressors of the linear model: library effects, generic structure, nuisance parameters, payload."""
 
 from np_drake.diagnosis.regressors.generic import PREFIX, generic_candidates
-from np_drake.diagnosis.regressors.input_tolerance import with_input
 from np_drake.diagnosis.regressors.library import (
     DRAG,
-    DRAGS,
     GUSTY,
     PAYLOAD,
     WIND,
@@ -18,23 +16,24 @@ from np_drake.diagnosis.regressors.library import (
 from np_drake.diagnosis.regressors.nuisance import (
     calibration,
     calibration_terms,
+    nuisance_of,
     sensor_drift,
     tolerance_of,
+    with_input,
 )
 from np_drake.diagnosis.regressors.payload import AT_REST, SHAPE, WIDEST, Guess, PayloadColumns, heavy_enough
 from np_drake.diagnosis.regressors.payload_grid import payload_about, payload_candidates, payloads_of
-from np_drake.diagnosis.regressors.regression_problem import (
-    Model,
-    RegressionProblem,
-    prior_of,
-    sum_grams,
+from np_drake.diagnosis.regressors.regression_problem import Model, RegressionProblem, prior_of
+from np_drake.diagnosis.regressors.switched_regressors import (
+    Sums,
+    SwitchedRegressors,
+    SwitchedSums,
+    onset_log_likelihood,
 )
-from np_drake.diagnosis.regressors.switched_regressors import Sums, SwitchedRegressors, SwitchedSums
 
 __all__ = [
     "AT_REST",
     "DRAG",
-    "DRAGS",
     "GUSTY",
     "PAYLOAD",
     "PREFIX",
@@ -56,12 +55,13 @@ __all__ = [
     "generic_candidates",
     "heavy_enough",
     "library_candidates",
+    "nuisance_of",
+    "onset_log_likelihood",
     "payload_about",
     "payload_candidates",
     "payloads_of",
     "prior_of",
     "sensor_drift",
-    "sum_grams",
     "switched",
     "tolerance_of",
     "wind_candidates",

@@ -27,7 +27,12 @@ Pushes = Callable[[FlightState], np.ndarray]  # (m, 6, k) force and torque in B 
 
 
 def generic_candidates(flights: Sequence[FlightResiduals], priors: Priors) -> list[Candidate]:
-    """Return all groups as candidates; their `generic` gives the columns on any flight."""
+    """Return all groups as candidates; their `generic` gives the columns on any flight.
+
+    Args:
+        flights: the flights.
+        priors: priors of parameters, swings and onsets.
+    """
     states = {e.name: flight_state(e) for e in flights}
     found = [
         _candidate(flights, states, priors, name, text, pushes)
@@ -59,12 +64,12 @@ def _candidate(
 ) -> Candidate:
     def columns(e: FlightResiduals, pushes: Pushes = pushes) -> np.ndarray:
         state = states.get(e.name) or flight_state(e)
-        weight = e.vehicle.mass * e.vehicle.gravity
+        weight = e.weight
         arm = float(np.mean(np.linalg.norm(np.array(e.vehicle.rotor_positions), axis=1)))
         size = priors.generic_size * weight * np.array([1, 1, 1, 0.3 * arm, 0.3 * arm, 0.1 * arm])
-        raw = pushes(state)
-        X = np.zeros((*e.y.shape, raw.shape[-1]))
-        X[:, :6] = size[:, None] * raw
+        unscaled = pushes(state)
+        X = np.zeros((*e.y.shape, unscaled.shape[-1]))
+        X[:, :6] = size[:, None] * unscaled
         return X
 
     return Candidate(
@@ -205,7 +210,7 @@ def _twist(frequency: float, damping: float = DAMPING, *, priors: Priors) -> Pus
         def behind(drive: np.ndarray) -> np.ndarray:
             return signal.lfilter(b, a, drive, axis=0, zi=rest * drive[:1])[0]
 
-        once = behind(priors.twist * s.u[:, 1:] / (priors.generic_size * s.weight * s.torque_unit))
+        once = behind(priors.twist_torque * s.u[:, 1:] / (priors.generic_size * s.weight * s.torque_unit))
         twice = behind(once)
         changes = [np.gradient(g, s.step, axis=0) / omega for g in (once, twice)]
         peak = 2 * damping  # normalises the peak of G to one

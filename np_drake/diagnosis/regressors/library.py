@@ -19,7 +19,6 @@ from np_drake.effects.parameter_prior import prior_root
 from np_drake.effects.suspended_payload import SuspendedPayload
 
 DRAG = LinearDrag.identifier  # the effect through which winds act
-DRAGS = ConstantWind.needs
 WIND = ConstantWind.identifier
 GUSTY = (DRAG, WIND)  # effects that gusts mask in a held-out flight
 PAYLOAD = SuspendedPayload.identifier
@@ -210,6 +209,11 @@ def wind_candidates(
 
     A drag that is weak or negative starts as a weak positive one, with a wind of the same force. Drag and wind of
     opposite sign push alike, and a local optimiser cannot pass from one to the other.
+
+    Args:
+        flights: the flights.
+        plain: candidates, the drags among which are taken.
+        onset: onsets of the wind by flight [s].
     """
     if WIND not in LIBRARY or DRAG not in LIBRARY:
         return []
@@ -226,23 +230,29 @@ def wind_candidates(
             stages = StageCache()
             still = predicted_residual(e, [unit], stages)
             winds = [wind_class.of({"x": 0.0, "y": 0.0, "z": 0.0, axis: 1.0}) for axis in "xyz"]
-            blown = [predicted_residual(e, [unit, Term(wind, onset)], stages) for wind in winds]
-            extra = np.stack([b - still for b in blown], axis=-1) * speeds
+            windy = [predicted_residual(e, [unit, Term(wind, onset)], stages) for wind in winds]
+            extra = np.stack([w - still for w in windy], axis=-1) * speeds
             columns[e.name] = np.concatenate([drag.columns[e.name], extra], axis=-1)
 
         def terms(c: np.ndarray, drag: Candidate = drag) -> list[Term]:
-            (felt,) = drag.terms(c[:3])
-            d = {name: max(value, 0.2 * typical) for name, value in felt.effect.values.items()}
+            (own,) = drag.terms(c[:3])
+            d = {name: max(value, 0.2 * typical) for name, value in own.effect.values.items()}
             wind = speeds * c[3:] * typical / np.array(list(d.values()))
             values = dict(zip("xyz", np.clip(wind, -14.0, 14.0).tolist(), strict=True))
-            return [dc.replace(felt, effect=drag_class.of(d)), Term(wind_class.of(values), onset)]
+            return [dc.replace(own, effect=drag_class.of(d)), Term(wind_class.of(values), onset)]
 
         out.append(Candidate((DRAG, WIND), drag.variant, columns, terms, drag.log_prior, onset))
     return out
 
 
 def switched(candidate: Candidate, flights: Sequence[FlightResiduals], onset: Onset) -> Candidate:
-    """Return the candidate switched on at its onsets; not for hidden states, which begin anew at an onset."""
+    """Return the candidate switched on at its onsets; not for hidden states, which begin anew at an onset.
+
+    Args:
+        candidate: the candidate.
+        flights: the flights.
+        onset: onsets by flight [s].
+    """
     columns = {e.name: candidate.columns[e.name] * e.begun(onset.get(e.name))[..., None] for e in flights}
 
     def terms(c: np.ndarray) -> list[Term]:

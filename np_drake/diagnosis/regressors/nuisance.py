@@ -9,9 +9,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from np_drake.diagnosis.forward_model import Term, predicted_residual
+from np_drake.diagnosis.numerics import fit_noise
+from np_drake.diagnosis.options import IDEAL_SENSORS, Options, Tolerance
 from np_drake.diagnosis.regressors.library import Candidate
 from np_drake.diagnosis.residuals import FlightResiduals
-from np_drake.diagnosis.tolerance import IDEAL_SENSORS, Tolerance
 from np_drake.effects.accelerometer_bias import AccelerometerBias
 from np_drake.effects.attitude_bias import AttitudeBias
 from np_drake.effects.attitude_latency import AttitudeLatency
@@ -26,11 +27,26 @@ from np_drake.effects.thrust_scale import ThrustScale
 from np_drake.effects.velocity_bias import VelocityBias
 from np_drake.vehicle import Vehicle
 
+REAL_ATTITUDE_NOISE = 1e-3  # attitude noise above which sensors are taken as real [rad]
+THROTTLE_SCALE = 0.2  # of thrust over throttle [1]; source: own choice, hover throttles are known to a fifth
+# Of thrust over rotor speed squared [1]; source: density of air, 2 % for 6 K or 20 hPa.
+ROTOR_SPEED_SCALE = 0.02
+THROTTLE_CURVE = 0.3  # of its exponent, once it is fitted [1]; source: own choice
+THROTTLE_DRIFT = 0.002  # of thrust over throttle [1/s]; source: own choice, a tenth in a minute
+MOUNTING = 0.02  # of an autopilot's axes [rad]; source: own choice, one degree
+# Deviations by which motion is ahead of commands, from which these are not held from their row [1].
+EARLY = 3.0
+LATENCY = 0.01  # of an estimator's attitude [s]; source: own choice, a few samples of its filters
+
 
 def calibration_terms(vehicle: Vehicle, tolerance: Tolerance) -> list[tuple[Term, float]]:
     """Return the terms that all flights share, each with the standard deviation of its prior.
 
     Mass and thrust of the vehicle file, and what the input of the logs leaves open.
+
+    Args:
+        vehicle: the nominal vehicle.
+        tolerance: standard deviations of vehicle file and sensors.
     """
     open_ = [
         (Term(ThrottleCurve(0.0)), tolerance.throttle_curve),
@@ -47,7 +63,12 @@ def calibration_terms(vehicle: Vehicle, tolerance: Tolerance) -> list[tuple[Term
 
 
 def calibration(flights: Sequence[FlightResiduals], tolerance: Tolerance) -> list[Candidate]:
-    """Return the mass and thrust terms as candidates, whose columns carry the prior's scale."""
+    """Return the mass and thrust terms as candidates, whose columns carry the prior's scale.
+
+    Args:
+        flights: the flights.
+        tolerance: standard deviations of vehicle file and sensors.
+    """
     out = []
     for term, deviation in calibration_terms(flights[0].vehicle, tolerance):
         moved = [
@@ -59,8 +80,24 @@ def calibration(flights: Sequence[FlightResiduals], tolerance: Tolerance) -> lis
     return out
 
 
+def nuisance_of(flights: Sequence[FlightResiduals], tolerance: Tolerance) -> list[Candidate]:
+    """Return errors of the vehicle file and of the sensors within tolerance, as columns with prior N(0, 1).
+
+    Args:
+        flights: the flights.
+        tolerance: standard deviations of the errors.
+    """
+    drift = sensor_drift(flights, tolerance)
+    return [*calibration(flights, tolerance), *([drift] if drift else [])]
+
+
 def sensor_drift(flights: Sequence[FlightResiduals], tolerance: Tolerance) -> Candidate | None:
-    """Return the sensor errors of every flight as one candidate; None for ideal sensors."""
+    """Return the sensor errors of every flight as one candidate; None for ideal sensors.
+
+    Args:
+        flights: the flights.
+        tolerance: standard deviations of vehicle file and sensors.
+    """
     if not tolerance.real:
         return None
     sensors: tuple[type[Effect], ...] = (AccelerometerBias, AttitudeBias, GyroBias, VelocityBias)
@@ -80,9 +117,6 @@ def sensor_drift(flights: Sequence[FlightResiduals], tolerance: Tolerance) -> Ca
     return Candidate((), "sensor drift", columns, lambda c: [])
 
 
-REAL = 1e-3  # attitude noise above which sensors are taken as real [rad]
-
-
 def tolerance_of(flights: Sequence[FlightResiduals]) -> Tolerance:
     """Return the tolerance for real sensors, or for ideal ones where the logs look like those of a simulator.
 
@@ -90,7 +124,69 @@ def tolerance_of(flights: Sequence[FlightResiduals]) -> Tolerance:
     little noise as well, but such logs miss one of the others.
     """
     ideal = all(
-        e.attitude_noise <= REAL and e.log.input == "command" and e.knows_torque and e.log.timing == 0
+        e.attitude_noise <= REAL_ATTITUDE_NOISE
+        and e.log.input == "command"
+        and e.knows_torque
+        and e.log.timing == 0
         for e in flights
     )
     return IDEAL_SENSORS if ideal else Tolerance()
+
+
+def with_input(options: Options, flights: Sequence[FlightResiduals]) -> Options:
+    """Return the options whose tolerance holds what vehicle file and input of these flights leave open.
+
+    Args:
+        options: with the tolerance of the sensors.
+        flights: the flights.
+    """
+    tolerance = options.tolerance.with_vehicle(flights[0].vehicle)
+    timing = command_timing(flights)
+    open_ = {"timing": max(tolerance.timing, timing)}
+    if flights[0].measured_rotors:
+        open_["thrust"] = max(tolerance.thrust, ROTOR_SPEED_SCALE)
+    if flights[0].log.input == "normalised":
+        open_ |= {
+            "thrust": max(tolerance.thrust, THROTTLE_SCALE),
+            "throttle_curve": max(tolerance.throttle_curve, THROTTLE_CURVE),
+            "throttle_drift": max(tolerance.throttle_drift, THROTTLE_DRIFT),
+            "mounting": max(tolerance.mounting, MOUNTING),
+            "latency": max(tolerance.latency, LATENCY),
+        }
+    return dc.replace(options, tolerance=dc.replace(tolerance, **open_))
+
+
+def command_timing(flights: Sequence[FlightResiduals]) -> float:
+    """Return the deviation of the time at which a row's command acts [s].
+
+    It is what the logs state, or half a row where the flights show that the command of a row does not act from it until
+    the next: so a command looks that changed between the rows, as in a log of which rows were left out. Lags and delays
+    look the other way. A vehicle file can state that commands are held (`command_timing: held`).
+    """
+    if flights[0].measured_rotors:
+        return 0.0
+    stated = max(e.log.timing for e in flights)
+    if flights[0].vehicle.command_timing == "held":
+        return stated
+    half = 0.5 * max(e.log.step for e in flights)
+    shift, deviation = _early(flights, 0.5 * half)
+    sampled = shift > EARLY * deviation and shift - 2 * deviation < half
+    return max(stated, half) if sampled else stated
+
+
+def _early(flights: Sequence[FlightResiduals], step: float) -> tuple[float, float]:
+    """Return the time by which motion is ahead of the commands, and its standard deviation [s].
+
+    Generalised least squares on the residual with all else in its noise.   step: of the finite difference [s].
+    """
+    noise = fit_noise([e.y for e in flights], flights[0].grid.step)
+    power = product = 0.0
+    for e in flights:
+        column = predicted_residual(e, [Term(ClockOffset(step))])
+        column[:, 6:] = 0.0  # the commands alone
+        white = noise.whiten(np.stack([column, e.y], axis=-1), e.name)
+        power += float(np.sum(white[..., 0] ** 2))
+        product += float(np.sum(white[..., 0] * white[..., 1]))
+    if power == 0.0:
+        return 0.0, np.inf
+    return step * product / power, step / np.sqrt(power)

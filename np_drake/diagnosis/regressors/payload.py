@@ -16,9 +16,14 @@ from np_drake.effects.library import LIBRARY
 
 SMALL = 0.02  # difference quotients: of a swing [rad], of a length, relative [1], of a damping [1/s]
 WIDEST = 1.2  # swing [rad], and with the natural rate its rate, that a guess may have
-LONGEST, SHORTEST = 3.0, 0.1  # tether [m]
+LONGEST_TETHER, SHORTEST_TETHER = 3.0, 0.1  # that a guess may have [m]
+SEARCH_LENGTHS = (0.15, 2.5, 96)  # of tethers in the search: shortest, longest [m], number: 3 % apart
+SWING_TEST_LENGTHS = np.geomspace(0.15, 2.5, 32)  # of pendulums in the swing test [m]: 9 % apart
+TRACE_LENGTHS = np.geomspace(
+    0.3, 1.5, 5
+)  # of tethers at which an examination asks for a payload [m]; own choice
 MOST_DAMPING = 1.0  # that a guess may have [1/s]
-SURELY = 2.0  # least mass over its posterior deviation [1]; own choice
+LEAST_MASS_DEVIATIONS = 2.0  # least mass over its posterior deviation [1]; own choice
 LIGHTEST = 0.02  # least mass, as a share of `unit`, by which products with the mass are divided [1]
 AT_REST = 4  # number of columns for mass and hook, which come first
 SHAPE = 2  # number of columns for length and damping, which come next where they are free
@@ -37,7 +42,12 @@ class Guess:
     damping: float = 0.0
 
     def at(self, flight: str, size: int) -> np.ndarray:
-        """Return the hidden state (size,) in a flight."""
+        """Return the hidden state (size,) in a flight.
+
+        Args:
+            flight: its name.
+            size: of the hidden state there.
+        """
         return padded(self.swing.get(flight), size)
 
 
@@ -105,7 +115,7 @@ class PayloadColumns:
         hook = np.clip(self.guess.hook + c[1:AT_REST] / share * self.priors.hook, -0.5, 0.5)
         stretch, brake = c[AT_REST : self.first] / share if self.shaped else np.zeros(SHAPE)
         stretch = np.clip(stretch * self.priors.length, -0.2, 0.2)
-        length = float(np.clip(self.guess.length * (1 + stretch), SHORTEST, LONGEST))
+        length = float(np.clip(self.guess.length * (1 + stretch), SHORTEST_TETHER, LONGEST_TETHER))
         damping = float(np.clip(self.guess.damping + brake * self.priors.damping, 0.0, MOST_DAMPING))
         swing = {}
         for name, span in self.swings.items():
@@ -153,11 +163,11 @@ def heavy_enough(mean: np.ndarray, covariance: np.ndarray) -> Mended:
     Args:
         mean: (k,) posterior mean, the mass first, in units of the prior's deviations.
         covariance: (k, k) posterior covariance in these units.
-    Source: conditioning of the posterior; `SURELY` is own choice.
+    Source: conditioning of the posterior; `LEAST_MASS_DEVIATIONS` is own choice.
     """
     deviation = math.sqrt(covariance[0, 0])
     log_probability = float(special.log_ndtr(mean[0] / deviation))
-    if mean[0] >= SURELY * deviation:
+    if mean[0] >= LEAST_MASS_DEVIATIONS * deviation:
         return mean, log_probability
-    more = covariance[:, 0] / covariance[0, 0] * (SURELY * deviation - mean[0])
+    more = covariance[:, 0] / covariance[0, 0] * (LEAST_MASS_DEVIATIONS * deviation - mean[0])
     return mean + more, log_probability

@@ -63,7 +63,14 @@ def payloads_of(
 def payload_about(
     flights: Sequence[FlightResiduals], guess: Guess, priors: Priors, onset: Onset | None = None
 ) -> PayloadColumns:
-    """Return payload columns linearised about a guess, with its length and damping free as well."""
+    """Return payload columns linearised about a guess, with its length and damping free as well.
+
+    Args:
+        flights: the flights.
+        guess: point of linearisation.
+        priors: priors of parameters, swings and onsets.
+        onset: onsets by flight [s].
+    """
     rate = math.sqrt(flights[0].vehicle.gravity / guess.length)
     pulls = {}
     for e in flights:

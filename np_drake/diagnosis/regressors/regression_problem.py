@@ -19,6 +19,9 @@ def prior_of(identifiers: Iterable[str], priors: Priors) -> float:
 
     An effect that needs another is acting through it, as a wind through drag; the other then adds no cost.
 
+    Args:
+        identifiers: of the effects.
+        priors: priors of parameters, swings and onsets.
     Source: own choice: a wind without drag has no influence.
     """
     every = set(identifiers)
@@ -66,7 +69,8 @@ class RegressionProblem:
     @cached_property
     def total(self) -> Gram:
         """Gram matrix of nuisance and candidates over all flights."""
-        return sum_grams([self._gram(e) for e in self.flights]).tempered(self.temperature)
+        total: Gram = sum(self._gram(e) for e in self.flights)
+        return total.tempered(self.temperature)
 
     @cached_property
     def _rest(self) -> Gram:
@@ -80,6 +84,11 @@ class RegressionProblem:
         """Return the whitened columns (m - p, 15, k) of a candidate or nuisance in a flight.
 
         They are cached until another noise model is used.
+
+        Args:
+            noise: noise model that whitens.
+            e: the flight.
+            candidate: one of the problem's.
         """
         if self._white[0] is not noise:
             self._white = (noise, {})
@@ -88,7 +97,7 @@ class RegressionProblem:
             kept[key] = e.white(noise, candidate.columns[e.name])
         return kept[key]
 
-    def beside(self, more: list[Candidate]) -> "RegressionProblem":
+    def extended(self, more: list[Candidate]) -> "RegressionProblem":
         """Return the problem with more candidates, after the present ones."""
         return RegressionProblem(
             self.flights,
@@ -149,11 +158,3 @@ class RegressionProblem:
         """Return whether no effect occurs twice and at most one is a pure delay: these predict the same."""
         names = [name for i in members for name in self.candidates[i].identifiers]
         return len(names) == len(set(names)) and sum(effect_of(name).pure_delay for name in names) < 2
-
-
-def sum_grams(grams: list[Gram]) -> Gram:
-    """Return the sum of Gram matrices."""
-    total = grams[0]
-    for g in grams[1:]:
-        total = total + g
-    return total

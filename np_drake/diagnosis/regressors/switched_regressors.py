@@ -17,16 +17,23 @@ class SwitchedRegressors:
 
     Target y (m', 15) and columns B (m', 15, b) that act as well are not whitened yet.
     products (b + 1, b + 1): inner products of whitened B and y. t (m,): times of the whitened rows [s].
+
+    Args:
+        flight: the flight.
+        noise: noise model of the channels.
+        target: (m', 15) channels y.
+        others: (m', 15, b) columns B that act as well.
+        scale: factor on whitened values [1].
     """
 
     def __init__(
-        self, flight: FlightResiduals, noise: NoiseModel, target: np.ndarray, beside: np.ndarray, scale=1.0
+        self, flight: FlightResiduals, noise: NoiseModel, target: np.ndarray, others: np.ndarray, scale=1.0
     ):
         self._e, self._noise, self._scale = flight, noise, scale
         self._order = noise.phi.shape[1]
         self.t = flight.t[self._order :]
         self._rise = flight.rise()
-        both = np.concatenate([beside, target[..., None]], axis=-1)
+        both = np.concatenate([others, target[..., None]], axis=-1)
         active, half, m = np.flatnonzero(noise.active), len(self._rise) // 2, len(self.t)
         driven = self._driven(active, flight.bridged(both[:, active]))
         # Innovations times this equal whitened values times whitened `both`; rows beyond either end are zero.
@@ -57,7 +64,10 @@ class SwitchedRegressors:
     def begun(self, X: np.ndarray, whole: Sums, rows: np.ndarray) -> Sums:
         """Return the sums for columns (m', 15, k) switched on at each of `rows`, smeared by the grid.
 
-        rows (n,) count whitened rows; whole: the sums of the columns from `whole`.
+        Args:
+            X: (m', 15, k) columns.
+            whole: their sums from `whole`.
+            rows: (n,) whitened rows at which they begin.
         """
         half, order, m = len(self._rise) // 2, self._order, len(self.t)
         offsets = np.arange(-half - order, half + order + 1)
@@ -94,7 +104,12 @@ class SwitchedRegressors:
 
 
 class SwitchedSums:
-    """Cache of the sums of one candidate's columns X (m', 15, k) in one flight."""
+    """Cache of the sums of one candidate's columns X (m', 15, k) in one flight.
+
+    Args:
+        columns: sums over the whitened rows of the flight.
+        X: (m', 15, k) columns.
+    """
 
     def __init__(self, columns: SwitchedRegressors, X: np.ndarray):
         self.t, self._columns, self._X = columns.t, columns, X
@@ -107,6 +122,32 @@ class SwitchedSums:
         if key not in self._begun:
             self._begun[key] = self._columns.begun(self._X, self.whole, rows)
         return self._begun[key]
+
+
+def onset_log_likelihood(
+    flight: FlightResiduals, noise: NoiseModel, target: np.ndarray, own: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return (n,) times of the grid, the last one "not at all", and log likelihoods if `own` begins there.
+
+    Args:
+        flight: the flight.
+        noise: noise model of the channels.
+        target: (m, 15) residual without the effect.
+        own: (m, 15) what the effect leaves.
+    """
+    columns = SwitchedRegressors(flight, noise, target, np.zeros((*target.shape, 0)))
+    t, X = columns.t, own[..., None]
+    rows = np.arange(1, len(t))
+    whole = columns.whole(X)
+    XX, _, Xy = (
+        np.concatenate([a[:1], b, 0 * a[:1]])
+        for a, b in zip(whole, columns.begun(X, whole, rows), strict=True)
+    )
+    after = (Xy - 0.5 * XX[..., 0])[:, 0]
+    times = np.append(t, t[-1] + flight.grid.step)
+    usable = (times < t[0] + 0.3) & (times > t[0])
+    after[usable] = -np.inf
+    return times, after
 
 
 def _taken(windows: np.ndarray, rows: np.ndarray) -> np.ndarray:

@@ -74,6 +74,12 @@ def trace_ratio(
 
     The channels of the wrench are divided by the RMS residual in training. Infinite where it predicts nothing in
     training, as gusts do.
+
+    Args:
+        identifier: of the cause.
+        causes: the causes.
+        train: training flights.
+        held_out: held-out flights.
     """
     scale = np.sqrt(np.mean(np.concatenate([e.y[:, WRENCH] for e in train]) ** 2, axis=0))
     sizes = [_trace(identifier, causes, flights, scale) for flights in (train, held_out)]

@@ -1,20 +1,34 @@
-"""HTML page of the report: the template's content as plain text, with figures and style embedded."""
+"""The report's folder: HTML page, JSON and figures, all made before anything is written."""
 
 import base64
+import math
 from collections.abc import Mapping
 from importlib import resources
 from importlib.metadata import version
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
 from jinja2 import Environment, StrictUndefined
 from markupsafe import Markup
+from matplotlib.figure import Figure
 
 from np_drake.diagnosis.report import summary, words
-from np_drake.diagnosis.report.next_steps import next_steps
-from np_drake.diagnosis.result import Diagnosis, Finding, Localisation, ReplayGap
+from np_drake.diagnosis.report.figures import (
+    ladder_figure,
+    regime_figure,
+    replay_figure,
+    spectrum_figure,
+    timeline_figure,
+)
+from np_drake.diagnosis.report.summary import next_steps
+from np_drake.diagnosis.result import Diagnosis, Finding, Localisation, ReplayGap, as_json
+from np_drake.files.atomic_file import require_writable, write_bytes, write_json, write_text
+from np_drake.files.figure_file import png
 
 TEMPLATE, STYLE = "report.html.j2", "style.css"
+PAGE, DATA = "report.html", "diagnosis.json"
+PICTURES = ("ladder", "regimes", "timeline", "spectrum", "replay")
 
 
 def render(
@@ -55,28 +69,33 @@ def _text(name: str) -> str:
 
 
 def content(diagnosis: Diagnosis, seed: int) -> dict[str, Any]:
-    """Return all values that the template uses, with numbers formatted as text."""
-    check, reduction = diagnosis.check, diagnosis.shrink
+    """Return all values that the template uses, with numbers formatted as text.
+
+    Args:
+        diagnosis: the result.
+        seed: of the diagnosis.
+    """
+    identifiability, reduction = diagnosis.identifiability, diagnosis.gap_reduction
     replays = (reduction.replay_before, reduction.replay_after)
     return {
         **answer(diagnosis),
         "refit": None if diagnosis.refit is None else answer(diagnosis.refit),
-        "novel": [finding.text.rstrip(".") for finding in diagnosis.novel],
+        "new_on_held_out": [finding.text.rstrip(".") for finding in diagnosis.new_on_held_out],
         "next_steps": next_steps(diagnosis),
         "coverage": [*diagnosis.coverage, *filter(None, [summary.unseen(diagnosis)])],
-        "largest": largest(diagnosis.where),
+        "largest": largest(diagnosis.localisation),
         "alike": [
             (words.listed([words.bare_name(e) for e in item.effects], "or"), item.because, item.manoeuvre)
-            for item in check.not_identifiable
+            for item in identifiability.not_identifiable
         ],
         "replay": _replay_rows(*replays),
         "starts": next((gap.starts for gap in replays if gap), 0),
-        "minor": [_finding(finding) for finding in diagnosis.minor],
-        "usable": check.usable,
-        "excitation": [_with_unit(name, value) for name, value in check.excitation.items()],
+        "below_threshold": [_finding(finding) for finding in diagnosis.below_threshold],
+        "usable": identifiability.usable,
+        "excitation": [_with_unit(name, value) for name, value in identifiability.excitation.items()],
         "noise_floor": [
             (name, words.measure(value, "N" if name.startswith("force") else "N·m"))
-            for name, value in check.noise_floor.items()
+            for name, value in identifiability.noise_floor.items()
         ],
         "warnings": summary.warnings(diagnosis),
         "flights": [
@@ -104,23 +123,23 @@ def answer(diagnosis: Diagnosis) -> dict[str, Any]:
         "causes": rows,
         "gap_header": summary.GAP_HEADER,
         "gap": summary.gap_rows(diagnosis),
-        "remains": [words.described(finding) for finding in diagnosis.remains],
+        "unexplained": [words.described(finding) for finding in diagnosis.unexplained],
         "unknown": words.probability(diagnosis.unknown_probability),
         "cannot_tell": diagnosis.cannot_tell,
         "joined": diagnosis.joined,
     }
 
 
-def largest(where: Localisation) -> str:
+def largest(localisation: Localisation) -> str:
     """Return a sentence on the channel with the largest ratio of residual to noise, and the regime where it is so."""
-    known = [channel for channel in where.channels if channel.noise_floor > 0]
+    known = [channel for channel in localisation.channels if channel.noise_floor > 0]
     if not known:
         return ""
     worst = max(known, key=lambda channel: channel.rms / channel.noise_floor)
     before, after = (words.number(size / worst.noise_floor, 2) for size in (worst.rms, worst.after))
     text = f"The gap is largest in {worst.channel}: {before} times its noise before, {after} after"
-    place = [c.channel for c in where.channels].index(worst.channel)
-    regime = max(where.regimes, key=lambda r: r.rms[place], default=None)
+    place = [c.channel for c in localisation.channels].index(worst.channel)
+    regime = max(localisation.regimes, key=lambda r: r.rms[place], default=None)
     if regime is None:
         return f"{text}."
     span = f"{words.number(regime.lower, 2)} to {words.measure(regime.upper, regime.unit)}"
@@ -160,3 +179,67 @@ def _with_interval(figures: list[float]) -> tuple[str, str]:
 def _finding(finding: Finding) -> tuple[str, str, str]:
     size = words.percent(finding.size) if abs(finding.size) <= 1 else words.number(finding.size, 2)
     return words.capital(words.bare_name(finding.name)), finding.text, size
+
+
+def write_report(
+    diagnosis: Diagnosis,
+    folder: str | Path,
+    *,
+    seed: int = 0,
+    config: dict[str, Any] | None = None,
+    beside: Mapping[str, str] = MappingProxyType({}),
+) -> Path:
+    """Write `report.html`, `diagnosis.json` and the figures to a folder, and return the path of the page.
+
+    Args:
+        diagnosis: the result to report.
+        folder: existing folder.
+        seed: seed of the diagnosis, for the head of the JSON.
+        config: configuration of the diagnosis, for the head of the JSON.
+        beside: further files of the folder to which the page leads, with the text of each link.
+    Raises: OSError: if the folder cannot be written.
+    """
+    folder = Path(folder)
+    require_writable(folder / PAGE)
+    pictures = {name: png(figure) for name, figure in figures(diagnosis).items()}
+    page = render(diagnosis, pictures, seed=seed, beside=beside)
+    for name in set(PICTURES) - set(pictures):
+        (folder / f"{name}.png").unlink(missing_ok=True)  # of an earlier diagnosis
+    for name, picture in pictures.items():
+        write_bytes(folder / f"{name}.png", picture)
+    write_json(folder / DATA, _with_head(as_json(diagnosis), seed=seed, config=config or {}))
+    write_text(folder / PAGE, page)
+    return folder / PAGE
+
+
+def _with_head(content: dict[str, Any], *, seed: int, config: dict[str, Any]) -> dict[str, Any]:
+    """Return the content after the head that every file of the project begins with (docs/reference/files.md)."""
+    head = {"schema": content["schema"], "version": version("np_drake"), "seed": seed, "config": config}
+    return {**head, **content}
+
+
+def figures(diagnosis: Diagnosis) -> dict[str, Figure]:
+    """Return by name the figures for which the diagnosis has data."""
+    localisation, reduction = diagnosis.localisation, diagnosis.gap_reduction
+    out: dict[str, Figure] = {}
+    if reduction.ladder:
+        out["ladder"] = ladder_figure(reduction)
+    if localisation.regimes:
+        out["regimes"] = regime_figure(localisation.regimes)
+    if localisation.times:
+        out["timeline"] = timeline_figure(localisation, _onsets(diagnosis))
+    if localisation.bands:
+        out["spectrum"] = spectrum_figure(localisation.bands)
+    if reduction.replay_before is not None or reduction.replay_after is not None:
+        out["replay"] = replay_figure(reduction.replay_before, reduction.replay_after)
+    return out
+
+
+def _onsets(diagnosis: Diagnosis) -> dict[str, list[tuple[str, float]]]:
+    """Return by flight the (effect, time [s]) of every cause that begins in it."""
+    out: dict[str, list[tuple[str, float]]] = {}
+    for cause in diagnosis.causes:
+        for flight, time in cause.onset.items():
+            if time is not None and math.isfinite(time):
+                out.setdefault(flight, []).append((cause.identifier, time))
+    return out

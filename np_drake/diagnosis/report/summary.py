@@ -1,10 +1,11 @@
-"""Summary of a diagnosis: headline, table of causes, and the gap by kind; for page and terminal alike."""
+"""Summary of a diagnosis: headline, causes, gap by kind and next steps; for page and terminal alike."""
 
 import dataclasses as dc
 from collections.abc import Sequence
 
 import numpy as np
 
+from np_drake.diagnosis.localisation.identifiability import manoeuvre
 from np_drake.diagnosis.report.words import (
     NOTHING,
     bare_name,
@@ -13,6 +14,7 @@ from np_drake.diagnosis.report.words import (
     estimate,
     flights,
     listed,
+    name_of,
     number,
     onset,
     percent,
@@ -24,6 +26,7 @@ from np_drake.diagnosis.report.words import (
     unit_of,
 )
 from np_drake.diagnosis.result import UNKNOWN, Cause, Diagnosis, Finding, GapReduction, Localisation
+from np_drake.effects.library import effect_of
 
 PLAIN_GAP = 1.4  # residual over noise above which a simulator does not agree with the logs [1]; own choice
 LEAST_GAP = 1.05  # residual over noise below which a share of the gap has no meaning [1]; own choice
@@ -32,6 +35,8 @@ KINDS = {
     "lift": ("force z",),
     "torque": ("torque x", "torque y", "torque z"),
 }
+GAP_HEADER = ["held-out residual, RMS", "nominal", "with causes", "noise", "explained"]
+LOOSE = 0.5  # half-width of an interval over the value, above which it is loose [1]; own choice
 
 
 @dc.dataclass(frozen=True)
@@ -58,12 +63,12 @@ def headline(diagnosis: Diagnosis) -> str:
         named = [f"something that no effect explains, {probability(diagnosis.unknown_probability)}"]
     if named:
         return capital("; ".join(named))
-    return "No cause is told" if _unexplained(diagnosis.shrink) else "Nothing material is missing"
+    return "No cause is told" if _unexplained(diagnosis.gap_reduction) else "Nothing material is missing"
 
 
 def lead(diagnosis: Diagnosis) -> str:
     """Return the sentence below the headline: how much the causes explain, and what remains."""
-    reduction, said = diagnosis.shrink, []
+    reduction, said = diagnosis.gap_reduction, []
     if diagnosis.cannot_tell:
         return "The training flights excite too little to tell one effect from another."
     judges = f"{'the second half of ' if diagnosis.joined else ''}{flights(len(diagnosis.held_out))}"
@@ -76,17 +81,17 @@ def lead(diagnosis: Diagnosis) -> str:
         said.append(f"on {judges} the simulator agrees with the logs: the residual is {residual}")
     if UNKNOWN in diagnosis.verdict:
         said.append(_what_remains(diagnosis, residual))
-    if diagnosis.novel:
-        said.append(f"new on {judges}: {diagnosis.novel[0].text.rstrip('.')}")
+    if diagnosis.new_on_held_out:
+        said.append(f"new on {judges}: {diagnosis.new_on_held_out[0].text.rstrip('.')}")
     return capital("; ".join(said)) + "."
 
 
 def _explains(diagnosis: Diagnosis, judges: str) -> str:
     """Return the share of the largest part of the gap that the causes take away on held-out flights."""
-    reduction, one = diagnosis.shrink, len(named_causes(diagnosis)) == 1
+    reduction, one = diagnosis.gap_reduction, len(named_causes(diagnosis)) == 1
     if not has_gap(reduction):
         return f"there is no gap above the noise to explain on {judges}"
-    parts = [part for part in gap_parts(diagnosis.where) if np.isfinite(part.explained)]
+    parts = [part for part in gap_parts(diagnosis.localisation) if np.isfinite(part.explained)]
     largest = max(parts, key=lambda part: part.before / part.noise, default=None)
     kind, share = (largest.kind, largest.explained) if largest else ("whole", reduction.fraction)
     if min(share, reduction.fraction) < 0:
@@ -98,8 +103,8 @@ def _explains(diagnosis: Diagnosis, judges: str) -> str:
 
 def _what_remains(diagnosis: Diagnosis, residual: str) -> str:
     named = bool(named_causes(diagnosis))
-    if diagnosis.remains:
-        trace = described(main_remainder(diagnosis.remains))
+    if diagnosis.unexplained:
+        trace = described(main_remainder(diagnosis.unexplained))
         return f"{'what remains' if named else 'its clearest trace'}: {trace}"
     if named:
         return f"something that no effect explains remains, {probability(diagnosis.unknown_probability)}"
@@ -127,11 +132,11 @@ def _unexplained(reduction: GapReduction) -> bool:
     return reduction.before > PLAIN_GAP * reduction.floor
 
 
-def gap_parts(where: Localisation) -> list[GapPart]:
+def gap_parts(localisation: Localisation) -> list[GapPart]:
     """Return the held-out gap in lateral force, lift and torque, each pooled over its body axes."""
     out = []
     for kind, names in KINDS.items():
-        channels = [c for c in where.channels if c.channel in names]
+        channels = [c for c in localisation.channels if c.channel in names]
         sizes = [[c.rms, c.after, c.noise_floor] for c in channels]
         before, after, noise = np.sqrt(np.sum(np.square(sizes), axis=0)) if channels else (0.0, 0.0, 0.0)
         if noise > 0 and before > 0:
@@ -143,17 +148,14 @@ def gap_parts(where: Localisation) -> list[GapPart]:
     return out
 
 
-GAP_HEADER = ["held-out residual, RMS", "nominal", "with causes", "noise", "explained"]
-
-
 def gap_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
     """Return (kind, before, after, noise, explained) of each kind of gap, and of all channels in noise units."""
     rows = []
-    for part in gap_parts(diagnosis.where):
+    for part in gap_parts(diagnosis.localisation):
         factor, unit = suited(part.before, part.unit)
         sizes = [number(factor * value, 2) for value in (part.before, part.after, part.noise)]
         rows.append((f"{part.kind} [{unit}]", *sizes, percent(part.explained)))
-    total = diagnosis.shrink
+    total = diagnosis.gap_reduction
     sizes = [number(value, 2) for value in (total.before, total.after, total.floor)]
     share = f"{percent(total.fraction)} ({percent_interval(total.ci95)})" if has_gap(total) else NOTHING
     return [*rows, ("all, over noise [1]", *sizes, share)]
@@ -164,7 +166,9 @@ def cause_table(diagnosis: Diagnosis, longest: int = 36) -> tuple[list[str], lis
 
     When an effect begins, and what it cannot be told from, are columns only where there is such a thing to say.
 
-    Args: longest: characters of a flight's name.
+    Args:
+        diagnosis: the result.
+        longest: characters of a flight's name.
     """
     header = ["cause", "probability", "parameter", "value", "95 % interval", "begins", "or else"]
     rows: list[tuple[str, ...]] = []
@@ -184,7 +188,7 @@ def cause_table(diagnosis: Diagnosis, longest: int = 36) -> tuple[list[str], lis
 
 def unseen(diagnosis: Diagnosis) -> str:
     """Return which effects would leave no trace in the training flights at their usual size; empty: none."""
-    alone = [item.effects[0] for item in diagnosis.check.not_identifiable if len(item.effects) == 1]
+    alone = [item.effects[0] for item in diagnosis.identifiability.not_identifiable if len(item.effects) == 1]
     names = listed([bare_name(name) for name in alone])
     return f"At its usual size the training flights would not show: {names}." if alone else ""
 
@@ -192,8 +196,56 @@ def unseen(diagnosis: Diagnosis) -> str:
 def warnings(diagnosis: Diagnosis) -> list[str]:
     """Return every warning once; what holds of several flights names them in one line."""
     flights_of: dict[str, list[str]] = {}
-    for warning in dict.fromkeys((*diagnosis.check.warnings, *diagnosis.warnings)):
+    for warning in dict.fromkeys((*diagnosis.identifiability.warnings, *diagnosis.warnings)):
         name, _, text = warning.partition(": ")
         known = name in diagnosis.train + diagnosis.held_out
         flights_of.setdefault(text if known else warning, []).extend([name] if known else [])
     return [f"{', '.join(names)}: {text}" if names else text for text, names in flights_of.items()]
+
+
+def next_steps(diagnosis: Diagnosis) -> list[str]:
+    """Return what to do next, the most useful first."""
+    if diagnosis.cannot_tell:
+        tried = [item.manoeuvre for item in diagnosis.identifiability.not_identifiable if item.manoeuvre]
+        return [
+            f"Fly with more motion in every axis{f', such as: {tried[0]}' if tried else ''}. Diagnose again."
+        ]
+    causes = named_causes(diagnosis)
+    out = [
+        f"To check {name_of(c.identifier)}: {check}."
+        for c in causes
+        if (check := effect_of(c.identifier).bench_check)
+    ]
+    for cause in causes:
+        others = cause.indistinguishable_from
+        if others:
+            between = f"{name_of(cause.identifier)} from {listed([name_of(o) for o in others], 'or')}"
+            how = manoeuvre((cause.identifier, *others)).rstrip(".")
+            out.append(f"To tell {between}, fly: {how}; or the flight of np-drake next-flight.")
+        elif loose := _loose(cause):
+            more = effect_of(cause.identifier).excited_by or "a longer one with more motion"
+            out.append(
+                f"Intervals of {cause.identifier} are wide ({listed(loose)}); a better flight: {more}."
+            )
+    if UNKNOWN in diagnosis.verdict and diagnosis.unexplained:
+        out.append(
+            f"Look for the source of what remains: {described(main_remainder(diagnosis.unexplained))}."
+        )
+    if any("not tested" in sentence for sentence in diagnosis.coverage):
+        out.append("Hold out a flight that moves like the training flights.")
+    if causes:
+        them = "it" if len(causes) == 1 else "them"
+        out.append(
+            f"Add {them} to the simulator with the values of the table, and diagnose new flights with that."
+        )
+    return [capital(step) for step in out]
+
+
+def _loose(cause: Cause) -> list[str]:
+    """Return the parameters whose interval is wide, if the widest of the effect's values is one of them."""
+    wide = {
+        name: 0.5 * (p.ci95[1] - p.ci95[0]) > LOOSE * abs(p.value) > 0 for name, p in cause.parameters.items()
+    }
+    alike = max((abs(p.value) for p in cause.parameters.values()), default=0.0)
+    main = [name for name, p in cause.parameters.items() if abs(p.value) == alike]
+    return [name for name in wide if wide[name]] if any(wide[name] for name in main) else []

@@ -44,7 +44,12 @@ def capital(text: str) -> str:
 
 
 def listed(names: Sequence[str], last: str = "and") -> str:
-    """Join names as in 'x', 'x and y', 'x, y and z'."""
+    """Join names as in 'x', 'x and y', 'x, y and z'.
+
+    Args:
+        names: to join.
+        last: word before the last of them.
+    """
     return f" {last} ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
 
 
@@ -54,7 +59,12 @@ def flights(count: int) -> str:
 
 
 def number(value: float | None, digits: int = 3) -> str:
-    """Return a number with significant digits, or with a power of ten where that is shorter; a dash if not finite."""
+    """Return a number with significant digits, or with a power of ten where that is shorter; a dash if not finite.
+
+    Args:
+        value: to write; None: a dash.
+        digits: significant ones.
+    """
     if value is None or not math.isfinite(value):
         return NOTHING
     if value == 0:
@@ -66,13 +76,24 @@ def number(value: float | None, digits: int = 3) -> str:
 
 
 def fixed(value: float, decimals: int) -> str:
-    """Return a number with these decimals, a true minus, and no minus before zero."""
+    """Return a number with these decimals, a true minus, and no minus before zero.
+
+    Args:
+        value: to write.
+        decimals: their number.
+    """
     text = f"{value:.{decimals}f}"
     return text.lstrip("-") if float(text) == 0 else text.replace("-", "−")
 
 
 def measure(value: float | None, unit: str, digits: int = 2) -> str:
-    """Return a size [SI unit] in the unit that suits it, as in '35 g', '48 cm', '2.1 m/s'."""
+    """Return a size [SI unit] in the unit that suits it, as in '35 g', '48 cm', '2.1 m/s'.
+
+    Args:
+        value: size in SI units; None: a dash.
+        unit: its SI unit.
+        digits: significant ones.
+    """
     if value is None or not math.isfinite(value):
         return NOTHING
     factor, shown = suited(abs(value), unit)
@@ -80,13 +101,23 @@ def measure(value: float | None, unit: str, digits: int = 2) -> str:
 
 
 def suited(size: float, unit: str) -> tuple[float, str]:
-    """Return the factor and the name of the unit in which a size [SI unit] is read best."""
+    """Return the factor and the name of the unit in which a size [SI unit] is read best.
+
+    Args:
+        size: in SI units.
+        unit: its SI unit.
+    """
     every = UNITS.get(unit, ((0.0, 1.0, unit),))
     return next((factor, shown) for least, factor, shown in every if size >= least)
 
 
 def with_unit(text: str, unit: str) -> str:
-    """Return a number with its unit behind it."""
+    """Return a number with its unit behind it.
+
+    Args:
+        text: the number.
+        unit: behind it; may be empty.
+    """
     return f"{text}{'' if unit in ('', '°') else NBSP}{unit}"
 
 
@@ -117,14 +148,22 @@ def percent_interval(bounds: tuple[float, float]) -> str:
 
 
 def unit_of(cause: Cause, parameter: Estimate) -> str:
-    """Return the unit of a parameter: shares for factors, '1' where it has none."""
+    """Return the unit of a parameter: shares for factors, '1' where it has none.
+
+    Args:
+        cause: whose parameter it is.
+        parameter: the estimate.
+    """
     return "share" if parameter.unit == "1" and effect_of(cause.identifier).shares else parameter.unit or "1"
 
 
 def estimate(parameter: Estimate, unit: str, *, brief: bool = False) -> tuple[str, str]:
     """Return value and 95 % interval as text, in a unit that suits them and with the digits that the interval tells.
 
-    Args: unit: of the parameter, as `unit_of` gives it.   brief: whether three digits are enough.
+    Args:
+        parameter: the estimate.
+        unit: of the parameter, as `unit_of` gives it.
+        brief: whether three digits are enough.
     """
     lower, upper = parameter.ci95
     half = 0.5 * (upper - lower)
@@ -177,11 +216,21 @@ def described(finding: Finding) -> str:
 
 
 def onset(time: float, flight: str) -> str:
-    """Return when an effect begins in a flight, at `time` [s]; infinite: absent."""
+    """Return when an effect begins in a flight, at `time` [s]; infinite: absent.
+
+    Args:
+        time: [s].
+        flight: its name.
+    """
     return f"{flight}: {time:.1f}{NBSP}s" if math.isfinite(time) else f"{flight}: not at all"
 
 
 def plain_name(name: str, longest: int = 36) -> str:
-    """Return a file name for a figure, with characters that fonts lack replaced, and shortened to `longest`."""
+    """Return a file name for a figure, with characters that fonts lack replaced, and shortened to `longest`.
+
+    Args:
+        name: of the file.
+        longest: characters.
+    """
     shown = "".join(sign if sign.isprintable() and ord(sign) < 0x250 else "?" for sign in name)
     return shown if len(shown) <= longest else f"{shown[: longest - 10]}…{shown[-9:]}"

@@ -10,19 +10,25 @@ from np_drake.diagnosis.residuals.flight_residuals import (
     VELOCITY,
     WRENCH,
     FlightResiduals,
-    make_flight_residuals,
 )
-from np_drake.diagnosis.residuals.outliers import APART, BOUNCE, LONGEST, MOST, bridge, find_shocks
+from np_drake.diagnosis.residuals.make_flight_residuals import make_flight_residuals, require_flights
+from np_drake.diagnosis.residuals.outliers import (
+    LONGEST_BOUNCE,
+    LONGEST_OUTLIER,
+    MOST_OUTLIERS,
+    OUTLIERS_APART,
+    bridge,
+    find_outliers,
+)
 from np_drake.diagnosis.residuals.regressor_signals import FlightState, flight_state
-from np_drake.diagnosis.residuals.requirements import require_flights
 from np_drake.diagnosis.residuals.resampling import Resampler, natural_step
 
 __all__ = [
-    "APART",
-    "BOUNCE",
     "FORCE",
-    "LONGEST",
-    "MOST",
+    "LONGEST_BOUNCE",
+    "LONGEST_OUTLIER",
+    "MOST_OUTLIERS",
+    "OUTLIERS_APART",
     "POSITION",
     "SIZE",
     "TORQUE",
@@ -33,7 +39,7 @@ __all__ = [
     "Instants",
     "Resampler",
     "bridge",
-    "find_shocks",
+    "find_outliers",
     "flight_state",
     "low_pass",
     "make_flight_residuals",

@@ -17,12 +17,10 @@ import numpy as np
 
 from np_drake import attitude
 from np_drake.diagnosis.numerics import Gram, NoiseModel
-from np_drake.diagnosis.residuals.accelerations import Instants, make_instants
-from np_drake.diagnosis.residuals.attitude_smoothing import smooth_attitude
+from np_drake.diagnosis.residuals.accelerations import Instants, velocity_before
 from np_drake.diagnosis.residuals.outliers import bridge
-from np_drake.diagnosis.residuals.resampling import STEP, TAPS, Grid, Resampler, make_grid, to_grid
+from np_drake.diagnosis.residuals.resampling import TAPS, Grid, Resampler
 from np_drake.diagnosis.residuals.rotor_thrust import Rotors
-from np_drake.diagnosis.residuals.velocity_before import velocity_before
 from np_drake.flight_log import FlightLog
 from np_drake.rigid_body import Q, V
 from np_drake.vehicle import Vehicle
@@ -30,9 +28,6 @@ from np_drake.vehicle import Vehicle
 FORCE, TORQUE, WRENCH = slice(0, 3), slice(3, 6), slice(0, 6)
 POSITION, VELOCITY, ATTITUDE = slice(6, 9), slice(9, 12), slice(12, 15)
 SIZE = 15
-LEAST_DURATION = 3.0  # least duration of a flight [s]; own choice
-SETTLING = 7.0  # rotor time constants after which commands before the log no longer matter [1]; own choice
-OFF = 0.4  # initial thrust error over hover thrust, above which rotors had not settled [1]; own choice
 
 
 @dc.dataclass(frozen=True)
@@ -45,7 +40,7 @@ class FlightResiduals:
     w (m, 3): body rates in B on the grid [rad/s].
     attitude_noise: white attitude noise found [rad].
     turned: `a` was rotated to W with the attitude readings, not with the smoothed attitude.
-    shocks (m,): outlier rows of the grid, which are interpolated; none until `find_shocks` has been applied.
+    outliers (m,): outlier rows of the grid, which are interpolated; none until `find_outliers` has been applied.
     joined (m,): rows of a held-out flight that joined the fit (adaptive split).
     goes_on: the flight continues after these rows, so that an effect absent here may begin later.
     knows_torque: whether the log tells the rotors' torque; without it the torque channels are empty.
@@ -63,7 +58,7 @@ class FlightResiduals:
     w: np.ndarray
     attitude_noise: float
     turned: bool
-    shocks: np.ndarray
+    outliers: np.ndarray
     joined: np.ndarray
     goes_on: bool = False
     knows_torque: bool = True
@@ -72,6 +67,11 @@ class FlightResiduals:
     def name(self) -> str:
         """Name of the flight."""
         return self.log.name
+
+    @property
+    def weight(self) -> float:
+        """Weight of the nominal vehicle [N]."""
+        return self.vehicle.mass * self.vehicle.gravity
 
     @property
     def measured_rotors(self) -> bool:
@@ -86,7 +86,7 @@ class FlightResiduals:
     @cached_property
     def from_rows(self) -> Resampler:
         """Resampler from the instants of force to the grid."""
-        return _from_rows(self.grid, self.log)
+        return row_resampler(self.grid, self.log)
 
     @cached_property
     def from_mids(self) -> Resampler:
@@ -99,7 +99,7 @@ class FlightResiduals:
         return Rotors(self.log, self.vehicle)
 
     @cached_property
-    def states_felt(self) -> tuple[np.ndarray, np.ndarray]:
+    def wrench_states(self) -> tuple[np.ndarray, np.ndarray]:
         """(n, 13) states at `rows` and `mids` on which wrench effects depend, with velocities known before.
 
         Where accelerations are logged they are the states themselves: force is measured at once, before the velocity
@@ -184,12 +184,12 @@ class FlightResiduals:
         The cut lies beyond the interpolation of outliers and the reach of the low-pass, so that the first `rows` rows
         do not change.
         """
-        known = np.append(np.flatnonzero(~self.shocks[rows - 1 :]), len(self.t))
+        known = np.append(np.flatnonzero(~self.outliers[rows - 1 :]), len(self.t))
         n = rows + int(known[0]) + TAPS  # past interpolated outliers and the reach of the low-pass
         if n >= len(self.t):
             return self
         grid = dc.replace(self.grid, t=self.t[:n], fine=self.grid.fine[: (n - 1) * self.grid.factor + 1])
-        parts = {name: getattr(self, name)[:n] for name in ("y", "nominal", "w", "shocks", "joined")}
+        parts = {name: getattr(self, name)[:n] for name in ("y", "nominal", "w", "outliers", "joined")}
         return dc.replace(self, grid=grid, **parts)
 
     def begun(self, onset: float | None) -> np.ndarray:
@@ -211,7 +211,7 @@ class FlightResiduals:
         half = min(TAPS if self.grid.factor > 1 else 1, middle - 1)
         mids = fine + 0.5 * (fine[1] - fine[0])
         force, others = (
-            to_grid(self.grid, t, (t >= self.t[middle] - 1e-9).astype(float))
+            Resampler.of_instants(self.grid, t)((t >= self.t[middle] - 1e-9).astype(float))
             for t in (mids if self.log.a is None else fine, mids)
         )
         return _by_channel(force, others)[middle - half : middle + half + 1]
@@ -226,97 +226,38 @@ class FlightResiduals:
 
     def bridged(self, values: np.ndarray) -> np.ndarray:
         """Return channels or columns (m, ...) with outlier rows interpolated."""
-        return bridge(values, self.shocks)
+        return bridge(values, self.outliers)
 
     def white(self, noise: NoiseModel, values: np.ndarray) -> np.ndarray:
-        """Return channels or columns (m, 15, ...) with outlier rows interpolated, whitened to (m - p, ...)."""
+        """Return channels or columns (m, 15, ...) with outlier rows interpolated, whitened to (m - p, ...).
+
+        Args:
+            noise: noise model of the channels.
+            values: (m, 15, ...) channels or columns.
+        """
         return noise.whiten(self.bridged(values), self.name)
 
     def gram(self, noise: NoiseModel, columns: Sequence[np.ndarray]) -> Gram:
-        """Return the Gram matrix of columns, in groups (m, 15, k_i), with the channels as target, all whitened."""
+        """Return the Gram matrix of columns, in groups (m, 15, k_i), with the channels as target, all whitened.
+
+        Args:
+            noise: noise model of the channels.
+            columns: groups (m, 15, k_i).
+        """
         products = noise.products([self.bridged(X) for X in (*columns, self.y[..., None])], self.name)
         rows = len(self.t) - noise.phi.shape[1]
         return Gram(products[:-1, :-1], products[:-1, -1], float(products[-1, -1]), rows)
 
 
-def make_flight_residuals(
-    log: FlightLog, vehicle: Vehicle, step: float | None = None, since: float | None = None
-) -> FlightResiduals:
-    """Compute the residuals of one flight.
+def row_resampler(grid: Grid, log: FlightLog) -> Resampler:
+    """Return the map of force to the grid: read at the rows, or as a mean between them without accelerations.
 
     Args:
-        log: the flight.
-        vehicle: the nominal vehicle.
-        step: step of the grid, where flights are to share it [s]; default: that of the log.
-        since: time from which rows count [s]; default: when rotor thrust follows from the commands alone.
-    Raises: ValueError: if the flight is too short for a grid.
+        grid: of the flight.
+        log: the flight log.
     """
-    if log.t[-1] - log.t[0] < LEAST_DURATION:
-        raise ValueError(
-            f"diagnose: {log.name} must last at least {LEAST_DURATION:g} s; got {log.t[-1] - log.t[0]:.3g} s. "
-            "Give a longer flight."
-        )
-    log, knows_torque = _with_torque(log)
-    smooth, noise = smooth_attitude(log.t, log.q, log.w)
-    q, turned = _attitude_for_force(log, smooth, vehicle.gravity)
-    rows, mids = make_instants(log, smooth)
-    thrust_rows, thrust_mids = Rotors(log, vehicle).thrust([])
-    force, others = _channels(log, vehicle, q, mids, thrust_rows, thrust_mids)
-    since = _settled(log, vehicle, force[:, 2:], others[:, :3]) if since is None else since
-    grid = make_grid(log.t[log.t >= since], step)
-    from_rows, from_mids = _from_rows(grid, log), Resampler.of_intervals(grid, log.t)
-    y = np.concatenate([from_rows(force), from_mids(others)], axis=1)
-    u_rows, u_mids = thrust_rows @ vehicle.mixer.T, thrust_mids @ vehicle.mixer.T
-    f = u_mids[:, :1] if log.a is None else u_rows[:, :1]
-    nominal = np.concatenate([np.zeros((len(grid), 2)), from_rows(f), from_mids(u_mids[:, 1:])], axis=1)
-    w = from_mids(mids.x[:, 10:13])
-    none = np.zeros(len(grid), bool)
-    if not knows_torque:
-        y[:, TORQUE] = 0.0
-    return FlightResiduals(
-        *(log, vehicle, grid, y, rows, mids, thrust_rows, thrust_mids, nominal, w, noise, turned, none, none),
-        knows_torque=knows_torque,
-    )
-
-
-def _from_rows(grid: Grid, log: FlightLog) -> Resampler:
-    """Return the map of force to the grid: read at the rows, or as a mean between them without accelerations."""
     of = Resampler.of_intervals if log.a is None else Resampler.of_instants
     return of(grid, log.t)
-
-
-def _with_torque(log: FlightLog) -> tuple[FlightLog, bool]:
-    """Return the log with zeros for a torque that is not known, and whether it is."""
-    if np.isfinite(log.u[:, 1:]).any() or not np.isfinite(log.u[:, 0]).any():
-        return log, True
-    return dc.replace(log, u=np.nan_to_num(log.u)), False
-
-
-def _settled(log: FlightLog, vehicle: Vehicle, thrust: np.ndarray, torque: np.ndarray) -> float:
-    """Return the time from which rotor thrust follows from the commands alone [s].
-
-    Rotors with lag may not have held the first command before the log began. thrust (n, 1) [N] and torque (n-1, 3)
-    [N·m] are the residuals that rotors which did would leave.
-    """
-    lag = 0.0 if log.input == "rotor_speed" else vehicle.rotor_time_constant
-    first = max(1, int(np.sum(log.t[1:] <= log.t[0] + STEP)))
-    missed = np.concatenate([thrust[:first].mean(axis=0), torque[:first].mean(axis=0)]) @ vehicle.unmixer.T
-    hover = 0.25 * vehicle.mass * vehicle.gravity
-    if np.sqrt(np.mean(missed**2)) < OFF * hover:
-        return float(log.t[0])
-    return float(min(log.t[0] + SETTLING * lag, log.t[-1] - LEAST_DURATION))
-
-
-def _attitude_for_force(log: FlightLog, smooth: np.ndarray, gravity: float) -> tuple[np.ndarray, bool]:
-    """Return the attitude (n, 4) that rotates `a` back to the accelerometer's axes with least noise, and `turned`."""
-    if log.a is None or smooth is log.q:
-        return smooth, False
-    g = np.array([0.0, 0.0, gravity])
-    roughness = [
-        np.mean(np.diff(attitude.rotate_back(q, log.a + g)[:, :2], n=2, axis=0) ** 2) for q in (log.q, smooth)
-    ]
-    turned = roughness[0] < roughness[1]
-    return (log.q if turned else smooth), bool(turned)
 
 
 def _by_channel(force: np.ndarray, others: np.ndarray) -> np.ndarray:
@@ -325,37 +266,10 @@ def _by_channel(force: np.ndarray, others: np.ndarray) -> np.ndarray:
 
 
 def after_rows(f_rows: np.ndarray, f_mids: np.ndarray) -> np.ndarray:
-    """Return the mean thrust until the next row, f_mids (n-1,), less that at the row, f_rows (n,) [N]."""
+    """Return the mean thrust until the next row, f_mids (n-1,), less that at the row, f_rows (n,) [N].
+
+    Args:
+        f_rows: (n,) thrust at the rows [N].
+        f_mids: (n-1,) mean thrust between them [N].
+    """
     return f_mids - f_rows[:-1]
-
-
-def _channels(
-    log: FlightLog,
-    vehicle: Vehicle,
-    q: np.ndarray,
-    mids: Instants,
-    thrust_rows: np.ndarray,
-    thrust_mids: np.ndarray,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the force channels (n, 3) at the instants of force and the others (n-1, 12) at those of torque."""
-    dt = np.diff(log.t)[:, None]
-    g = np.array([0.0, 0.0, vehicle.gravity])
-    rate = np.diff(log.v, axis=0) / dt
-    from_v = attitude.rotate_back(mids.q, rate + g)
-    u_mids = thrust_mids @ vehicle.mixer.T
-    if log.a is None:
-        s, f = from_v, u_mids[:, 0]
-        e_a = np.zeros((len(mids.t), 3))
-    else:
-        s = attitude.rotate_back(q, log.a + g)
-        f = (thrust_rows @ vehicle.mixer.T)[:, 0]
-        e_a = from_v - s[:-1]
-        e_a[:, 2] -= after_rows(f, u_mids[:, 0]) / vehicle.mass
-    force = vehicle.mass * s
-    force[:, 2] -= f
-    w = mids.x[:, 10:13]
-    al = np.diff(log.w, axis=0) / dt
-    torque = al @ vehicle.J.T + np.cross(w, w @ vehicle.J.T) - u_mids[:, 1:]
-    e_v = attitude.rotate_back(mids.q, np.diff(log.p, axis=0) / dt - mids.x[:, 7:10])
-    turn = attitude.rotation_vector(attitude.multiply(attitude.conjugate(log.q[:-1]), log.q[1:])) / dt
-    return force, np.concatenate([torque, e_v, e_a, turn - w], axis=1)

@@ -1,4 +1,4 @@
-"""Outliers ("shocks"): one or two samples, as of a tether that snaps taut or a collision, that outweigh a whole flight.
+"""Outliers: one or two samples, as of a tether that snaps taut or a collision, that outweigh a whole flight.
 
 Sampled and smoothed motion does not show their time and strength, and least squares would bend every parameter to them.
 Their rows are interpolated linearly, in channels and columns alike, which keeps the model linear.
@@ -11,15 +11,17 @@ from scipy import ndimage
 
 SPIKE = 12.0  # robust deviations from a running median [1]; own choice
 WINDOW = 0.3  # length of that median [s]
-MOST = 0.05  # share of a flight's rows above which spikes are part of the flight, not outliers [1]
+MOST_OUTLIERS = 0.05  # share of a flight's rows above which spikes are part of the flight, not outliers [1]
 ABOUT = 1  # rows to either side over which the grid smears an outlier
-APART = 0.3  # outliers closer than this are merged: a tether that bounces [s]
-LONGEST = 0.07  # a longer deviation is motion, not an outlier [s]
-BOUNCE = 0.3  # longest with a payload, whose tether may snap taut several times in a row [s]
+OUTLIERS_APART = (
+    0.3  # outliers closer than this are merged: a tether that bounces; so are jumps of a swing [s]
+)
+LONGEST_OUTLIER = 0.07  # a longer deviation is motion, not an outlier [s]
+LONGEST_BOUNCE = 0.3  # longest with a payload, whose tether may snap taut several times in a row [s]
 
 
-def find_shocks(
-    residual: np.ndarray, step: float, longest: float = LONGEST, most: float = MOST
+def find_outliers(
+    residual: np.ndarray, step: float, longest: float = LONGEST_OUTLIER, most: float = MOST_OUTLIERS
 ) -> np.ndarray:
     """Find rows with a spike in any channel.
 
@@ -38,7 +40,7 @@ def find_shocks(
     found = np.any(spiky > SPIKE * np.maximum(usual, 1e-9), axis=1)
     found = _short(found, max(2, round(longest / step)))
     found = np.convolve(found, np.ones(2 * ABOUT + 1), mode="same") > 0.5
-    found |= _short(~found, round(APART / step)) & found.any()
+    found |= _short(~found, round(OUTLIERS_APART / step)) & found.any()
     return found if found.mean() <= most else np.zeros(len(residual), bool)
 
 
@@ -51,11 +53,16 @@ def _short(found: np.ndarray, longest: int) -> np.ndarray:
     return out
 
 
-def bridge(values: np.ndarray, shocks: np.ndarray) -> np.ndarray:
-    """Return values (m, ...) with the rows of `shocks` (m,) interpolated linearly between their neighbours."""
-    if not shocks.any():
+def bridge(values: np.ndarray, outliers: np.ndarray) -> np.ndarray:
+    """Return values (m, ...) with the rows of `outliers` (m,) interpolated linearly between their neighbours.
+
+    Args:
+        values: (m, ...) channels or columns.
+        outliers: (m,) bool, rows to interpolate.
+    """
+    if not outliers.any():
         return values
-    good, bad = np.flatnonzero(~shocks), np.flatnonzero(shocks)
+    good, bad = np.flatnonzero(~outliers), np.flatnonzero(outliers)
     after = np.searchsorted(good, bad)
     low, high = good[np.maximum(after - 1, 0)], good[np.minimum(after, len(good) - 1)]
     share = np.where(high > low, (bad - low) / np.maximum(high - low, 1), 0.0)

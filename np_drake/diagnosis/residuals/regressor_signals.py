@@ -8,7 +8,9 @@ from np_drake import attitude
 from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals
 from np_drake.rigid_body import V
 
-SURELY = 4.0  # variance of an axis over that of its noise, below which it is no regressor [1]; own choice
+LEAST_SIGNAL_TO_NOISE = (
+    4.0  # variance of an axis over that of its noise, below which it is no regressor [1]; own choice
+)
 
 
 @dc.dataclass(frozen=True)
@@ -41,7 +43,7 @@ def flight_state(flight: FlightResiduals) -> FlightState:
     u = flight.nominal[:, 2:]
     arm = float(np.mean(np.linalg.norm(np.array(vehicle.rotor_positions), axis=1)))
     return FlightState(
-        v=_above_noise(flight.from_mids(attitude.rotate_back(mids.q, flight.states_felt[1][:, V])), log.v),
+        v=_above_noise(flight.from_mids(attitude.rotate_back(mids.q, flight.wrench_states[1][:, V])), log.v),
         p=flight.from_mids(mids.x[:, :3]),
         w=_above_noise(flight.w, log.w),
         R=flight.from_mids(attitude.rotation_matrix(mids.q)),
@@ -62,7 +64,9 @@ def _above_noise(values: np.ndarray, read: np.ndarray) -> np.ndarray:
     An axis that hardly moves is mostly noise. Its derivative shares that noise, so that torque would seem to depend on
     it. The noise is the mean over the three axes, because v is rotated from W to B.
 
-    Source: Wiener gain; `SURELY` is own choice.
+    Source: Wiener gain; `LEAST_SIGNAL_TO_NOISE` is own choice.
     """
     noise = np.mean(np.diff(read, n=2, axis=0) ** 2) / 6.0  # second differences have six times the variance
-    return values * np.clip(1 - SURELY * noise / np.maximum(values.var(axis=0), 1e-12), 0.0, 1.0)
+    return values * np.clip(
+        1 - LEAST_SIGNAL_TO_NOISE * noise / np.maximum(values.var(axis=0), 1e-12), 0.0, 1.0
+    )

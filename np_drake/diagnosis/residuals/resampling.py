@@ -10,7 +10,7 @@ from np_drake.diagnosis.numerics import banded, filtered
 
 STEP = 0.02  # step of the grid [s]; own choice: rigid-body effects act below 15 Hz
 NEARLY = 0.1  # share of a row added before rounding down, for logs with jitter [1]; own choice
-SAME = 0.01  # relative difference of steps below which rows are not interpolated [1]; own choice
+SAME_STEP = 0.01  # relative difference of steps below which rows are not interpolated [1]; own choice
 TAPS = 10  # half length of the low-pass [grid steps]
 
 
@@ -46,21 +46,31 @@ def make_grid(t: np.ndarray, step: float | None = None) -> Grid:
     own = float(np.median(np.diff(t)))
     step = natural_step(t) if step is None else step
     factor = max(1, round(step / own))
-    if abs(factor * own - step) < SAME * step:
+    if abs(factor * own - step) < SAME_STEP * step:
         step = factor * own
     fine = np.arange(t[0], t[-1] + 1e-9, step / factor)
     return Grid(fine[::factor], step, factor, fine)
 
 
 class Resampler:
-    """Linear map from values of a flight to its grid; the weights (fine rows, n) are computed once."""
+    """Linear map from values of a flight to its grid; the weights (fine rows, n) are computed once.
+
+    Args:
+        grid: of the flight.
+        weights: (fine rows, n) of the values in every row of the fine grid.
+    """
 
     def __init__(self, grid: Grid, weights: sparse.csr_array):
         self._factor, self._weights = grid.factor, weights
 
     @classmethod
     def of_instants(cls, grid: Grid, t: np.ndarray) -> "Resampler":
-        """Return the map of values at instants t (n,) [s]: linear between them, held beyond the ends."""
+        """Return the map of values at instants t (n,) [s]: linear between them, held beyond the ends.
+
+        Args:
+            grid: of the flight.
+            t: (n,) instants [s].
+        """
         after = np.clip(np.searchsorted(t, grid.fine), 1, len(t) - 1)
         share = np.clip((grid.fine - t[after - 1]) / (t[after] - t[after - 1]), 0.0, 1.0)
         entries = np.stack([1.0 - share, share], axis=1), np.stack([after - 1, after], axis=1)
@@ -73,6 +83,10 @@ class Resampler:
 
         A row of the fine grid is the mean over a step about it, by overlap. So an integral is kept, whatever the
         lengths of the intervals: white noise of the integrated readings stays differentiated white noise.
+
+        Args:
+            grid: of the flight.
+            t: (n + 1,) instants [s].
         """
         step = grid.step / grid.factor
         cells = np.append(grid.fine, grid.fine[-1] + step) - 0.5 * step
@@ -88,11 +102,6 @@ class Resampler:
         """Return values (n, ...) resampled to the grid (m, ...)."""
         fine = self._weights @ values.reshape(len(values), -1)
         return _decimate(fine, self._factor).reshape(-1, *values.shape[1:])
-
-
-def to_grid(grid: Grid, t: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Return values (n, ...) at times t (n,) [s] resampled to the grid (m, ...); the ends are held."""
-    return Resampler.of_instants(grid, t)(values)
 
 
 def _decimate(fine: np.ndarray, factor: int) -> np.ndarray:

@@ -2,97 +2,116 @@
 
 import copy
 import dataclasses as dc
+import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from np_drake.diagnosis.forward_model import NEVER
 from np_drake.diagnosis.regressors import (
-    AT_REST,
-    PAYLOAD,
     Candidate,
     RegressionProblem,
     Sums,
     SwitchedRegressors,
     SwitchedSums,
-    switched,
 )
-from np_drake.diagnosis.selection.onset_grid import TriedOnsets, at_rows, possible_onsets
-from np_drake.diagnosis.selection.payload_search import PayloadSearch
-from np_drake.effects.library import effects_for
-from np_drake.effects.mass_error import MassError
-from np_drake.effects.thrust_scale import ThrustScale
 
-WEIGHTS = ((MassError.identifier,), (ThrustScale.identifier,))
+COARSE = 5  # rows between instants that are tried at first
+EDGE = 0.7  # from either end of a flight, without onsets [s]
+SPAN = 0.4  # that holds an onset as likely as possible [s]
 LEAST_GAIN = 1.0  # log evidence, prior included, from which an onset is tried
-MOST_COLUMNS = 8  # of a candidate that is scanned
-VARIANTS = 2  # of an effect that are scanned
 
 
-def switched_candidates(problem: RegressionProblem, members: Sequence[int] = ()) -> list[Candidate]:
-    """Return for every effect that gains by an onset the candidate from its best onsets on.
+class TriedOnsets:
+    """Sums of a candidate at the tried instants of one flight, in order.
 
-    members: of a model. Every effect is tried alone, and beside those members that are another effect.
+    Args:
+        late: sums of the candidate in the flight.
+        goes_on: whether the flight continues after its rows.
     """
-    found: list[Candidate] = []
-    whole = OnsetScan(problem, members)
-    for own, variants in _that_begin(problem).items():
-        others = tuple(i for i in members if not set(own) & set(problem.candidates[i].identifiers))
-        tried = [(c, whole.sums(c)) for c in variants]
-        for scan in map(whole.beside, dict.fromkeys([(), others])):
-            for candidate, sums in sorted(tried, key=lambda pair: scan.rough_evidence(pair[1]))[-VARIANTS:]:
-                found_at = scan.best(candidate, sums)
-                late = dc.replace(
-                    switched(candidate, problem.flights, found_at.onset), onset_prior=found_at.prior
-                )
-                if found_at.onset and not any(_same(late, known) for known in found):
-                    found.append(late)
-    return found
+
+    def __init__(self, late: SwitchedSums, *, goes_on: bool):
+        self._late = late
+        self.ends = at_rows(late.whole, [0, -1])  # from the start, and never
+        self.start, self.never = at_rows(self.ends, [0]), at_rows(self.ends, [1])
+        self.now = self.start
+        self.onset: float | None = None
+        self._inside, self.goes_on = possible_onsets(late.t), goes_on
+        self.rows = self._inside[::COARSE]
+        self.sums = late.begun(self.rows)
+
+    def finer(self, profile: np.ndarray) -> np.ndarray:
+        """Return untried rows about the best of the profile (n,)."""
+        if not len(profile):
+            return self.rows
+        about = self._inside[np.abs(self._inside - self.rows[np.argmax(profile)]) < 2 * COARSE]
+        return np.setdiff1d(about, self.rows)
+
+    def add(self, rows: np.ndarray) -> None:
+        """Add the sums at these rows."""
+        order = np.argsort(np.concatenate([self.rows, rows]))
+        new = self._late.begun(rows)
+        self.rows = np.concatenate([self.rows, rows])[order]
+        XX, XB, Xy = (np.concatenate(pair)[order] for pair in zip(self.sums, new, strict=True))
+        self.sums = (XX, XB, Xy)
+
+    def log_width(self, profile: np.ndarray) -> float:
+        """Return the log width of the profile's peak, in shares of the flight."""
+        if not len(profile):
+            return -np.inf
+        width = np.gradient(self.rows.astype(float)) if len(self.rows) > 1 else np.ones(1)
+        return math.log(float(np.exp(profile - profile.max()) @ width) / len(self._inside))
+
+    def most_likely(self, profile: np.ndarray) -> int:
+        """Return the row in the middle of the span of `SPAN` that most likely holds the onset.
+
+        Source: own choice.
+        """
+        dense = np.interp(self._inside, self.rows, profile)
+        weight = np.exp(dense - dense.max())
+        step = self._late.t[1] - self._late.t[0]
+        width = max(1, round(SPAN / step))
+        mass = (
+            np.convolve(weight, np.ones(width), "valid") if width < len(weight) else np.array([weight.sum()])
+        )
+        first = int(np.argmax(mass))
+        span = np.cumsum(weight[first : first + width])
+        return int(self._inside[first + np.searchsorted(span, 0.5 * span[-1])])
+
+    @property
+    def begins(self) -> bool:
+        """Whether it is settled on an instant of the flight."""
+        return self.onset is not None and self.onset != NEVER
+
+    def leave_out(self) -> None:
+        """Settle on absence."""
+        self.now, self.onset = self.never, NEVER
+
+    def settle(self, row: int | None) -> None:
+        """Settle on this row; None: from the start."""
+        if row is None:
+            self.now, self.onset = self.start, None
+        else:
+            tried = np.flatnonzero(self.rows == row)
+            found = at_rows(self.sums, tried) if len(tried) else None
+            self.now = found or self._late.begun(np.array([row]))
+            self.onset = float(self._late.t[row])
 
 
-def _same(a: Candidate, b: Candidate) -> bool:
-    return (a.identifiers, a.variant, a.onset) == (b.identifiers, b.variant, b.onset)
+def at_rows(sums: Sums, rows) -> Sums:
+    """Return the sums of these rows alone.
 
-
-def _that_begin(problem: RegressionProblem) -> dict[tuple[str, ...], list[Candidate]]:
-    """Variants of the effects that may begin in flight."""
-    library = effects_for(problem.flights[0].log.input)
-    found: dict[tuple[str, ...], list[Candidate]] = {}
-    for c in problem.candidates:
-        scanned = c.size <= MOST_COLUMNS and not c.onset
-        if scanned and all(library[name].begins for name in c.identifiers):
-            found.setdefault(c.identifiers, []).append(c)
-    return found
-
-
-def late_payloads(problem: RegressionProblem, late: list[Candidate]) -> list[Candidate]:
-    """Return payloads that begin where a weight does, as a payload at rest, a mass or a thrust shows it.
-
-    A payload from the start that swings as it likes may explain more than such a weight; which is there is told later.
+    Args:
+        sums: by row.
+        rows: indices.
     """
-    at_start = [c for c in problem.candidates if c.identifiers == (PAYLOAD,) and not c.onset]
-    scan, options = OnsetScan(problem), problem.options
-    weights = [_at_rest(c) for c in at_start[:1]]
-    weights += [c for c in problem.candidates if c.identifiers in WEIGHTS and not c.onset]
-    heavy = [f for f in map(scan.best, weights) if f.onset and f.gain + f.prior > options.priors.onset_gain]
-    if not heavy:
-        return []
-    found = max(heavy, key=lambda f: f.evidence + f.prior)
-    unlike = [c for c in late if c.onset != found.onset]  # what begins when it does stands for it
-    others = [c for c in (*problem.candidates, *unlike) if c.size <= 3 and PAYLOAD not in c.identifiers]
-    first = PayloadSearch(problem.flights, options, found.onset)
-    guesses = [guess for guess, _ in first.followed(problem.noise, problem.nuisance, others)]
-    if not guesses:
-        return []
-    onset = first.when(problem.noise, problem.nuisance, guesses[0])
-    sharp = PayloadSearch(problem.flights, options, onset).from_guesses(
-        problem.noise, problem.nuisance, guesses
-    )
-    return [dc.replace(c, onset_prior=found.prior) for _, c in sharp]
+    XX, XB, Xy = sums
+    return XX[rows], XB[rows], Xy[rows]
 
 
-def _at_rest(payload: Candidate) -> Candidate:
-    """Its mass and hook alone, as if its swing were known."""
-    return dc.replace(payload, columns={n: X[..., :AT_REST] for n, X in payload.columns.items()})
+def possible_onsets(t: np.ndarray) -> np.ndarray:
+    """Return rows, of whitened ones at t (m,) [s], that may be onsets."""
+    return np.flatnonzero((t > t[0] + EDGE) & (t < t[-1] - EDGE))
 
 
 @dc.dataclass(frozen=True)
@@ -112,7 +131,12 @@ class Onsets:
 
 
 class OnsetScan:
-    """Log evidence of a candidate from any instant on, beside nuisance and members of a model."""
+    """Log evidence of a candidate from any instant on, beside nuisance and members of a model.
+
+    Args:
+        problem: the regression that holds the candidates.
+        members: of a model, which act as well.
+    """
 
     def __init__(self, problem: RegressionProblem, members: Sequence[int] = ()):
         chosen = [*problem.nuisance, *(problem.candidates[i] for i in members)]
@@ -129,14 +153,14 @@ class OnsetScan:
         self._regress(np.arange(len(self._owner)))
 
     def _regress(self, on: np.ndarray) -> None:
-        """Posterior of these columns (b',) of what acts as well; the others are known to be zero."""
+        """Compute the posterior of these columns (b',) of what acts as well; the others are known to be zero."""
         b = len(self._owner)
         self._covariance, self._mean = np.zeros((b, b)), np.zeros(b)
         own = np.linalg.inv(np.eye(len(on)) + self._products[np.ix_(on, on)])
         self._covariance[np.ix_(on, on)] = own
         self._mean[on] = own @ self._products[on, -1]
 
-    def beside(self, members: Sequence[int]) -> "OnsetScan":
+    def given(self, members: Sequence[int]) -> "OnsetScan":
         """Return the scan beside nuisance and some of its members alone, from the same sums."""
         fewer = copy.copy(self)
         fewer._regress(np.flatnonzero(np.isin(self._owner, [-1, *members])))
@@ -165,6 +189,10 @@ class OnsetScan:
 
         The prior is that of an instant as wide as the evidence leaves it: an onset that is known to a row has one in
         all rows, one that is known to half a flight has one half.
+
+        Args:
+            candidate: the candidate.
+            sums: its `sums`, where they are known.
         """
         late = sums or self.sums(candidate)
         scans = {n: TriedOnsets(of, goes_on=n in self._go_on) for n, of in late.items()}
@@ -176,17 +204,17 @@ class OnsetScan:
         return max(found, key=lambda f: f.evidence + f.prior)
 
     def _settle_alone(self, scan: TriedOnsets) -> None:
-        """Where the effect would begin with parameters of that flight's own, no prior asked: to climb from there.
+        """Settle where the effect would begin with parameters of that flight's own, no prior asked.
 
-        Flights that start from its beginning in all others may never leave it: a drift from the start stands for a
-        step in each.
+        The climb begins there. Flights that start from its beginning in all others may never leave it: a drift from the
+        start stands for a step in each.
         """
         profile = self._evidence(scan.sums, [])
         late = profile.max(initial=-np.inf) > self._evidence(scan.start, [])[0]
         scan.settle(scan.rows[np.argmax(profile)] if late else None)
 
     def _climbed(self, scans: dict[str, TriedOnsets]) -> "Onsets":
-        """From where they are settled, flight by flight, the others as they are."""
+        """Return the onsets from where they are settled, flight by flight, the others as they are."""
         widths = dict[str, float]()
         priors = self._options.priors
         for _ in range(2):
@@ -219,8 +247,9 @@ class OnsetScan:
         return Onsets(onset, prior, now - start, now)
 
     def _evidence(self, own: Sums, rest: list[Sums]) -> np.ndarray:
-        """(n,) log evidence with these sums of one flight, each with those of the rest."""
+        """Return (n,) the log evidence with these sums of one flight, each with those of the rest."""
         XX, XB, Xy = (part + sum(r[i] for r in rest) for i, part in enumerate(own))
+        # B is integrated out by its Schur complement: X'X + 1 - X'B (1 + B'B)^-1 B'X, and X'y less X'B times its mean.
         known = (XB.reshape(-1, XB.shape[2]) @ self._covariance).reshape(XB.shape) if XB.size else XB
         A = XX + np.eye(XX.shape[1]) - known @ np.swapaxes(XB, 1, 2)
         b = Xy - XB @ self._mean
@@ -231,7 +260,7 @@ class OnsetScan:
 
 
 def _onsets(scans: Mapping[str, TriedOnsets]) -> dict[str, float | None]:
-    """Of the flights in which it does not act from the start. What begins nowhere is absent from none."""
+    """Return those of flights in which it does not act from the start. What begins nowhere is absent from none."""
     if not any(scan.begins for scan in scans.values()):
         for scan in scans.values():
             scan.settle(None)

@@ -13,11 +13,11 @@ from np_drake.diagnosis.residuals import FlightResiduals, bridge
 
 CHANNELS = 6  # force and torque alone see a payload
 HORIZONS = (5.0, 10.0, math.inf)  # over which a guess is followed, one after the other [s]
-AFTER_SHOCK = 2.0  # a horizon of its own, for the swing that a shock leaves [s]
+AFTER_OUTLIER = 2.0  # a horizon of its own, for the swing that an outlier leaves [s]
 
 
 @dc.dataclass(frozen=True)
-class White:
+class WhitenedPayload:
     """Whitened columns of a payload, flight by flight, and its log prior.
 
     columns: (rows x channels, k') by flight; at: (k',) their positions among all `size` of them.
@@ -29,8 +29,16 @@ class White:
     log_prior: float
 
 
-class Beside:
-    """The columns of others, whitened, with their Gram matrices up to each horizon."""
+class OtherRegressors:
+    """The columns of others, whitened, with their Gram matrices up to each horizon.
+
+    Args:
+        flights: the flights.
+        noise: noise model of the channels.
+        others: candidates that act as well.
+        onset: onsets of the payload by flight [s].
+        horizons: up to which a payload is followed [s]; default: `HORIZONS` and after outliers.
+    """
 
     def __init__(
         self,
@@ -49,7 +57,7 @@ class Beside:
                 [y[..., :0], *(c.columns[e.name][: len(y), :CHANNELS] for c in others)], axis=-1
             )
             self._white.append((self._flat(e, X), self._flat(e, y)[:, 0]))
-        self.horizons = sorted({*(horizons or (*HORIZONS, *self._after_shocks()))})
+        self.horizons = sorted({*(horizons or (*HORIZONS, *self._after_outliers()))})
         self._base = {horizon: self._gram(horizon) for horizon in self.horizons}
 
     @property
@@ -67,10 +75,10 @@ class Beside:
     def _begin(self, e: FlightResiduals) -> float:
         return max(self._onset.get(e.name) or 0.0, e.t[0])
 
-    def _after_shocks(self) -> list[float]:
+    def _after_outliers(self) -> list[float]:
         """Seconds after the payload's begin by which a jump shows, those that are close to one another once."""
         found = [(e, k) for e in self._flights for k in jumps(e, self._onset.get(e.name))]
-        ends = sorted(float(e.t[k] - self._begin(e) + AFTER_SHOCK) for e, k in found)
+        ends = sorted(float(e.t[k] - self._begin(e) + AFTER_OUTLIER) for e, k in found)
         later = [*ends[1:], math.inf]
         return [end for end, following in zip(ends, later, strict=False) if following - end > 1.0]
 
@@ -86,29 +94,46 @@ class Beside:
         for e, (X, y) in zip(self._flights, self._white, strict=True):
             n = self._rows(e, horizon)
             parts.append(Gram(X[:n].T @ X[:n], X[:n].T @ y[:n], 0.0, n))
-        total = sum(parts[1:], parts[0])
+        total: Gram = sum(parts)
         return total, total.log_evidence(np.arange(len(total.Xy)))
 
-    def white(self, payload: PayloadColumns) -> White:
+    def white(self, payload: PayloadColumns) -> WhitenedPayload:
         """Return the payload's columns whitened, of the flights or of `heads`."""
         own = [self._flat(e, payload.own[e.name]) for e in self._flights]
         at = [payload.at(e.name) for e in self._flights]
-        return White(own, at, payload.size, payload.log_prior)
+        return WhitenedPayload(own, at, payload.size, payload.log_prior)
 
-    def gain(self, candidate: White, horizon: float) -> tuple[float, np.ndarray]:
-        """Return the log evidence that the candidate adds, priors included, and its physical coefficients."""
+    def gain(self, candidate: WhitenedPayload, horizon: float) -> tuple[float, np.ndarray]:
+        """Return the log evidence that the candidate adds, priors included, and its physical coefficients.
+
+        Args:
+            candidate: the payload's columns, whitened.
+            horizon: up to which rows count, from the payload's begin on [s].
+        """
         (both,), n = self.joints(candidate, [horizon]), self.size
         mean, covariance = both.posterior(np.arange(len(both.Xy)))
         mean, log_probability = heavy_enough(mean[n:], covariance[n:, n:])
         return self.gain_of(both, candidate, horizon) + log_probability, mean
 
-    def gain_of(self, both: Gram, candidate: White, horizon: float) -> float:
-        """Return the log evidence alone, of one of the candidate's `joints`."""
+    def gain_of(self, both: Gram, candidate: WhitenedPayload, horizon: float) -> float:
+        """Return the log evidence alone, of one of the candidate's `joints`.
+
+        Args:
+            both: Gram matrix of others and payload.
+            candidate: the payload's columns, whitened.
+            horizon: up to which rows count, from the payload's begin on [s].
+        """
         evidence = both.log_evidence(np.arange(len(both.Xy))) - self._base[horizon][1]
         return evidence + candidate.log_prior
 
-    def swing_alone(self, candidate: White, horizon: float, mass: float) -> np.ndarray:
-        """Return (k,) coefficients of a `shaped` payload with the mass given; hook, length and damping stay."""
+    def swing_alone(self, candidate: WhitenedPayload, horizon: float, mass: float) -> np.ndarray:
+        """Return (k,) coefficients of a `shaped` payload with the mass given; hook, length and damping stay.
+
+        Args:
+            candidate: the payload's columns, whitened.
+            horizon: up to which rows count, from the payload's begin on [s].
+            mass: coefficient of the mass.
+        """
         (both,), n = self.joints(candidate, [horizon]), self.size
         first = AT_REST + SHAPE
         free = np.r_[:n, n + first : len(both.Xy)]
@@ -116,8 +141,13 @@ class Beside:
         fixed = np.concatenate([[mass], np.zeros(first - 1)])
         return np.concatenate([fixed, residual.posterior(free)[0][n:]])
 
-    def joints(self, candidate: White, horizons: Sequence[float]) -> list[Gram]:
-        """Return Gram matrices of others and candidate up to these horizons [s], from one pass over the rows."""
+    def joints(self, candidate: WhitenedPayload, horizons: Sequence[float]) -> list[Gram]:
+        """Return Gram matrices of others and candidate up to these horizons [s], from one pass over the rows.
+
+        Args:
+            candidate: the payload's columns, whitened.
+            horizons: [s].
+        """
         n, k = self.size, candidate.size
         PX, PP, Py = np.zeros((k, n)), np.zeros((k, k)), np.zeros(k)
         done = dict.fromkeys((e.name for e in self._flights), 0)
@@ -138,6 +168,6 @@ class Beside:
         return [found[horizon] for horizon in horizons]
 
     def _flat(self, e: FlightResiduals, values: np.ndarray) -> np.ndarray:
-        """(rows x channels, k) force and torque (m, 6, k), of the first m rows, whitened."""
-        white = self._noise.whiten(bridge(values, e.shocks[: len(values)]))
+        """Return (rows x channels, k) force and torque (m, 6, k), of the first m rows, whitened."""
+        white = self._noise.whiten(bridge(values, e.outliers[: len(values)]))
         return white.reshape(len(white) * CHANNELS, values.shape[-1])

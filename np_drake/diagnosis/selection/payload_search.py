@@ -24,11 +24,11 @@ from np_drake.diagnosis.regressors import (
     payload_about,
     payloads_of,
 )
+from np_drake.diagnosis.regressors.payload import SEARCH_LENGTHS
 from np_drake.diagnosis.residuals import FlightResiduals
-from np_drake.diagnosis.selection.payload_evidence import HORIZONS, Beside
+from np_drake.diagnosis.selection.payload_evidence import HORIZONS, OtherRegressors
 from np_drake.effects.library import LIBRARY
 
-LENGTHS = (0.15, 2.5, 96)  # shortest, longest [m], number: 3 % apart
 KEPT = 3  # candidates of the search
 FOLLOWED = 2  # lengths followed from each profile
 LOST = -400.0  # log evidence below which a guess that is followed is given up
@@ -38,17 +38,23 @@ CHUNK = 12  # lengths whose columns are held at a time
 ENDS = (HORIZONS[0], HORIZONS[-1])
 SHARPENED = ((0.4, 0.05), (0.04, 0.01))  # about an onset: span to either side and step, in turn [s]
 MOVES = 4  # of a span, at most, whose best instant is nearer to an end than to its middle; own choice
-AFTER_ONSET = 2.0  # up to which an onset is judged [s]
+AFTER_ONSET = 2.0  # up to which the evidence of an onset is computed [s]
 STEPS = 3  # Gauss-Newton steps at each horizon
 
 
 class PayloadSearch:
-    """Payload candidates of some flights; columns of a few lengths are in memory at a time."""
+    """Payload candidates of some flights; columns of a few lengths are in memory at a time.
+
+    Args:
+        flights: the flights.
+        options: hold the priors.
+        onset: onsets of the payload by flight [s].
+    """
 
     def __init__(self, flights: Sequence[FlightResiduals], options: Options, onset: Onset | None = None):
         self._flights, self._onset = list(flights), onset
         self._priors = options.priors
-        self.lengths = np.geomspace(*LENGTHS)
+        self.lengths = np.geomspace(*SEARCH_LENGTHS)
 
     def best(
         self, noise: NoiseModel, nuisance: Sequence[Candidate], others: Sequence[Candidate]
@@ -57,22 +63,33 @@ class PayloadSearch:
 
         They are followed beside the others, as there may be more than a payload; and beside `nuisance` alone, as
         effects that are not there take from a payload what a guess does not yet explain, and it loses its way.
+
+        Args:
+            noise: noise model of the channels.
+            nuisance: columns that every model has.
+            others: candidates that act as well.
         """
         return [candidate for _, candidate in self.followed(noise, nuisance, others)]
 
     def followed(
         self, noise: NoiseModel, nuisance: Sequence[Candidate], others: Sequence[Candidate]
     ) -> list[tuple[Guess, Candidate]]:
-        """Return the best payloads with their guesses."""
+        """Return the best payloads with their guesses.
+
+        Args:
+            noise: noise model of the channels.
+            nuisance: columns that every model has.
+            others: candidates that act as well.
+        """
         if PAYLOAD not in LIBRARY:
             return []
-        rich = Beside(self._flights, noise, [*nuisance, *others], self._onset)
-        alone = Beside(self._flights, noise, nuisance, self._onset)
-        asked = [(b, h) for b in (rich, alone) for h in ENDS]
-        gains = self._profiles(rich, alone)
+        everything = OtherRegressors(self._flights, noise, [*nuisance, *others], self._onset)
+        nuisance_only = OtherRegressors(self._flights, noise, nuisance, self._onset)
+        asked = [(b, h) for b in (everything, nuisance_only) for h in ENDS]
+        gains = self._profiles(everything, nuisance_only)
         if max(g.max() for g in gains[: len(ENDS)]) < self._priors.onset_gain:
             return []
-        starts: dict[tuple[Beside, int, float], None] = {}
+        starts: dict[tuple[OtherRegressors, int, float], None] = {}
         for (beside, horizon), profile in zip(asked, gains, strict=True):
             best, *others_of_it = _peaks(profile)[:FOLLOWED]
             starts |= dict.fromkeys((beside, best, first) for first in (ENDS[0], horizon))
@@ -81,19 +98,27 @@ class PayloadSearch:
         for beside, i, first in starts:
             payload = self._follow(beside, Guess(float(self.lengths[i])), first)
             if payload is not None:
-                found.append((rich.gain(rich.white(payload), math.inf)[0], payload))
+                found.append((everything.gain(everything.white(payload), math.inf)[0], payload))
         return self._distinct(found)
 
     def from_guesses(
         self, noise: NoiseModel, nuisance: Sequence[Candidate], guesses: Sequence[Guess]
     ) -> list[tuple[Guess, Candidate]]:
-        """Return payloads followed from guesses whose swing is not known."""
-        alone = Beside(self._flights, noise, nuisance, self._onset)
-        found = [self._follow(alone, dc.replace(g, swing={}), HORIZONS[0]) for g in guesses]
-        return self._distinct([(alone.gain(alone.white(p), math.inf)[0], p) for p in found if p is not None])
+        """Return payloads followed from guesses whose swing is not known.
+
+        Args:
+            noise: noise model of the channels.
+            nuisance: columns that every model has.
+            guesses: to begin with.
+        """
+        nuisance_only = OtherRegressors(self._flights, noise, nuisance, self._onset)
+        found = [self._follow(nuisance_only, dc.replace(g, swing={}), HORIZONS[0]) for g in guesses]
+        return self._distinct(
+            [(nuisance_only.gain(nuisance_only.white(p), math.inf)[0], p) for p in found if p is not None]
+        )
 
     def _distinct(self, found: Sequence[tuple[float, PayloadColumns]]) -> list[tuple[Guess, Candidate]]:
-        """The best, of different lengths."""
+        """Return the best, of different lengths."""
         kept: list[tuple[Guess, Candidate]] = []
         for _, payload in sorted(found, key=lambda f: -f[0]):
             guess = payload.guess
@@ -105,28 +130,40 @@ class PayloadSearch:
         return kept
 
     def profile(self, noise: NoiseModel, others: Sequence[Candidate]) -> np.ndarray:
-        """Return (lengths,) the log evidence that a payload adds to the others."""
-        beside = Beside(self._flights, noise, others, self._onset)
+        """Return (lengths,) the log evidence that a payload adds to the others.
+
+        Args:
+            noise: noise model of the channels.
+            others: candidates that act as well.
+        """
+        beside = OtherRegressors(self._flights, noise, others, self._onset)
         return self._profiles(beside, beside)[len(ENDS) - 1]
 
-    def _profiles(self, rich: Beside, alone: Beside) -> list[np.ndarray]:
-        """(lengths,) beside either, up to either of `ENDS`.   alone: has the first of the columns of rich."""
+    def _profiles(self, everything: OtherRegressors, nuisance_only: OtherRegressors) -> list[np.ndarray]:
+        """Return (lengths,) beside either, up to either of `ENDS`; nuisance comes first among all columns."""
         gains = []
         for start in range(0, len(self.lengths), CHUNK):
             some_lengths = self.lengths[start : start + CHUNK]
             for c in payloads_of(self._flights, some_lengths, self._priors, self._onset):
-                white = rich.white(c)
-                joints = rich.joints(white, ENDS)
-                own = np.r_[: alone.size, rich.size : len(joints[0].Xy)]
-                some = [rich.gain_of(both, white, h) for both, h in zip(joints, ENDS, strict=True)]
+                white = everything.white(c)
+                joints = everything.joints(white, ENDS)
+                own = np.r_[: nuisance_only.size, everything.size : len(joints[0].Xy)]
+                some = [everything.gain_of(both, white, h) for both, h in zip(joints, ENDS, strict=True)]
                 some += [
-                    alone.gain_of(both.only(own), white, h) for both, h in zip(joints, ENDS, strict=True)
+                    nuisance_only.gain_of(both.only(own), white, h)
+                    for both, h in zip(joints, ENDS, strict=True)
                 ]
                 gains.append(some)
         return list(np.transpose(gains))
 
     def when(self, noise: NoiseModel, nuisance: Sequence[Candidate], guess: Guess) -> Onset:
-        """Return sharpened onsets [s] of a payload like the guess, its swing free."""
+        """Return sharpened onsets [s] of a payload like the guess, its swing free.
+
+        Args:
+            noise: noise model of the channels.
+            nuisance: columns that every model has.
+            guess: of the payload.
+        """
         found = dict(self._onset or {})
         for e in self._flights:
             near = found.get(e.name)
@@ -143,13 +180,13 @@ class PayloadSearch:
     def _best_about(
         self, e: FlightResiduals, near: float, span: float, step: float, noise, nuisance, guess
     ) -> float:
-        """The best instant of one flight within `span` of `near` [s]."""
+        """Return the best instant of one flight within `span` of `near` [s]."""
         head = e.head(int(np.searchsorted(e.t, near + AFTER_ONSET)))
-        beside = Beside([head], noise, nuisance, {e.name: near}, horizons=(AFTER_ONSET,))
+        beside = OtherRegressors([head], noise, nuisance, {e.name: near}, horizons=(AFTER_ONSET,))
         times = np.arange(max(e.t[1], near - span), min(e.t[-1], near + span), max(step, e.grid.step))
         return float(times[np.argmax([self._gain_from(head, float(t), beside, guess) for t in times])])
 
-    def _gain_from(self, e: FlightResiduals, begin: float, beside: Beside, guess: Guess) -> float:
+    def _gain_from(self, e: FlightResiduals, begin: float, beside: OtherRegressors, guess: Guess) -> float:
         """Log evidence of a payload that begins there, in one flight."""
         payload = payload_about([e], dc.replace(guess, swing={}), self._priors, {e.name: begin})
         for _ in range(STEPS):
@@ -157,7 +194,7 @@ class PayloadSearch:
             payload = payload_about([e], payload.moved(mean), self._priors, {e.name: begin})
         return beside.gain(beside.white(payload), AFTER_ONSET)[0]
 
-    def _follow(self, beside: Beside, guess: Guess, first: float) -> PayloadColumns | None:
+    def _follow(self, beside: OtherRegressors, guess: Guess, first: float) -> PayloadColumns | None:
         """From a guess through the horizons, to the payload about which it fits best; none where it is lost.
 
         At every further horizon swings move alone at first: out of step, a lighter payload would fit better than

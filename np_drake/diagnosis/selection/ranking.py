@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.fitting import Fit, refit, restarted
+from np_drake.diagnosis.fitting import Fit, refit, restart
 from np_drake.diagnosis.forward_model import predicted_residual
 from np_drake.diagnosis.numerics import NoiseModel
 from np_drake.diagnosis.options import Options, Priors
@@ -13,9 +13,9 @@ from np_drake.diagnosis.regressors import Model, RegressionProblem, prior_of
 from np_drake.diagnosis.selection.map_model import SearchResult
 from np_drake.effects.library import effect_of
 
-REFINED = 3  # models refined, with what is simpler than these
-MARGIN = 12.0  # log evidence below the best at which a model is not refined
-FAINT = 0.1  # whitened size over that of all, below which a model is tried without an effect [1]
+REFINED = 3  # models refined, with these less their negligible effects
+RANKING_MARGIN = 12.0  # log evidence below the best at which a model is not refined
+NEGLIGIBLE = 0.1  # whitened size over that of all, below which a model is tried without an effect [1]
 
 
 @dc.dataclass(frozen=True)
@@ -35,7 +35,7 @@ class Ranking:
         return self.fits[0]
 
 
-def ranked(found: SearchResult) -> Ranking:
+def rank_models(found: SearchResult) -> Ranking:
     """Return the best model ranked among its rivals, each refined."""
     problem = found.problem
     refined = _refined(problem, found.models, found.best, found.noise)
@@ -49,29 +49,34 @@ def _refined(
     problem: RegressionProblem, models: Sequence[Model], best: Fit, noise: NoiseModel
 ) -> dict[Model, Fit]:
     """The models that come close to the best, each with its fit, and the best without its faint effects."""
-    options, tolerance = problem.options, problem.options.tolerance
-    close = [m for m in _distinct(problem, models) if m.score > models[0].score - MARGIN]
-    fits = {m: refit(problem, m, tolerance, best, noise) for m in close[:REFINED]}
+    options = problem.options
+    close = [m for m in _distinct(problem, models) if m.score > models[0].score - RANKING_MARGIN]
+    fits = {m: refit(problem, m, best, noise) for m in close[:REFINED]}
     first = max(fits, key=lambda m: score_of(fits[m], options.priors))
-    fits[first] = restarted(problem, first, tolerance, fits[first], noise)
-    for m in simpler(problem, first, fits[first]):
+    fits[first] = restart(problem, first, fits[first], noise)
+    for m in drop_negligible(problem, first, fits[first]):
         if m not in fits:
-            fits[m] = refit(problem, m, tolerance, _only(problem, m, fits[first]), noise)
+            fits[m] = refit(problem, m, _only(problem, m, fits[first]), noise)
     return fits
 
 
-def simpler(problem: RegressionProblem, model: Model, fit: Fit) -> list[Model]:
+def drop_negligible(problem: RegressionProblem, model: Model, fit: Fit) -> list[Model]:
     """Return the model without its faint effects, all and each.
 
-    Faint is an effect whose whitened predicted residual is less than the share `FAINT` of that of all: what linear
+    Faint is an effect whose whitened predicted residual is less than the share `NEGLIGIBLE` of that of all: what linear
     columns get wrong. And one that shifts commands against states beside another that shifts them more: these are tried
     a third apart, and all of them, as a lag that is shorter than the vehicle file's and a delay may stand for that lag.
+
+    Args:
+        problem: the regression that holds the candidates.
+        model: the best one.
+        fit: of the model.
     """
     own = {i: _trace(fit, problem.candidates[i].identifiers, problem) for i in model.members}
     whole = _trace(fit, None, problem)
     shifting = [i for i in model.members if effect_of(problem.candidates[i].identifiers[0]).shifts_commands]
     lesser = sorted(shifting, key=lambda i: own[i])[:-1]
-    faint = [i for i in model.members if own[i] < FAINT * whole or i in lesser]
+    faint = [i for i in model.members if own[i] < NEGLIGIBLE * whole or i in lesser]
     dropped = dict.fromkeys([tuple(faint), tuple(shifting if lesser else []), *((i,) for i in faint)])
     kept = [tuple(i for i in model.members if i not in some) for some in dropped if some]
     kept = [members for members in kept if members]
@@ -95,7 +100,12 @@ def _trace(fit: Fit, names: tuple[str, ...] | None, problem: RegressionProblem) 
 
 
 def score_of(fit: Fit, priors: Priors) -> float:
-    """Return the log evidence with priors of effects and onsets."""
+    """Return the log evidence with priors of effects and onsets.
+
+    Args:
+        fit: of the model.
+        priors: priors of parameters, swings and onsets.
+    """
     return fit.log_evidence + prior_of(names_of_fit(fit), priors) + fit.onset_prior
 
 
@@ -108,7 +118,12 @@ def _distinct(problem: RegressionProblem, models: Sequence[Model]) -> list[Model
 
 
 def names_of(problem: RegressionProblem, model: Model) -> tuple[str, ...]:
-    """Return the identifiers of a model, sorted."""
+    """Return the identifiers of a model, sorted.
+
+    Args:
+        problem: the regression that holds the candidates.
+        model: a set of its candidates.
+    """
     return tuple(sorted(name for i in model.members for name in problem.candidates[i].identifiers))
 
 
@@ -120,7 +135,13 @@ def names_of_fit(fit: Fit) -> tuple[str, ...]:
 def probabilities(
     problem: RegressionProblem, models: Sequence[Model], fits: Sequence[Fit]
 ) -> dict[str, float]:
-    """Return for every effect the share of evidence of the models that hold it [1]."""
+    """Return for every effect the share of evidence of the models that hold it [1].
+
+    Args:
+        problem: the regression that holds the candidates.
+        models: linear ones, best first.
+        fits: of the refined ones.
+    """
     scored = {id(f): score_of(f, problem.options.priors) for f in fits}
     refined = {names_of_fit(f): scored[id(f)] for f in sorted(fits, key=lambda f: scored[id(f)])}
     linear = {names_of(problem, m): m.score for m in _distinct(problem, models)[:200]}

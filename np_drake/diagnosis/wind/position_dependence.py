@@ -6,8 +6,17 @@ import numpy as np
 from scipy import linalg, stats
 
 from np_drake.diagnosis.residuals import FlightResiduals
-from np_drake.diagnosis.wind.force_bins import binned, drags, factor, forces, spans, width
-from np_drake.diagnosis.wind.gauss_markov import Begins, WindForce, wind_force
+from np_drake.diagnosis.wind.gauss_markov import (
+    Begins,
+    WindForce,
+    binned,
+    drags,
+    factor,
+    forces,
+    spans,
+    width,
+    wind_force,
+)
 from np_drake.rigid_body import P
 
 TINY = 1e-9  # [m], for a height that is kept
@@ -18,10 +27,13 @@ def position_p_value(
 ) -> float:
     """Return the probability that gusts follow the position as much as this force does [1].
 
+    Args:
+        flights: the flights.
+        residual: by flight, (m, 15) what a model leaves of it.
+        begins: by flight, when the wind begins [s]; None: from the start.
     Source: likelihood ratio of a level force that is quadratic in the position (a jet pushes in the middle of a
     flight, which nothing linear tells) beside gusts, a mean in each span and a drag (which may be found too weak),
     under the gusts' covariance, as strong in each flight as they are there: half a chi-squared of at most eighteen.
-    residual: (m, 15) by flight, what is left of it.   begins: by flight, when the wind begins [s].
     """
     wind = wind_force(flights, residual, begins)
     x = np.concatenate([e.rows.x[:, P] for e in flights])
@@ -43,12 +55,13 @@ def position_p_value(
     less = linalg.orth(np.vstack([drag_x, drag_y]))
     more = linalg.orth(np.hstack([np.vstack([drag_x, drag_y]), linalg.block_diag(place, place)]))
     both = force.T.ravel()
+    # Likelihood ratio: the power that the position explains beside the drag, by projection on both column spaces.
     gain = np.sum((more.T @ both) ** 2) - np.sum((less.T @ both) ** 2)
     return float(stats.chi2.sf(gain, more.shape[1] - less.shape[1]))
 
 
 def _about_its_mean(span: np.ndarray, width: float, wind: WindForce) -> np.ndarray:
-    """(k, a) columns whitened, without what is constant before it was."""
+    """Return (k, a) columns whitened, without what is constant before it was."""
     root = factor(len(span), width, *wind.figures)
     white = linalg.solve_triangular(root, np.column_stack([span, np.ones(len(span))]), lower=True)
     one = white[:, -1:]
@@ -56,11 +69,11 @@ def _about_its_mean(span: np.ndarray, width: float, wind: WindForce) -> np.ndarr
 
 
 def _products(x: np.ndarray) -> np.ndarray:
-    """(m, 6) of every two of three columns."""
+    """Return (m, 6) the products of every two of three columns."""
     i, j = np.triu_indices(3)
     return x[:, i] * x[:, j]
 
 
 def _on_grid(e: FlightResiduals, columns: slice) -> np.ndarray:
-    """(m, a) of the state."""
+    """Return (m, a) columns of the state on the grid."""
     return np.stack([np.interp(e.t, e.rows.t, axis) for axis in e.rows.x[:, columns].T], axis=1)

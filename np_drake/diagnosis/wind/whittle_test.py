@@ -1,6 +1,6 @@
 """Log evidence of a slow force in the air over sensor errors alone, by Whittle's likelihood.
 
-A force acts on position and accelerometer alike. An attitude that wanders turns the thrust that is taken out of the
+A force acts on position and accelerometer alike. An attitude that drifts turns the thrust that is taken out of the
 one; an accelerometer that drifts errs in the other, which counts where the attitude that turned it to W is known: it
 reads the force across the thrust whatever the attitude.   Source: Whittle's likelihood, cosine transforms in the place
 of Fourier's (the spectra are steep); priors of the sensors as the tolerances of real sensors say, those of the force
@@ -49,34 +49,44 @@ class _Spectra:
 def slow_force(
     flights: Sequence[FlightResiduals], residual: Mapping[str, np.ndarray], options: Options
 ) -> SlowForce:
-    """Return the evidence of a slow force in a residual (m, 15) by flight."""
+    """Return the evidence of a slow force in a residual (m, 15) by flight.
+
+    Args:
+        flights: the flights.
+        residual: by flight, (m, 15) what a model leaves of it.
+        options: all that steers the answer.
+    """
     spectra = [_spectra(e, residual[e.name]) for e in flights]
     mass, gravity = flights[0].vehicle.mass, flights[0].vehicle.gravity
     centre, spread = _prior(options, gravity, max(len(s.values) for s in spectra))
     bounds = list(zip(centre - REACH * spread, centre + REACH * spread, strict=True))
     n, (time, times) = len(centre), options.priors.gust_time
 
-    def still(z: np.ndarray) -> float:
+    def without_force(z: np.ndarray) -> float:
         return _loss(spectra, z, None) + 0.5 * float(np.sum(((z - centre) / spread) ** 2))
 
-    def blown(z: np.ndarray) -> float:
+    def with_force(z: np.ndarray) -> float:
         own = 0.5 * float(np.sum(((z[:n] - centre) / spread) ** 2))
         return _loss(spectra, z[:n], z[n:]) + own + 0.5 * ((z[n + 1] - np.log(time)) / times) ** 2
 
-    calm = optimize.minimize(still, centre, method="L-BFGS-B", bounds=bounds)
+    sensors = optimize.minimize(without_force, centre, method="L-BFGS-B", bounds=bounds)
     about = [(centre[0] - 4, centre[0] + 4), (np.log(time) - REACH * times, np.log(time) + REACH * times)]
     starts = [
-        [*z, centre[0] + np.log(s), np.log(time)] for z, s in zip((calm.x, centre), STARTS, strict=True)
+        [*z, centre[0] + np.log(s), np.log(time)] for z, s in zip((sensors.x, centre), STARTS, strict=True)
     ]
-    ends = [optimize.minimize(blown, z, method="L-BFGS-B", bounds=[*bounds, *about]) for z in starts]
+    ends = [optimize.minimize(with_force, z, method="L-BFGS-B", bounds=[*bounds, *about]) for z in starts]
     best = min(ends, key=lambda end: end.fun)
-    return SlowForce(max(float(calm.fun - best.fun), 0.0), mass * float(np.exp(best.x[n])))
+    return SlowForce(max(float(sensors.fun - best.fun), 0.0), mass * float(np.exp(best.x[n])))
 
 
 def slow_power(flights: Sequence[FlightResiduals], residual: Mapping[str, np.ndarray]) -> float:
     """Return the mean square of the slow force on a level axis, its mean apart [N²], from a residual (m, 15) by flight.
 
     In the body as in W: an attitude that is read askew turns with a vehicle that yaws.
+
+    Args:
+        flights: the flights.
+        residual: by flight, (m, 15) what a model leaves of it.
     """
     spectra = [_spectra(e, residual[e.name], upright=True) for e in flights]
     width = [s.f[0] for s in spectra]
@@ -85,7 +95,7 @@ def slow_power(flights: Sequence[FlightResiduals], residual: Mapping[str, np.nda
 
 
 def _spectra(e: FlightResiduals, residual: np.ndarray, *, upright: bool = False) -> _Spectra:
-    """Of what is left of a flight (m, 15); `upright`: without its mean in body axes, (3,)."""
+    """Return the spectra of what is left of a flight (m, 15); `upright`: without its mean in body axes, (3,)."""
     step, R = e.grid.step, e.q
     slip = attitude.rotate(R, residual[:, POSITION])
     from_position = np.gradient(slip, step, axis=0) + attitude.rotate(R, residual[:, VELOCITY])
@@ -104,10 +114,10 @@ def _spectra(e: FlightResiduals, residual: np.ndarray, *, upright: bool = False)
 
 
 def _prior(options: Options, gravity: float, channels: int) -> tuple[np.ndarray, np.ndarray]:
-    """Centre and spread of the logarithms of what sensors do: attitude (RMS [m/s²], time [s], white), accelerometer."""
+    """Return centre and spread of log sensor errors: attitude (RMS [m/s²], time [s], white), accelerometer."""
     tolerance, priors = options.tolerance, options.priors
     turned = gravity * tolerance.attitude
-    found = [(turned, priors.attitude_spread), priors.attitude_wander, (0.02 * turned, WHITE)]
+    found = [(turned, priors.attitude_spread), priors.attitude_drift, (0.02 * turned, WHITE)]
     if channels == 2:
         size, spread = priors.accelerometer_flicker
         found += [(size * tolerance.acceleration, spread)]
@@ -116,12 +126,12 @@ def _prior(options: Options, gravity: float, channels: int) -> tuple[np.ndarray,
 
 
 def _markov(f: np.ndarray, rms: float, time: float) -> np.ndarray:
-    """(k,) one-sided power spectral density of a first-order Gauss-Markov process, of the logarithms."""
+    """Return (k,) the one-sided power spectral density of a first-order Gauss-Markov process, of the logarithms."""
     return 4 * np.exp(2 * rms + time) / (1 + (2 * np.pi * f * np.exp(time)) ** 2)
 
 
 def _loss(spectra: Sequence[_Spectra], z: np.ndarray, force: np.ndarray | None) -> float:
-    """Minus log likelihood, but for a constant, with the sensors' z and the force's (size, time), all logarithms."""
+    """Return minus the log likelihood, up to a constant; sensors' z and the force's (size, time) are logarithms."""
     total = 0.0
     for s in spectra:
         common = np.zeros(len(s.f)) if force is None else _markov(s.f, *force)
@@ -130,7 +140,40 @@ def _loss(spectra: Sequence[_Spectra], z: np.ndarray, force: np.ndarray | None) 
             total += float(np.sum(0.5 * np.sum(s.values[0] ** 2, axis=1) / position + np.log(position)))
             continue
         read = np.exp(2 * z[3]) / s.f + np.exp(2 * z[4]) + common
+        # Whittle: at every frequency both channels are Gaussian, with the force as common part of their spectra.
         det = position * read - common**2
         (pp, pr, rr) = (np.sum(s.values[i] * s.values[j], axis=1) for i, j in ((0, 0), (0, 1), (1, 1)))
         total += float(np.sum(0.5 * (read * pp - 2 * common * pr + position * rr) / det + np.log(det)))
     return total
+
+
+def gust_probability(
+    flights: Sequence[FlightResiduals],
+    residual: Mapping[str, np.ndarray],
+    held_out: Sequence[FlightResiduals],
+    held_out_residual: Mapping[str, np.ndarray],
+    options: Options,
+    *,
+    hidden: bool,
+) -> float:
+    """Return the probability of a slow force in the air; 0 where training flights show none.
+
+    It must be as large as structure has to be that is no effect.
+
+    Args:
+        flights: training flights.
+        residual: by flight, (m, 15) what a model leaves of them.
+        held_out: held-out flights.
+        held_out_residual: the same of these.
+        options: thresholds, and what sensors do alone.
+        hidden: whether the model has a payload, whose swing may have been lost.
+    """
+    seen = slow_force(flights, residual, options)
+    both = slow_force([*flights, *held_out], {**residual, **held_out_residual}, options)
+    vehicle, thresholds = flights[0].vehicle, options.thresholds
+    matters = both.deviation > options.materiality.force * vehicle.mass * vehicle.gravity
+    shown = seen.log_evidence > thresholds.held_out_share * thresholds.slow_force_evidence
+    lost = hidden and slow_power(flights, residual) < thresholds.held_out_share * slow_power(
+        flights, {e.name: e.y for e in flights}
+    )
+    return both.probability(thresholds.slow_force_evidence) if matters and shown and not lost else 0.0

@@ -8,11 +8,19 @@ from scipy import linalg
 
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.residuals import FlightResiduals
-from np_drake.diagnosis.wind.force_bins import SPAN, factor, forces, instants, width
-from np_drake.diagnosis.wind.gauss_markov import Begins, WindForce, wind_force
+from np_drake.diagnosis.wind.gauss_markov import (
+    SPAN,
+    Begins,
+    WindForce,
+    factor,
+    forces,
+    instants,
+    width,
+    wind_force,
+)
 
 FIRST, LAST = 0.7, 1.0  # of a flight, in which no begin is looked for [s]
-CALM = 2.0  # that is quiet at least before a wind whose begin is not known at all [s]
+LEAST_STILL = 2.0  # that is quiet at least before a wind whose begin is not known at all [s]
 ROUNDS = 2  # of wind and its begins: at first it is that of all the flight
 SIZES = (0.35, 0.5, 0.7, 1.0, 1.4, 2.0)  # of that error, in tolerances [1]; own choice
 WHITES = (
@@ -42,10 +50,16 @@ def wind_onset(
 
     Gusts show by their power at once, where their mean, by which an onset is found first, may take a second, or miss
     it. What was known stays where a better one brings less than `gain` in log likelihood: it was found beside the
-    drag, which is felt without gusts as well.
+    drag, which acts without gusts as well.
+
+    Args:
+        e: the flight.
+        residual: (m, 15) what is left of the flight under the wind.
+        begin: known onset [s]; None: from the start; infinite: not at all.
+        wind: statistics of its force.
+        before: (k,) `still_air_loss` of what is left until then.
+        gain: least log likelihood that a better onset must bring.
     Source: likelihood of a change point; the two sides independent (own choice).
-    residual: (m, 15) what is left of the flight while it blows.   before: (k,) `loss_of_calm` of what is left until
-    then.
     """
     bins, t = forces(e, residual)[:, :2], instants(e)
     k = np.arange(len(t))
@@ -53,7 +67,7 @@ def wind_onset(
     root = factor(len(t), width(e), *wind.figures, wind.deviation[0])
     # A stationary process is the same backwards: one solution has those from every bin to the last.
     loss = before + np.cumsum(_loss_of_bins((bins - wind.mean[:2, 0])[::-1], root))[::-1]
-    near = (t > t[0] + (CALM if begin is None else FIRST)) & (t < t[-1] - LAST)
+    near = (t > t[0] + (LEAST_STILL if begin is None else FIRST)) & (t < t[-1] - LAST)
     tried = np.union1d(k[near], [0, here])
     best = int(tried[np.argmin(loss[tried])])
     if loss[here] - loss[best] <= 2 * gain:
@@ -67,26 +81,39 @@ def wind_begins(
     known: Begins,
     options: Options,
 ) -> Begins:
-    """Return by flight when the wind begins by its own power [s], given known onsets and residuals (m, 15)."""
+    """Return by flight when the wind begins by its own power [s], given known onsets and residuals (m, 15).
+
+    Args:
+        flights: the flights.
+        residual: by flight, (m, 15) what a model leaves of it.
+        known: by flight, known onsets [s]; None: from the start.
+        options: all that steers the answer.
+    """
     begins = known
     for _ in range(ROUNDS):
         wind = wind_force(flights, residual, begins)
-        calm = {e.name: loss_of_calm(e, residual[e.name], wind, options) for e in flights}
+        still = {e.name: still_air_loss(e, residual[e.name], wind, options) for e in flights}
         begins = {
             e.name: wind_onset(
-                e, residual[e.name], begins.get(e.name), wind, calm[e.name], options.priors.onset_gain
+                e, residual[e.name], begins.get(e.name), wind, still[e.name], options.priors.onset_gain
             ).at
             for e in flights
         }
     return begins
 
 
-def loss_of_calm(e: FlightResiduals, residual: np.ndarray, wind: WindForce, options: Options) -> np.ndarray:
+def still_air_loss(e: FlightResiduals, residual: np.ndarray, wind: WindForce, options: Options) -> np.ndarray:
     """Return (k,) the -2 log likelihood of the level forces in the bins before each bin, without a wind.
 
-    residual: (m, 15) what is left of it while it is calm.   Ideal sensors leave white noise, as the wind has it
+    Ideal sensors leave white noise, as the wind has it
     at least. A real attitude errs slowly as well, a Gauss-Markov process about the tolerance in size, whichever fits
     best; its white noise is that of the whole flight.   Source: profile likelihood; own choice of the grid.
+
+    Args:
+        e: the flight.
+        residual: (m, 15) what is left of the flight in still air.
+        wind: statistics of the wind's force, for its white noise.
+        options: tolerance of the attitude, and how it drifts.
     """
     bins = forces(e, residual)[:, :2]
     if not options.tolerance.real:
@@ -94,31 +121,32 @@ def loss_of_calm(e: FlightResiduals, residual: np.ndarray, wind: WindForce, opti
         power = _before(np.sum(bins**2, axis=1))
         noise = np.maximum(wind.white**2, power / np.maximum(count, 1))
         return power / noise + count * np.log(noise)
-    size = e.vehicle.mass * e.vehicle.gravity * options.tolerance.attitude
-    (wander, _), spread = options.priors.attitude_wander, options.priors.attitude_spread
+    size = e.weight * options.tolerance.attitude
+    (drift, _), spread = options.priors.attitude_drift, options.priors.attitude_spread
     rough = np.sqrt(np.mean(np.diff(bins, 2, axis=0) ** 2) / 6)
     n = min(len(bins), round(SPAN / width(e)))
     losses = [
-        _calm(bins, factor(n, width(e), s * size, wander, w * rough, size)) + (np.log(s) / spread) ** 2
+        _still_air_loss_of(bins, factor(n, width(e), s * size, drift, w * rough, size))
+        + (np.log(s) / spread) ** 2
         for s in SIZES
         for w in WHITES
     ]
     return np.min(losses, axis=0)
 
 
-def _calm(bins: np.ndarray, root: np.ndarray) -> np.ndarray:
-    """(k,) of the bins before each; what lies farther apart than the covariance reaches counts as independent."""
+def _still_air_loss_of(bins: np.ndarray, root: np.ndarray) -> np.ndarray:
+    """Return (k,) the loss of the bins before each; beyond the reach of the covariance they count as independent."""
     n = len(root)
     pieces = [bins[i : i + n] for i in range(0, len(bins), n)]
     return _before(np.concatenate([_loss_of_bins(p, root[: len(p), : len(p)]) for p in pieces]))
 
 
 def _loss_of_bins(bins: np.ndarray, root: np.ndarray) -> np.ndarray:
-    """(k,) -2 log likelihood of each bin (k, 2) after those before it."""
+    """Return (k,) the -2 log likelihood of each bin (k, 2) after those before it."""
     white = linalg.solve_triangular(root, bins, lower=True)
     return np.sum(white**2, axis=1) + 4 * np.log(np.diag(root))
 
 
 def _before(values: np.ndarray) -> np.ndarray:
-    """(k,) sums of the values before each."""
+    """Return (k,) the sums of the values before each."""
     return np.concatenate([[0.0], np.cumsum(values)[:-1]])

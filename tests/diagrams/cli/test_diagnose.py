@@ -39,7 +39,7 @@ def answer(
         ),
         an.Localisation((an.ChannelGap("force z", "N", 1.0, 0.1, 0.1, 0.99),)),
         an.GapReduction(5.0, 1.2, 1.0, 0.98, (0.95, 0.99), ladder, gap, gap),
-        minor=(an.Finding("gyro_bias", "0.001 rad/s about x.", 0.001),),
+        below_threshold=(an.Finding("gyro_bias", "0.001 rad/s about x.", 0.001),),
         judged_as="" if tolerance is None else tolerance.name,
     )
 
@@ -106,7 +106,9 @@ def test_a_second_answer_is_printed_beside_the_first(case, logs, monkeypatch, ca
     def twice(*arguments, **how):
         found = answer(*arguments, **how)
         novel = (an.Finding("wind", "a slow force along x, 3 N", 3.0),)
-        alone = dc.replace(found, verdict=(), causes=(), novel=novel, coverage=("Drag was not tested.",))
+        alone = dc.replace(
+            found, verdict=(), causes=(), new_on_held_out=novel, coverage=("Drag was not tested.",)
+        )
         return dc.replace(alone, refit=dc.replace(found, joined=found.held_out))
 
     monkeypatch.setattr(importlib.import_module("np_drake.diagnosis.diagnose"), "diagnose", twice)

@@ -11,7 +11,7 @@ from diagrams.cli.main import run
 from diagrams.gap.next_flight import REPORT, read_report
 from diagrams.loop.flight import load_flight
 from np_drake.diagnosis.numerics import NoiseModel, Readings
-from np_drake.diagnosis.tolerance import IDEAL_SENSORS
+from np_drake.diagnosis.options import IDEAL_SENSORS
 from np_drake.effects.explanation import Explanation
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.references.track_file import read_track

@@ -9,9 +9,7 @@ from pydrake.math import RigidTransform
 from pydrake.multibody.math import SpatialVelocity
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 
-from diagrams.gap.corrected import corrected_simulator, drawn
-from diagrams.gap.corrected_file import FILE, write_corrected
-from diagrams.gap.remaining import remaining_disturbance
+from diagrams.gap.corrected import FILE, corrected_simulator, drawn, remaining_disturbance, write_corrected
 from diagrams.loop.flight import default_flight, load_flight
 from diagrams.loop.flight_result import fly
 from diagrams.loop.real_vehicle import make_real_vehicle
@@ -58,11 +56,11 @@ def cause(effect, onset=None, probability=0.97, deviation=0.01):
 
 def diagnosis(*causes, where=None, posterior=None):
     nothing = an.Identifiability(True, {}, {}, ())
-    shrink = an.GapReduction(1.0, 1.0, 1.0, 0.0, (0.0, 0.0), ())
+    gap_reduction = an.GapReduction(1.0, 1.0, 1.0, 0.0, (0.0, 0.0), ())
     verdict = tuple(c.identifier for c in causes)
     located = an.Localisation(()) if where is None else where
     return an.Diagnosis(
-        "paper", ("a",), ("b",), verdict, causes, nothing, located, shrink, posterior=posterior
+        "paper", ("a",), ("b",), verdict, causes, nothing, located, gap_reduction, posterior=posterior
     )
 
 

@@ -9,7 +9,7 @@ from diagrams.gap.limits_check import Flown, InSimulator, keep_limits, scenario_
 from diagrams.gap.next_flight import TRACK, DiagnosisReport
 from diagrams.loop.flight import default_flight
 from np_drake.diagnosis.numerics import NoiseModel, Readings
-from np_drake.diagnosis.tolerance import IDEAL_SENSORS
+from np_drake.diagnosis.options import IDEAL_SENSORS
 from np_drake.effects.explanation import Explanation
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.suspended_payload import SuspendedPayload

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from diagrams.gap.drake_replay import DrakeReplay
-from diagrams.gap.replay_page import write_side_by_side
-from diagrams.gap.side_by_side import LONGEST, RESTART, NoReplay, side_by_side
+from diagrams.gap.side_by_side import LONGEST, RESTART, NoReplay, side_by_side, write_side_by_side
 from diagrams.loop.flight import default_flight
 from diagrams.loop.flight_result import fly
 from diagrams.loop.replay.film import FRAME_RATE
@@ -42,10 +41,10 @@ def logged(**reality) -> FlightLog:
 
 def found(*causes, joined=()) -> an.Diagnosis:
     check = an.Identifiability(True, {}, {}, ())
-    shrink = an.GapReduction(2.0, 1.0, 1.0, 1.0, (1.0, 1.0), ())
+    gap_reduction = an.GapReduction(2.0, 1.0, 1.0, 1.0, (1.0, 1.0), ())
     names = tuple(cause.identifier for cause in causes)
     where = an.Localisation(())
-    return an.Diagnosis("paper", ("t",), (NAME,), names, causes, check, where, shrink, joined=joined)
+    return an.Diagnosis("paper", ("t",), (NAME,), names, causes, check, where, gap_reduction, joined=joined)
 
 
 def cause(effect, onset=None) -> an.Cause:

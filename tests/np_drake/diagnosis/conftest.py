@@ -13,17 +13,18 @@ import pytest
 from scipy import signal
 
 from np_drake import attitude
-from np_drake.diagnosis.decision.infer import Inference, concluded
+from np_drake.diagnosis.decision.infer import Inference, conclude
 from np_drake.diagnosis.fitting.map_estimate import Fit
 from np_drake.diagnosis.fitting.parameters import free_parameters, read
-from np_drake.diagnosis.forward_model.term import Term
-from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel, fit_noise
+from np_drake.diagnosis.forward_model.payload_state import Term
+from np_drake.diagnosis.numerics.noise_fit import fit_noise
+from np_drake.diagnosis.numerics.noise_model import NoiseModel
 from np_drake.diagnosis.options import Options, Priors
-from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals, make_flight_residuals
+from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals
+from np_drake.diagnosis.residuals.make_flight_residuals import make_flight_residuals
 from np_drake.diagnosis.selection import payload_search
 from np_drake.diagnosis.selection.map_model import SearchResult, find_map_model
-from np_drake.diagnosis.selection.ranking import Ranking
-from np_drake.diagnosis.selection.ranking import ranked as ranked_from
+from np_drake.diagnosis.selection.ranking import Ranking, rank_models
 from np_drake.effects.base import Effect
 from np_drake.effects.library import LIBRARY
 from np_drake.effects.suspended_payload import SuspendedPayload
@@ -61,18 +62,18 @@ Search = Callable[..., SearchResult]
 
 
 def search_with_few_lengths(
-    flights: Sequence[FlightResiduals], options: Options | None = None, *, calm: bool = False
+    flights: Sequence[FlightResiduals], options: Options | None = None, *, still_air: bool = False
 ) -> SearchResult:
     """Return `find_map_model` with a quarter of the tether lengths, for flights without a payload."""
-    shortest, longest, number = payload_search.LENGTHS
+    shortest, longest, number = payload_search.SEARCH_LENGTHS
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(payload_search, "LENGTHS", (shortest, longest, number // 4))
-        return find_map_model(flights, options, calm=calm)
+        patch.setattr(payload_search, "SEARCH_LENGTHS", (shortest, longest, number // 4))
+        return find_map_model(flights, options, still_air=still_air)
 
 
 def _content(e: FlightResiduals) -> tuple[object, ...]:
     """Return what a search reads of a flight, hashable."""
-    arrays = (e.t, e.y, e.rows.x, e.nominal, e.shocks, e.joined, e.log.t, e.log.x, e.log.u, e.log.a)
+    arrays = (e.t, e.y, e.rows.x, e.nominal, e.outliers, e.joined, e.log.t, e.log.x, e.log.u, e.log.a)
     content = (None if a is None else a.tobytes() for a in arrays)
     return (e.name, repr(e.vehicle), e.log.input, e.goes_on, e.turned, e.attitude_noise, *content)
 
@@ -83,11 +84,11 @@ def searched() -> Search:
     known: dict[tuple[object, ...], SearchResult] = {}
 
     def search(
-        flights: Sequence[FlightResiduals], options: Options | None = None, *, calm: bool = False
+        flights: Sequence[FlightResiduals], options: Options | None = None, *, still_air: bool = False
     ) -> SearchResult:
-        key = (*map(_content, flights), repr(options), calm, *LIBRARY)
+        key = (*map(_content, flights), repr(options), still_air, *LIBRARY)
         if key not in known:
-            known[key] = search_with_few_lengths(flights, options, calm=calm)
+            known[key] = search_with_few_lengths(flights, options, still_air=still_air)
         return known[key]
 
     return search
@@ -105,7 +106,7 @@ def inferred(searched: Search) -> Callable[..., Inference]:
     ) -> Inference:
         key = (*map(_content, flights), None, *map(_content, held_out), repr(options))
         if key not in known:
-            known[key] = concluded(searched(flights, options), held_out)
+            known[key] = conclude(searched(flights, options), held_out)
         return known[key]
 
     return inference
@@ -148,7 +149,7 @@ def ranked(seen) -> Callable[..., Case]:
         swings = any(isinstance(e, SuspendedPayload) for e in effects)
         found = (find_map_model if swings else search_with_few_lengths)(flights, options)
         held_out = [seen(*effects, name="c", seed=3, **how)]
-        return Case(flights, held_out, found, ranked_from(found))
+        return Case(flights, held_out, found, rank_models(found))
 
     return case
 

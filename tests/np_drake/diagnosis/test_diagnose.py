@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from np_drake.diagnosis.diagnose import diagnose
-from np_drake.diagnosis.residuals.requirements import require_flights
+from np_drake.diagnosis.options import Tolerance
+from np_drake.diagnosis.residuals.make_flight_residuals import require_flights
 from np_drake.diagnosis.result import Diagnosis
-from np_drake.diagnosis.tolerance import Tolerance
 from np_drake.effects.base import Parameter, WrenchEffect
 from np_drake.effects.command_delay import CommandDelay
 from np_drake.effects.library import register
@@ -44,7 +44,7 @@ def test_a_flight_as_nominal_has_nothing_missing(diagnosed):
     assert dut.causes == ()
     assert not dut.cannot_tell
     assert dut.unknown_probability < 0.5
-    assert dut.shrink.before == pytest.approx(1.0, abs=0.1)
+    assert dut.gap_reduction.before == pytest.approx(1.0, abs=0.1)
 
 
 def test_one_effect_is_found_with_its_size(diagnosed):
@@ -53,7 +53,7 @@ def test_one_effect_is_found_with_its_size(diagnosed):
     for estimate in dut.causes[0].parameters.values():
         assert estimate.ci95[0] < 0.6 < estimate.ci95[1]
         assert estimate.ci95[1] - estimate.ci95[0] < 0.2
-    assert dut.shrink.fraction > 0.95
+    assert dut.gap_reduction.fraction > 0.95
     assert dut.vehicle == "paper"
     assert dut.train == ("a", "b")
     assert dut.held_out == ("c",)
@@ -95,16 +95,16 @@ def test_flights_that_hover_cannot_tell(diagnosed):
     dut = diagnosed(MassError(0.3), vigour=0.0)
     assert dut.cannot_tell
     assert dut.verdict == ()
-    assert not dut.check.usable
-    assert dut.check.not_identifiable
-    assert dut.shrink.before > 1.0
+    assert not dut.identifiability.usable
+    assert dut.identifiability.not_identifiable
+    assert dut.gap_reduction.before > 1.0
 
 
 def test_a_hover_without_noise_is_judged_without_a_warning(fly):
     logs = [fly(MassError(0.3), name=n, noise=0.0, vigour=0.0, seconds=5.0) for n in "ab"]
     dut = diagnose(VEHICLE, logs[:1], logs[1:])
     assert dut.cannot_tell
-    assert np.isfinite(dut.shrink.before)
+    assert np.isfinite(dut.gap_reduction.before)
 
 
 @pytest.fixture(scope="module")

@@ -4,8 +4,7 @@ import dataclasses as dc
 
 import pytest
 
-from np_drake.diagnosis.materiality import Size
-from np_drake.diagnosis.options import Options
+from np_drake.diagnosis.options import Options, Size
 
 REAL, IDEAL = Options.for_sensors(True).materiality, Options.for_sensors(False).materiality
 PLAIN = {"calibration": False, "sensor": False}

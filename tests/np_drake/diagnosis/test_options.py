@@ -6,8 +6,7 @@ import importlib
 import pytest
 
 from np_drake.diagnosis.diagnose import diagnose
-from np_drake.diagnosis.options import Options, Priors
-from np_drake.diagnosis.tolerance import IDEAL_SENSORS, Tolerance
+from np_drake.diagnosis.options import IDEAL_SENSORS, Options, Priors, Tolerance
 from np_drake.effects.mass_error import MassError
 from np_drake.vehicle import Vehicle
 
@@ -27,9 +26,9 @@ def test_options_hold_the_tolerance_of_their_sensors_or_ones_own():
 def test_ideal_sensors_show_smaller_effects_and_leave_less_unexplained():
     assert IDEAL.materiality.force < REAL.materiality.force
     assert IDEAL.materiality.torque < REAL.materiality.torque
-    for name in ("misfit", "slow_torque"):
+    for name in ("misfit_ratio", "slow_torque_ratio"):
         assert getattr(IDEAL.thresholds, name) < getattr(REAL.thresholds, name)
-    assert IDEAL.thresholds.sure > REAL.thresholds.sure
+    assert IDEAL.thresholds.cause_probability > REAL.thresholds.cause_probability
 
 
 def test_generic_structure_is_less_likely_than_an_effect():

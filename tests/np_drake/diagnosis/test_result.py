@@ -30,7 +30,7 @@ def small() -> an.Diagnosis:
     check = an.Identifiability(
         True, {"speed [m/s]": 1.0}, {"force x": 0.1}, (an.Confusable(("a", "b"), "alike", "roll"),)
     )
-    shrink = an.GapReduction(5.0, 1.1, 1.0, 0.99, (0.98, 1.0), (an.Rung("nominal", 5.0),), GAP, None)
+    gap_reduction = an.GapReduction(5.0, 1.1, 1.0, 0.99, (0.98, 1.0), (an.Rung("nominal", 5.0),), GAP, None)
     return an.Diagnosis(
         "mine",
         ("train_1",),
@@ -39,7 +39,7 @@ def small() -> an.Diagnosis:
         (cause,),
         check,
         where,
-        shrink,
+        gap_reduction,
     )
 
 
@@ -74,7 +74,7 @@ def test_numbers_are_finite_or_null():
 
 
 def test_without_a_replay_there_is_none():
-    bare = dc.replace(small(), shrink=dc.replace(small().shrink, replay_before=None))
+    bare = dc.replace(small(), gap_reduction=dc.replace(small().gap_reduction, replay_before=None))
     assert bare.as_json()["gap"]["replay"] is None
     assert bare.as_json()["shrink"]["replay"] is None
 

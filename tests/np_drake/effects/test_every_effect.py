@@ -159,11 +159,11 @@ def test_a_sensor_effect_touches_the_columns_that_it_names_and_no_other(effect, 
 
 
 @every(Effect)
-def test_all_of_an_effect_is_foreseen_but_what_is_drawn_anew(effect):
+def test_all_of_an_effect_is_predicted_but_what_is_drawn_anew(effect):
     dut = effect()
     again = dc.replace(dut, seed=5) if hasattr(dut, "seed") else dut
-    assert dut.foreseen.identifier == dut.identifier
-    assert (dut.foreseen is dut) is (again is dut)
+    assert dut.predicted.identifier == dut.identifier
+    assert (dut.predicted is dut) is (again is dut)
     if isinstance(dut, WrenchEffect):
         t = np.linspace(0.0, 3.0, 7)
-        np.testing.assert_array_equal(dut.foreseen.air_velocity(t), again.foreseen.air_velocity(t))
+        np.testing.assert_array_equal(dut.predicted.air_velocity(t), again.predicted.air_velocity(t))

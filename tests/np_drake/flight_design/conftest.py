@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from np_drake.diagnosis.numerics import NoiseModel, Readings
-from np_drake.diagnosis.tolerance import IDEAL_SENSORS
+from np_drake.diagnosis.options import IDEAL_SENSORS
 from np_drake.effects.explanation import Explanation
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError

@@ -8,16 +8,15 @@ import pytest
 from np_drake.diagnosis.adequacy.linear_model import LinearModel
 from np_drake.diagnosis.fitting.map_estimate import refine, scaled_jacobian
 from np_drake.diagnosis.fitting.parameters import prior_whitening
+from np_drake.diagnosis.forward_model.payload_state import NEVER, Term
 from np_drake.diagnosis.forward_model.prediction import predicted_residual
-from np_drake.diagnosis.forward_model.term import NEVER, Term
 from np_drake.diagnosis.numerics import NoiseModel
-from np_drake.diagnosis.options import Options
+from np_drake.diagnosis.options import Options, Tolerance
 from np_drake.diagnosis.regressors.generic import PREFIX
 from np_drake.diagnosis.regressors.nuisance import sensor_drift
 from np_drake.diagnosis.regressors.regression_problem import RegressionProblem
 from np_drake.diagnosis.residuals import TORQUE
 from np_drake.diagnosis.selection.ranking import Ranking
-from np_drake.diagnosis.tolerance import Tolerance
 from np_drake.effects.base import Effect
 from np_drake.effects.constant_wind import ConstantWind
 from np_drake.effects.linear_drag import LinearDrag
@@ -132,19 +131,19 @@ def test_an_onset_costs_the_term_that_begins_its_prior(model):
 def test_a_drag_takes_the_wind_that_acts_through_it_along(model):
     wind = ConstantWind(2.0, -1.0, 0.0)
     dut, _ = model((DRAG, wind), [Term(DRAG), Term(wind)])
-    both = dut.evidence() - dut.described({0, 1})[0] + PRIOR  # the wind brings its drag
+    both = dut.evidence() - dut.select_structure({0, 1})[0] + PRIOR  # the wind brings its drag
     assert dut.margin(0, ()) == pytest.approx(both)
     assert dut.margin(1, ()) > 20.0
 
 
 def test_beside_the_true_model_no_structure_describes_the_noise(drag):
     dut, _ = drag
-    assert dut.described() == (dut.evidence(), ())
+    assert dut.select_structure() == (dut.evidence(), ())
 
 
 def test_a_torque_that_no_effect_has_is_described_by_its_structure_and_shows_its_part(model, damper):
     dut, ranking = model((DRAG, damper), [Term(DRAG)])
-    evidence, structure = dut.described()
+    evidence, structure = dut.select_structure()
     assert evidence > dut.evidence() + 100.0
     first = structure[0]
     assert dut.structure[first].identifiers == (PREFIX + "rates",)
@@ -157,6 +156,6 @@ def test_a_torque_that_no_effect_has_is_described_by_its_structure_and_shows_its
 def test_structure_takes_nothing_from_the_margin_of_an_effect_that_it_cannot_stand_for(model, drag, damper):
     dut, _ = model((DRAG, damper), [Term(DRAG)])
     clean, _ = drag
-    beside = dut.margin(0, dut.described()[1])
+    beside = dut.margin(0, dut.select_structure()[1])
     assert beside > 100.0
     assert beside == pytest.approx(clean.margin(0, ()), rel=0.2)  # other motion, other noise

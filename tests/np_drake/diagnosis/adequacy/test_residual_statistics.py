@@ -31,15 +31,15 @@ def test_a_line_is_found_at_its_frequency_and_size(flights, channel, frequency):
     dut = strongest_line(flights, residual)
     assert dut.channel == channel
     assert dut.frequency == pytest.approx(frequency, abs=0.1)
-    assert dut.prominence > 2 * REAL.thresholds.line
+    assert dut.prominence > 2 * REAL.thresholds.line_ratio
     assert dut.rms == pytest.approx(size, rel=0.4)
 
 
 @pytest.mark.parametrize("seed", range(5))
 def test_noise_alone_has_no_line_and_no_slow_torque(seen, seed):
     flights = [seen(name=str(i), seed=10 * seed + i, noise=1.0) for i in range(2)]
-    assert strongest_line(flights, left_of(flights)).prominence < REAL.thresholds.line
-    assert slow_torque(flights, left_of(flights))[0] < 0.6 * IDEAL.thresholds.slow_torque
+    assert strongest_line(flights, left_of(flights)).prominence < REAL.thresholds.line_ratio
+    assert slow_torque(flights, left_of(flights))[0] < 0.6 * IDEAL.thresholds.slow_torque_ratio
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -52,7 +52,7 @@ def test_a_force_that_wanders_has_no_line(flights, seed):
         residual[e.name][:, :2] += signal.lfilter(
             [0.3 * np.sqrt(1 - keep**2)], [1, -keep], rng.normal(size=(len(e.t), 2)), axis=0
         )
-    assert strongest_line(flights, residual).prominence < REAL.thresholds.line
+    assert strongest_line(flights, residual).prominence < REAL.thresholds.line_ratio
 
 
 @pytest.mark.parametrize("frequency", [0.5, 0.8])
@@ -62,7 +62,7 @@ def test_a_slow_line_is_found_as_well(flights, frequency):
         residual[e.name][:, 0] += 5.0 * e.y[:, 0].std() * np.sin(2 * np.pi * frequency * e.t + i)
     dut = strongest_line(flights, residual)
     assert dut.frequency == pytest.approx(frequency, abs=0.1)
-    assert dut.prominence > REAL.thresholds.line
+    assert dut.prominence > REAL.thresholds.line_ratio
 
 
 def test_more_noise_is_no_more_slow_torque(flights):
@@ -76,7 +76,7 @@ def test_a_torque_that_comes_and_goes_is_seen(flights, axis):
     residual = left_of(flights)
     for e in flights:
         residual[e.name][:, 3 + axis] += 0.03 * (np.sin(2 * np.pi * 0.3 * e.t) > 0.5)  # [N·m]
-    assert slow_torque(flights, residual)[0] > IDEAL.thresholds.slow_torque
+    assert slow_torque(flights, residual)[0] > IDEAL.thresholds.slow_torque_ratio
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -87,7 +87,7 @@ def test_normal_noise_however_slow_bursts_nowhere(flights, seed, time):
     keep = np.exp(-flights[0].grid.step / time)
     for e in flights:
         residual[e.name][:, :3] = signal.lfilter([1.0], [1, -keep], rng.normal(size=(len(e.t), 3)), axis=0)
-    assert strongest_burst(flights, residual).prominence < 0.8 * REAL.thresholds.burst
+    assert strongest_burst(flights, residual).prominence < 0.8 * REAL.thresholds.burst_ratio
 
 
 @pytest.mark.parametrize("axis", [0, 1, 2])
@@ -99,7 +99,7 @@ def test_a_burst_is_found_in_its_flight_at_its_time_and_size(flights, axis):
     assert (dut.axis, dut.flight) == (axis, "1")
     assert dut.time == pytest.approx(2.5, abs=0.1)
     assert dut.size == pytest.approx(3.0, rel=0.2)
-    assert dut.prominence > REAL.thresholds.burst
+    assert dut.prominence > REAL.thresholds.burst_ratio
 
 
 def test_more_noise_is_no_more_of_a_burst(flights):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.adequacy import residual_tests as dut
+from np_drake.diagnosis.adequacy import unexplained as dut
 from np_drake.diagnosis.options import Options
 
 REAL, IDEAL = Options.for_sensors(True), Options.for_sensors(False)
@@ -17,14 +17,14 @@ def test_a_burst_is_asked_whether_it_matters(ranked, force):
     residual = {e.name: 1e-4 * weight * np.sin(e.t)[:, None] * np.ones(15) for e in case.flights}
     residual[case.flights[0].name][200:260, 2] += force * weight
     burst, found = dut.burst_test(case.flights, residual, REAL)
-    assert found.size > 2 * REAL.thresholds.burst
+    assert found.size > 2 * REAL.thresholds.burst_ratio
     assert (burst > 0.5) is (force > 0.01)
 
 
 @pytest.mark.parametrize("again, unknown", [(1.0, True), (0.3, False)], ids=["there too", "not there"])
 def test_a_slow_torque_is_asked_of_unseen_flights_as_well(ranked, monkeypatch, again, unknown):
     flights, options = ranked().flights, REAL
-    limit = REAL.thresholds.slow_torque
+    limit = REAL.thresholds.slow_torque_ratio
     monkeypatch.setattr(dut, "slow_torque", lambda *_: (again * limit, 1.0, 1.0))
     found, _ = dut.slow_torque_test((2 * limit, 1.0, 1.0), flights, flights, {}, options, hidden=False)
     assert (found > 0.5) is unknown
@@ -44,7 +44,7 @@ def test_a_slow_torque_is_unknown_where_it_is_material_and_no_lost_swing(
     ranked, monkeypatch, share, hidden, size
 ):
     """size: of the torque, over what matters."""
-    flights, limit = ranked().flights, REAL.thresholds.slow_torque
+    flights, limit = ranked().flights, REAL.thresholds.slow_torque_ratio
     torque = (2 * limit, share, size * dut.least_structure(flights, REAL.materiality)[1])
     monkeypatch.setattr(dut, "slow_torque", lambda *_: torque)
     found, _ = dut.slow_torque_test(torque, flights, flights, {}, REAL, hidden=hidden)

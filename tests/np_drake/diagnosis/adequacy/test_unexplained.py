@@ -6,7 +6,6 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.adequacy import residual_tests
 from np_drake.diagnosis.adequacy import unexplained as module
 from np_drake.diagnosis.adequacy.linear_model import LinearModel
 from np_drake.diagnosis.adequacy.residual_statistics import strongest_line
@@ -21,7 +20,7 @@ from np_drake.effects.motor_lag import MotorLag
 REAL, IDEAL = Options.for_sensors(True), Options.for_sensors(False)
 
 CLEAR = 10.0  # prominence of a line in these short flights that noise does not have [1]
-SENSITIVE = dc.replace(REAL, thresholds=dc.replace(REAL.thresholds, line=CLEAR))
+SENSITIVE = dc.replace(REAL, thresholds=dc.replace(REAL.thresholds, line_ratio=CLEAR))
 SURE = 0.5  # least probability of what is unknown
 
 
@@ -33,7 +32,7 @@ def linear():
     def made(case):
         if id(case) not in known:
             model = LinearModel(case.ranking)
-            known[id(case)] = model, model.described()[1]
+            known[id(case)] = model, model.select_structure()[1]
         return known[id(case)]
 
     return made
@@ -49,7 +48,7 @@ def left(linear):
         ranking = dc.replace(case.ranking, problem=problem, options=options or case.ranking.options)
         held_out = held_out or case.held_out
         held = on_held_out(ranking.best, held_out, ranking.noise, ranking.options.priors)
-        return find_unexplained(ranking, *linear(case), held_out, held)
+        return find_unexplained(ranking, *linear(case), held)
 
     return answer
 
@@ -122,7 +121,7 @@ def test_a_line_is_unknown_where_it_is_large_enough_to_matter_however_clear_it_i
     ranked, left, channel, times
 ):
     case = ranked()
-    least = residual_tests.least_lines(case.flights, SENSITIVE.materiality)[channel]
+    least = module.least_lines(case.flights, SENSITIVE.materiality)[channel]
     wave = [dc.replace(e, y=e.y.copy()) for e in (*case.flights, *case.held_out)]
     for e in wave:
         e.y[:, channel] += times * least * np.sqrt(2) * np.sin(2 * np.pi * 2.3 * e.t)
@@ -138,7 +137,7 @@ def test_a_line_is_unknown_where_it_is_large_enough_to_matter_however_clear_it_i
 
 def test_a_line_that_does_not_matter_hides_none_that_does(ranked, left):
     case = ranked()
-    least = residual_tests.least_lines(case.flights, SENSITIVE.materiality)
+    least = module.least_lines(case.flights, SENSITIVE.materiality)
     both = [dc.replace(e, y=e.y.copy()) for e in (*case.flights, *case.held_out)]
     for e in both:
         for channel, times, f in ((0, 0.8, 2.3), (4, 1.3, 5.3)):
@@ -156,6 +155,6 @@ def test_in_gusts_which_come_and_go_no_burst_is_asked_for(ranked, left, monkeypa
     held_out = dc.replace(held_out, y=held_out.y.copy())
     held_out.y[:, 2] -= 2.0 * np.exp(-(((held_out.t - 3.0) / 0.3) ** 2))
     for slowly, found in ((0.0, True), (1.0, False)):
-        monkeypatch.setattr(module, "gust_probability", lambda *_, slowly=slowly: slowly)
+        monkeypatch.setattr(module, "gust_probability", lambda *_, slowly=slowly, **__: slowly)
         dut = left(case, held_out=[held_out])
         assert ("burst" in {f.name for f in dut.findings}) is found

@@ -9,12 +9,11 @@ from scipy import special
 from np_drake.diagnosis.adequacy.linear_model import LinearModel
 from np_drake.diagnosis.decision import causes as module
 from np_drake.diagnosis.decision.causes import causes_of, without_missing_drag
-from np_drake.diagnosis.decision.equivalence import indistinguishable
-from np_drake.diagnosis.decision.judgement import Judged, judge
+from np_drake.diagnosis.decision.explanations import equivalents
+from np_drake.diagnosis.decision.term_assessment import TermAssessment, assess_term
 from np_drake.diagnosis.forward_model import pendulum_error
 from np_drake.diagnosis.held_out.prediction import on_held_out
-from np_drake.diagnosis.materiality import Size
-from np_drake.diagnosis.options import Options
+from np_drake.diagnosis.options import Options, Size
 from np_drake.diagnosis.result import Cause
 from np_drake.effects.command_delay import CommandDelay
 from np_drake.effects.constant_wind import ConstantWind
@@ -53,7 +52,7 @@ def judged_with(drag, linear):
             probability=probability or ranking.probability,
         )
         held = on_held_out(ranking.best, drag.held_out, ranking.noise, ranking.options.priors)
-        return ranking, linear, (), drag.held_out, held
+        return ranking, linear, (), held
 
     return arguments
 
@@ -73,13 +72,13 @@ def test_the_true_cause_is_named_with_its_parameters(judged_with):
     assert cause.share == pytest.approx(1.0, abs=0.05)
 
 
-def judged(ranking, linear, structure, held_out, held, same=()) -> Judged:
-    return judge(ranking, linear, structure, 0, same, held_out, held)
+def assessed(ranking, linear, structure, held, same=()) -> TermAssessment:
+    return assess_term(ranking, linear, structure, 0, same, held)
 
 
 def test_a_probability_is_that_of_the_model_its_margin_and_its_size(judged_with):
     ranking, linear, *rest = judged_with(probability={"linear_drag": 0.8})
-    found = judged(ranking, linear, *rest)
+    found = assessed(ranking, linear, *rest)
     assert found.in_model == pytest.approx(0.8 * special.expit(linear.margin(0, ())))
     assert found.material == 1.0
     assert found.probability == pytest.approx(found.in_model)
@@ -90,16 +89,16 @@ def test_a_probability_is_that_of_the_model_its_margin_and_its_size(judged_with)
 def test_probabilities_of_effects_that_cannot_be_told_apart_add(judged_with):
     shares = {"linear_drag": 0.5, "quadratic_drag": 0.3, "gyro_bias": 0.2}
     given = judged_with(probability=shares)
-    assert judged(*given).in_model == pytest.approx(0.5)
-    assert judged(*given, same=("quadratic_drag",)).in_model == pytest.approx(0.8)
+    assert assessed(*given).in_model == pytest.approx(0.5)
+    assert assessed(*given, same=("quadratic_drag",)).in_model == pytest.approx(0.8)
     doubled = judged_with(probability={"linear_drag": 0.8, "quadratic_drag": 0.8})
-    assert judged(*doubled, same=("quadratic_drag",)).in_model == 1.0  # one model may hold both
+    assert assessed(*doubled, same=("quadratic_drag",)).in_model == 1.0  # one model may hold both
 
 
 @pytest.mark.parametrize("above, named", [(0.02, True), (-0.02, False)])
 @pytest.mark.parametrize("options", [REAL, IDEAL], ids=["real", "ideal"])
 def test_an_effect_is_a_cause_from_the_least_probability_on(judged_with, options, above, named):
-    share = options.thresholds.sure + above
+    share = options.thresholds.cause_probability + above
     causes, minor = causes_of(*judged_with(options=options, probability={"linear_drag": share}))
     assert [c.identifier for c in causes] == ["linear_drag"] * named
     assert [f.name for f in minor] == ["linear_drag"] * (not named)
@@ -121,7 +120,7 @@ def test_an_effect_too_small_to_matter_is_minor_except_where_gusts_blow_through_
     assert [f.name for f in minor] == ["linear_drag"]
     assert "immaterial" in minor[0].text
     assert "\n" not in minor[0].text
-    assert [c.identifier for c in causes_of(*given, gusty=True)[0]] == ["linear_drag"]
+    assert [c.identifier for c in causes_of(*given, gusts=True)[0]] == ["linear_drag"]
 
 
 def test_a_drag_that_gusts_bring_has_the_prior_of_gusts_against_what_the_library_lacks(
@@ -131,14 +130,14 @@ def test_a_drag_that_gusts_bring_has_the_prior_of_gusts_against_what_the_library
     ranking, linear, *_ = given
     margin = -4.0  # with the prior of a drag by itself
     monkeypatch.setattr(linear, "margin", lambda i, structure: margin)
-    alone, blown = (judge(ranking, linear, (), 0, (), *given[3:], gusty=b) for b in (False, True))
+    alone, blown = (assess_term(ranking, linear, (), 0, (), *given[3:], gusts=b) for b in (False, True))
     priors = ranking.options.priors
     own = ranking.probability["linear_drag"]
     assert alone.in_model == pytest.approx(own * special.expit(margin))
     odds = margin - priors.effect + priors.generic
     assert blown.in_model == pytest.approx(own * special.expit(odds))
     assert causes_of(*given)[0] == []
-    assert [c.identifier for c in causes_of(*given, gusty=True)[0]] == ["linear_drag"]
+    assert [c.identifier for c in causes_of(*given, gusts=True)[0]] == ["linear_drag"]
 
 
 def test_an_effect_at_its_bound_is_minor_and_says_so(drag, judged_with):
@@ -165,7 +164,7 @@ def test_a_shift_of_commands_within_what_the_log_leaves_open_is_immaterial(
 ):
     tolerance = dc.replace(REAL.tolerance, timing=timing)
     given = judged_with(fit=fit_at(effect, covariance=1e-6), options=dc.replace(REAL, tolerance=tolerance))
-    assert (judged(*given).material == 0.0) is within
+    assert (assessed(*given).material == 0.0) is within
 
 
 def cause(effect) -> Cause:
@@ -191,11 +190,11 @@ def test_without_torque_mass_and_thrust_are_named_beside_each_other(seen, search
     pair = {"mass_error", "thrust_scale"}
     (first,) = pair & set(named)
     (other,) = pair - {first}
-    assert other in indistinguishable(found.problem, found.models[0])[first]
+    assert other in equivalents(found.problem, found.models[0])[first]
 
 
 def test_what_the_motion_tells_apart_is_not_named_beside_it(drag):
-    assert "gyro_bias" not in indistinguishable(drag.ranking.problem, drag.ranking.models[0])["linear_drag"]
+    assert "gyro_bias" not in equivalents(drag.ranking.problem, drag.ranking.models[0])["linear_drag"]
 
 
 def test_parameters_of_a_payload_are_known_no_better_than_a_pendulum_is_its_model(fit_at):
@@ -222,6 +221,6 @@ def test_a_damped_payload_may_weigh_more_by_what_the_downwash_pushes():
 
 def test_a_reason_is_the_one_that_weighs_most():
     size = Size(0.0, 0.0, 0.0, 0.0)
-    assert Judged(0.9, 0.1, size, "").reason == "immaterial"
-    assert "not sure" in Judged(0.4, 1.0, size, "").reason
-    assert Judged(0.9, 0.1, size, "no drag pushes").reason == "no drag pushes"
+    assert TermAssessment(0.9, 0.1, size, "").reason == "immaterial"
+    assert "not sure" in TermAssessment(0.4, 1.0, size, "").reason
+    assert TermAssessment(0.9, 0.1, size, "no drag pushes").reason == "no drag pushes"

@@ -5,10 +5,9 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.decision.effect_size import size_of, within_calibration
-from np_drake.diagnosis.forward_model.term import Term
-from np_drake.diagnosis.options import Options
-from np_drake.diagnosis.tolerance import IDEAL_SENSORS, Tolerance
+from np_drake.diagnosis.decision.term_assessment import size_of, within_calibration
+from np_drake.diagnosis.forward_model.payload_state import Term
+from np_drake.diagnosis.options import IDEAL_SENSORS, Options, Tolerance
 from np_drake.effects.gyro_bias import GyroBias
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError

@@ -17,7 +17,7 @@ POOR = {"noise": 5.0, "attitude_noise": 0.01, "seconds": 6.0, "vigour": 0.06}  #
 def standing(seen, *effects, **how):
     flights = [seen(*effects, name=n, seed=i, **how) for i, n in enumerate("ab", start=1)]
     found = infer(flights[:1], flights[1:])
-    return found, explanations_of(found.ranking, found.held_out, found.held)
+    return found, explanations_of(found.ranking, found.held)
 
 
 @pytest.fixture(scope="module")

@@ -8,15 +8,15 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.decision import infer as infer_function
-from np_drake.diagnosis.decision.infer import concluded
+from np_drake.diagnosis.decision.infer import conclude
+from np_drake.diagnosis.decision.infer import infer as infer_function
 from np_drake.effects.base import Motion, WrenchEffect
 from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.rigid_body import P
 from np_drake.vehicle import Vehicle
 
-module = importlib.import_module("np_drake.diagnosis.decision.infer")  # the package has a function so named
+module = importlib.import_module("np_drake.diagnosis.decision.infer")
 
 
 @dc.dataclass(frozen=True)
@@ -108,8 +108,8 @@ def test_a_slow_force_that_follows_no_place_is_gusts(of):
 
 def test_a_slow_force_of_which_no_wind_can_be_made_is_unknown_and_says_so(flown, searched, monkeypatch):
     fitted, held_out = flown(*BLOWN)
-    monkeypatch.setattr(module, "with_gusts", lambda ranking, held_out, held, causes, unexplained: causes)
-    dut = concluded(searched(fitted), held_out)
+    monkeypatch.setattr(module, "with_gusts", lambda ranking, held, causes, unexplained: causes)
+    dut = conclude(searched(fitted), held_out)
     assert dut.unknown
     assert "slow force" in {f.name for f in dut.unexplained.findings}
     assert "gusty_wind" not in {c.identifier for c in dut.causes}
@@ -118,7 +118,7 @@ def test_a_slow_force_of_which_no_wind_can_be_made_is_unknown_and_says_so(flown,
 def test_without_the_test_of_the_place_the_force_would_be_gusts(flown, searched, monkeypatch):
     monkeypatch.setattr(module, "position_p_value", lambda *_: 1.0)
     fitted, held_out = flown(*WALLED)
-    assert "gusty_wind" in {c.identifier for c in concluded(searched(fitted), held_out).causes}
+    assert "gusty_wind" in {c.identifier for c in conclude(searched(fitted), held_out).causes}
 
 
 def test_inference_is_a_search_and_its_conclusion(flown, searched, of, monkeypatch):

@@ -55,7 +55,7 @@ def diagnosed(logs):
 
 def test_what_training_does_not_excite_is_novel_and_the_second_answer_names_it(diagnosed):
     dut: Diagnosis = diagnosed(DRAG)
-    assert dut.novel
+    assert dut.new_on_held_out
     assert "linear_drag" not in dut.verdict
     assert dut.refit is not None
     assert dut.refit.verdict == ("linear_drag",)
@@ -67,7 +67,7 @@ def test_what_training_does_not_excite_is_novel_and_the_second_answer_names_it(d
 def test_the_second_answer_is_judged_by_second_halves_and_the_first_by_whole_flights(diagnosed):
     dut = diagnosed(DRAG)
     assert (dut.joined, dut.refit.joined) == ((), ("c",))
-    assert dut.shrink.fraction < 0.1 < 0.9 < dut.refit.shrink.fraction
+    assert dut.gap_reduction.fraction < 0.1 < 0.9 < dut.refit.gap_reduction.fraction
     assert dut.refit.refit is None
 
 
@@ -79,14 +79,14 @@ def test_the_half_that_joins_is_no_flight_of_the_answer(diagnosed):
 
 def test_a_held_out_flight_like_training_shows_nothing_novel(diagnosed):
     dut = diagnosed()
-    assert dut.novel == ()
+    assert dut.new_on_held_out == ()
     assert dut.refit is None
     assert dut.verdict == ()
 
 
 def test_without_a_second_answer_what_is_novel_is_told_all_the_same(logs):
     dut = diagnose(Vehicle(), *logs(DRAG), adaptive_split=False)
-    assert dut.novel
+    assert dut.new_on_held_out
     assert dut.refit is None
 
 
@@ -111,7 +111,7 @@ def test_gusts_which_repeat_nowhere_and_a_swing_that_may_be_lost_are_not_novel(f
 def test_where_no_flight_is_long_enough_for_two_halves_there_is_no_second_answer(first, monkeypatch):
     monkeypatch.setattr(module, "find_map_model", None)  # which is never asked
     short = [dc.replace(e, log=e.log.rows(0, 780)) for e in first.held_out]
-    assert second_answer(dc.replace(first, held_out=short)) is None
+    assert second_answer(dc.replace(first, held=dc.replace(first.held, flights=short))) is None
 
 
 def test_a_half_is_the_flight_up_to_its_middle_and_its_rows_do_not_count(seen):

@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from np_drake.diagnosis.decision.size_posterior import DRAWS, material_share, relative_sizes, wind_share
+from np_drake.diagnosis.decision.term_assessment import DRAWS, material_share, relative_sizes, wind_share
 from np_drake.diagnosis.fitting.map_estimate import scaled_jacobian
 from np_drake.diagnosis.forward_model import NEVER
-from np_drake.diagnosis.materiality import Size
-from np_drake.diagnosis.options import Options
+from np_drake.diagnosis.options import Options, Size
 from np_drake.effects.constant_wind import ConstantWind
 from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.linear_drag import LinearDrag

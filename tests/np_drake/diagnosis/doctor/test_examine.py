@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.doctor import examine
+from np_drake.diagnosis.doctor.examine import examine
 from np_drake.effects.library import LIBRARY, effects_for, unobservable
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.logs.opening import open_flights

@@ -5,12 +5,12 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.doctor.residual_noise import explain, nuisance_of
 from np_drake.diagnosis.doctor.smallest_sizes import Information, smallest_gust, smallest_sizes
-from np_drake.diagnosis.doctor.traces import nearest_usual, traces
+from np_drake.diagnosis.doctor.traces import explain, nearest_usual, traces
 from np_drake.diagnosis.numerics import Gram, NoiseModel
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors import tolerance_of
+from np_drake.diagnosis.regressors.nuisance import nuisance_of
 from np_drake.effects.center_of_mass_offset import CenterOfMassOffset
 from np_drake.effects.inertia_error import InertiaError
 from np_drake.effects.linear_drag import LinearDrag

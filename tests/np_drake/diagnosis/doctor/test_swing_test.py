@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.doctor.residual_noise import nuisance_of
 from np_drake.diagnosis.doctor.swing_test import evident, swing_test
 from np_drake.diagnosis.doctor.traces import nearest_usual, traces
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors import tolerance_of
+from np_drake.diagnosis.regressors.nuisance import nuisance_of
 from np_drake.effects.accelerometer_bias import AccelerometerBias
 from np_drake.effects.attitude_bias import AttitudeBias
 from np_drake.effects.command_delay import CommandDelay

@@ -7,7 +7,7 @@ import pytest
 
 from np_drake.diagnosis.fitting.map_estimate import refine
 from np_drake.diagnosis.fitting.parameters import free_parameters, read, write
-from np_drake.diagnosis.forward_model.term import NEVER, Term
+from np_drake.diagnosis.forward_model.payload_state import NEVER, Term
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors.library import Candidate
 from np_drake.effects.command_delay import CommandDelay

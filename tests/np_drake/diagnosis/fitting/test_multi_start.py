@@ -4,11 +4,10 @@ import dataclasses as dc
 
 import pytest
 
-from np_drake.diagnosis.fitting.multi_start import first_fit, refit, restarted
-from np_drake.diagnosis.forward_model.term import Term
-from np_drake.diagnosis.numerics.autoregressive_noise import fit_noise
+from np_drake.diagnosis.fitting.multi_start import first_fit, refit, restart
+from np_drake.diagnosis.forward_model.payload_state import Term
+from np_drake.diagnosis.numerics.noise_fit import fit_noise
 from np_drake.diagnosis.options import Options
-from np_drake.diagnosis.regressors.nuisance import tolerance_of
 from np_drake.diagnosis.regressors.payload import Guess
 from np_drake.diagnosis.regressors.payload_grid import payload_about
 from np_drake.diagnosis.regressors.regression_problem import Model, RegressionProblem
@@ -44,9 +43,8 @@ def mass(fit) -> float:
 
 
 def test_the_first_fit_is_not_held_up_by_noise_that_rings_with_a_swing_not_met_yet(swinging):
-    tolerance = tolerance_of(swinging.flights)
-    first = first_fit(swinging, ONLY, tolerance, iterations=3)
-    bent = refit(swinging, ONLY, tolerance, None, iterations=3)
+    first = first_fit(swinging, ONLY, iterations=3)
+    bent = refit(swinging, ONLY, None, iterations=3)
     assert mass(first) == pytest.approx(PAYLOAD.mass, rel=0.01)
     assert first.terms[0].effect.payload.length == pytest.approx(PAYLOAD.length, rel=0.01)
     assert abs(mass(bent) - PAYLOAD.mass) > 3 * abs(mass(first) - PAYLOAD.mass)
@@ -54,14 +52,13 @@ def test_the_first_fit_is_not_held_up_by_noise_that_rings_with_a_swing_not_met_y
 
 @pytest.mark.parametrize("lost", [False, True])
 def test_from_a_known_fit_or_from_the_posterior_whichever_leads_farther(swinging, lost):
-    tolerance = tolerance_of(swinging.flights)
-    known = first_fit(swinging, ONLY, tolerance, iterations=3)
+    known = first_fit(swinging, ONLY, iterations=3)
     noise = fit_noise([known.residual(e) for e in swinging.flights], swinging.noise.step)
     if lost:  # another length, and at rest
         known = dc.replace(known, terms=(Term(SuspendedPayload(0.05, 2.4)),))
-    again = refit(swinging, ONLY, tolerance, known, noise)
+    again = refit(swinging, ONLY, known, noise)
     assert mass(again) == pytest.approx(PAYLOAD.mass, rel=0.01)
-    assert mass(restarted(swinging, ONLY, tolerance, again, noise)) == pytest.approx(PAYLOAD.mass, rel=0.01)
-    posterior = refit(swinging, ONLY, tolerance, None, noise, iterations=1)
-    known_first = refit(swinging, ONLY, tolerance, known, noise, iterations=1)
+    assert mass(restart(swinging, ONLY, again, noise)) == pytest.approx(PAYLOAD.mass, rel=0.01)
+    posterior = refit(swinging, ONLY, None, noise, iterations=1)
+    known_first = refit(swinging, ONLY, known, noise, iterations=1)
     assert (known_first.log_evidence > posterior.log_evidence + 1.0) is not lost

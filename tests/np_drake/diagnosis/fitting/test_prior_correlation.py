@@ -5,7 +5,7 @@ import pytest
 
 from np_drake.diagnosis.fitting.map_estimate import refine
 from np_drake.diagnosis.fitting.parameters import free_parameters, prior_whitening
-from np_drake.diagnosis.forward_model.term import Term
+from np_drake.diagnosis.forward_model.payload_state import Term
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors.library import library_candidates
 from np_drake.diagnosis.regressors.regression_problem import RegressionProblem

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from np_drake.diagnosis.fitting.swing_fit import SwingFit
-from np_drake.diagnosis.forward_model.payload_state import STATE
+from np_drake.diagnosis.forward_model.payload_state import STATE, Term
 from np_drake.diagnosis.forward_model.prediction import predicted_residual
-from np_drake.diagnosis.forward_model.term import Term
 from np_drake.diagnosis.options import Options
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.suspended_payload import SuspendedPayload
@@ -28,7 +27,7 @@ def thrown(seen):
 
 @pytest.mark.parametrize("shocked", [(), range(245, 262)])
 def test_the_cost_is_that_of_whitening_the_whole_flight_and_the_prior(thrown, noise, shocked):
-    thrown = dc.replace(thrown, shocks=np.isin(np.arange(len(thrown.t)), shocked))
+    thrown = dc.replace(thrown, outliers=np.isin(np.arange(len(thrown.t)), shocked))
     rows = (thrown.t > 3.0) & (thrown.t < 5.0)
     drag = Term(LinearDrag(0.2, 0.2, 0.2))
     dut = SwingFit([drag, Term(PAYLOAD)], 1, thrown, noise, None, rows, priors=REAL.priors)
@@ -61,7 +60,7 @@ def test_a_search_never_ends_above_where_it_began(thrown, noise):
 
 
 def test_figures_that_are_not_free_stay(thrown, noise):
-    flight = dc.replace(thrown, shocks=np.isin(np.arange(len(thrown.t)), [300, 301]))
+    flight = dc.replace(thrown, outliers=np.isin(np.arange(len(thrown.t)), [300, 301]))
     dut = SwingFit(
         [Term(PAYLOAD, hidden={"c": WIDE})], 0, flight, noise, None, flight.t > 6.0, priors=REAL.priors
     )
@@ -114,6 +113,6 @@ def test_doubts_are_of_free_figures_and_as_large_as_the_errors_of_fits(seen, noi
         deviation = dut.posterior_swings(slice(STATE)).std(axis=0)
         errors.append((dut.descend(WIDE) - WIDE) / deviation)
     assert 0.6 < np.sqrt(np.mean(np.square(errors))) < 1.5
-    shocked = dc.replace(flight, shocks=np.isin(np.arange(len(flight.t)), [150, 151]))
+    shocked = dc.replace(flight, outliers=np.isin(np.arange(len(flight.t)), [150, 151]))
     dut = SwingFit([Term(PAYLOAD)], 0, shocked, noise, None, shocked.t > 3.0, priors=REAL.priors)
     assert not dut.posterior_swings(slice(STATE, 2 * STATE))[:, :STATE].any()

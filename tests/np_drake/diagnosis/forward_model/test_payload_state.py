@@ -10,16 +10,16 @@ from hypothesis import strategies as st
 from np_drake import attitude
 from np_drake.diagnosis.forward_model.payload_state import (
     MOST_JUMPS,
+    NEVER,
     STATE,
+    Term,
+    at_hooks,
     hidden_size,
-    hook_acceleration,
-    hook_velocity,
     jumps,
     specific_pull,
     start_of_swing,
     swing_wrenches,
 )
-from np_drake.diagnosis.forward_model.term import NEVER, Term
 from np_drake.diagnosis.residuals.resampling import TAPS
 from np_drake.effects import pendulum
 from np_drake.effects.suspended_payload import SuspendedPayload
@@ -54,7 +54,7 @@ def test_an_angle_of_swing_is_an_angle():
 def test_the_hook_of_a_hovering_vehicle_rests(seen):
     dut = seen(vigour=0.0)
     hooks = np.array([[0.0, 0.0, 0.0], [0.1, 0.0, -0.05]])
-    np.testing.assert_allclose(hook_acceleration(dut, hooks), 0.0, atol=1e-9)
+    np.testing.assert_allclose(at_hooks(dut.driving, hooks), 0.0, atol=1e-9)
     pull = specific_pull(dut, np.array([0.5]), np.zeros((1, 4)), hooks[:1], None)
     np.testing.assert_allclose(pull[:, 0], np.tile([0, 0, -9.81], (len(dut.t), 1)), atol=1e-6)
 
@@ -62,13 +62,13 @@ def test_the_hook_of_a_hovering_vehicle_rests(seen):
 def test_a_hook_moves_as_a_point_of_the_body_many_as_each_alone(seen):
     dut = seen()
     hooks = np.array([[0.1, 0.0, 0.0], [0.03, -0.2, 0.05]])
-    together, rows = hook_velocity(dut, hooks), dut.rows
+    together, rows = at_hooks(dut.moving, hooks), dut.rows
     middle = 0.5 * (dut.t[1:] + dut.t[:-1])
     for i, hook in enumerate(hooks):
         v = pendulum.hook_velocity(hook, rows.x)
         expected = [np.interp(middle, rows.t, column) for column in v.T]
         np.testing.assert_allclose(together[:, i], np.transpose(expected), atol=1e-12)
-        np.testing.assert_allclose(together[:, i], hook_velocity(dut, hooks[i : i + 1])[:, 0], atol=1e-12)
+        np.testing.assert_allclose(together[:, i], at_hooks(dut.moving, hooks[i : i + 1])[:, 0], atol=1e-12)
 
 
 def test_the_air_brakes_a_swing_under_a_hovering_vehicle(seen):
@@ -85,14 +85,14 @@ def test_the_air_brakes_a_swing_under_a_hovering_vehicle(seen):
 def test_a_hook_accelerates_as_a_point_of_the_body_many_as_each_alone(seen):
     dut = seen()
     hooks = np.array([[0.1, 0.0, 0.0], [0.03, -0.2, 0.05], [0.1, 0.0, 0.0]])
-    together, rows = hook_acceleration(dut, hooks), dut.rows
+    together, rows = at_hooks(dut.driving, hooks), dut.rows
     middle = 0.5 * (dut.t[1:] + dut.t[:-1])
     for i, hook in enumerate(hooks):
         w = rows.x[:, 10:13]
         turned = attitude.rotate(rows.q, np.cross(rows.al, hook) + np.cross(w, np.cross(w, hook)))
         expected = [np.interp(middle, rows.t, column) for column in (rows.a + turned).T]
         np.testing.assert_allclose(together[:, i], np.transpose(expected), atol=1e-9)
-        np.testing.assert_allclose(together[:, i], hook_acceleration(dut, hooks[i : i + 1])[:, 0], atol=1e-12)
+        np.testing.assert_allclose(together[:, i], at_hooks(dut.driving, hooks[i : i + 1])[:, 0], atol=1e-12)
 
 
 def test_many_payloads_pull_as_each_does_alone(seen):
@@ -121,13 +121,13 @@ def test_before_its_onset_nothing_pulls_and_what_never_begins_never_does(seen):
 
 def knocked(e, *at):
     """Return the flight with outliers of two rows at these times."""
-    shocks = np.zeros(len(e.t), bool)
+    outliers = np.zeros(len(e.t), bool)
     for t in at:
-        shocks[np.searchsorted(e.t, t) : np.searchsorted(e.t, t) + 2] = True
-    return dc.replace(e, shocks=shocks)
+        outliers[np.searchsorted(e.t, t) : np.searchsorted(e.t, t) + 2] = True
+    return dc.replace(e, outliers=outliers)
 
 
-def test_a_swing_may_jump_after_every_shock_that_is_not_too_close_to_another(seen):
+def test_a_swing_may_jump_after_every_outlier_that_is_not_too_close_to_another(seen):
     dut = knocked(seen(seconds=8.0), 1.0, 1.2, 3.0)
     np.testing.assert_allclose(dut.t[jumps(dut, None)], [1.04, 3.04], atol=0.021)
     np.testing.assert_allclose(dut.t[jumps(dut, 2.0)], [3.04], atol=0.021)

@@ -9,12 +9,12 @@ from hypothesis import strategies as st
 
 from np_drake.diagnosis.adequacy.linear_model import LinearModel
 from np_drake.diagnosis.decision.causes import causes_of
-from np_drake.diagnosis.forward_model.term import NEVER
+from np_drake.diagnosis.forward_model.payload_state import NEVER
 from np_drake.diagnosis.gap import gap_reduction as dut
 from np_drake.diagnosis.held_out.prediction import on_held_out
-from np_drake.diagnosis.numerics.autoregressive_noise import scale_only
+from np_drake.diagnosis.numerics.noise_fit import scale_only
 from np_drake.diagnosis.options import Options
-from np_drake.diagnosis.residuals.flight_residuals import make_flight_residuals
+from np_drake.diagnosis.residuals.make_flight_residuals import make_flight_residuals
 from np_drake.diagnosis.result import ReplayGap
 from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.linear_drag import LinearDrag
@@ -88,13 +88,13 @@ def test_the_bootstrap_is_the_same_each_time():
 def solved(ranked):
     case = ranked(MassError(0.2), LinearDrag(0.6, 0.6, 0.6))
     held = on_held_out(case.fit, case.held_out, case.ranking.noise, priors=REAL.priors)
-    causes, _ = causes_of(case.ranking, LinearModel(case.ranking), (), case.held_out, held)
+    causes, _ = causes_of(case.ranking, LinearModel(case.ranking), (), held)
     return case, held, causes
 
 
 def test_with_the_true_causes_the_gap_goes_down_to_the_noise(solved):
     case, held, causes = solved
-    found = dut.measure_gap_reduction(causes, case.held_out, case.ranking.noise, held, None)
+    found = dut.measure_gap_reduction(causes, case.ranking.noise, held, None)
     assert found.before > 5.0
     assert found.after == pytest.approx(1.0, abs=0.1)
     assert found.fraction == pytest.approx(1.0, abs=0.02)
@@ -104,7 +104,7 @@ def test_with_the_true_causes_the_gap_goes_down_to_the_noise(solved):
 
 def test_the_ladder_goes_down_cause_by_cause_from_nominal_to_the_floor(solved):
     case, held, causes = solved
-    found = dut.measure_gap_reduction(causes, case.held_out, case.ranking.noise, held, None)
+    found = dut.measure_gap_reduction(causes, case.ranking.noise, held, None)
     assert [r.name for r in found.ladder] == ["nominal", "+ mass_error", "+ linear_drag", "noise floor"]
     sizes = [r.residual for r in found.ladder[:-1]]
     assert sizes == sorted(sizes, reverse=True)
@@ -116,7 +116,7 @@ def test_a_cause_whose_share_is_not_known_comes_last_on_the_ladder_wherever_it_s
     case, held, causes = solved
     blind = [dc.replace(c, share=np.nan) if c.identifier == "mass_error" else c for c in causes]
     for some in (blind, blind[::-1]):
-        found = dut.measure_gap_reduction(some, case.held_out, case.ranking.noise, held, None)
+        found = dut.measure_gap_reduction(some, case.ranking.noise, held, None)
         assert [r.name for r in found.ladder] == ["nominal", "+ linear_drag", "+ mass_error", "noise floor"]
 
 
@@ -128,7 +128,7 @@ def test_without_causes_nothing_changes_and_the_replay_is_nominal(solved):
         calls.append(([log.name for log in logs], [e.identifier for e, _ in effects]))
         return ReplayGap((0.5,), *(np.zeros((1, 3)) for _ in range(3)), 1)
 
-    found = dut.measure_gap_reduction([], case.held_out, case.ranking.noise, held, replay)
+    found = dut.measure_gap_reduction([], case.ranking.noise, held, replay)
     assert found.before == found.after
     assert found.fraction == 0.0
     assert calls == [(["c"], [])]
@@ -143,7 +143,7 @@ def test_the_replay_gets_the_fitted_effects_and_their_onsets(solved):
         calls.append(effects)
         return ReplayGap((0.5,), *(np.zeros((1, 3)) for _ in range(3)), 1)
 
-    dut.measure_gap_reduction(causes, case.held_out, case.ranking.noise, held, replay)
+    dut.measure_gap_reduction(causes, case.ranking.noise, held, replay)
     before, after = calls
     assert before == []
     assert {e.identifier for e, _ in after} == {"mass_error", "linear_drag"}
@@ -163,8 +163,8 @@ def test_to_the_replay_a_flight_begins_at_its_first_row(solved, begin):
     late = make_flight_residuals(dc.replace(flight.log, t=flight.log.t + 50.0), flight.vehicle)
     late = dc.replace(late, joined=np.arange(len(late.t)) < 100)
     terms = [dc.replace(t, onset={"c": 50.0 + begin}) for t in held.terms["c"]]
-    begun = dc.replace(held, rows={"c": ~late.joined}, terms={"c": terms})
-    dut.measure_gap_reduction(causes, [late], case.ranking.noise, begun, replay)
+    begun = dc.replace(held, flights=[late], rows={"c": ~late.joined}, terms={"c": terms})
+    dut.measure_gap_reduction(causes, case.ranking.noise, begun, replay)
     (_, _), (t, effects) = calls
     assert t[0] == pytest.approx(flight.t[100] - flight.log.t[0], abs=0.02)  # what a fit has seen is left out
     assert [onset["c"] for _, onset in effects] == pytest.approx([begin, begin])
@@ -193,14 +193,14 @@ def test_a_flight_is_replayed_from_where_a_cause_acts_on(solved, onsets, first):
     begins = dict(zip((c.identifier for c in causes), onsets, strict=True))
     terms = [dc.replace(t, onset={"c": begins.get(t.effect.identifier)}) for t in held.terms["c"]]
     some = dc.replace(held, terms={"c": terms})
-    dut.measure_gap_reduction(causes, case.held_out, case.ranking.noise, some, replay)
+    dut.measure_gap_reduction(causes, case.ranking.noise, some, replay)
     before, after = calls
     np.testing.assert_array_equal(before, after)
     assert before[0] == pytest.approx(first, abs=1.5 * flight.log.step)
     assert before[-1] == flight.log.t[-1] - flight.log.t[0]
 
 
-def test_the_replay_gets_of_gusts_what_is_foreseen_of_them(solved):
+def test_the_replay_gets_of_gusts_what_is_predicted_of_them(solved):
     case, held, causes = solved
     calls = []
 
@@ -210,9 +210,9 @@ def test_the_replay_gets_of_gusts_what_is_foreseen_of_them(solved):
 
     gusts = GustyWind(1.0, 2.0, 3.0, 4.0, 0.5)
     blown = [dc.replace(causes[0], identifier="gusty_wind", effect=gusts)]
-    dut.measure_gap_reduction(blown, case.held_out, case.ranking.noise, held, replay)
-    (foreseen,) = calls[1]
-    assert foreseen == dc.replace(gusts, deviation=0.0)
+    dut.measure_gap_reduction(blown, case.ranking.noise, held, replay)
+    (predicted,) = calls[1]
+    assert predicted == dc.replace(gusts, deviation=0.0)
 
 
 def test_a_simulator_that_refuses_the_effects_costs_the_replay_alone():

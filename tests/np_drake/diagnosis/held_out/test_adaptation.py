@@ -4,21 +4,22 @@ import numpy as np
 import pytest
 
 from np_drake.diagnosis.fitting.swing_fit import fitted_to_whole_flight
+from np_drake.diagnosis.forward_model.payload_state import NEVER, Term
 from np_drake.diagnosis.forward_model.prediction import predicted_residual
-from np_drake.diagnosis.forward_model.term import NEVER, Term
 from np_drake.diagnosis.held_out.adaptation import (
     HIDDEN_SPAN,
     JUMP_SPAN,
     _span_by_span,
     adapt,
-    onset_log_likelihood,
+    mark_outliers,
     predictive_terms,
     scored_on_fitted_rows,
     scored_rows,
-    without_shocks,
 )
 from np_drake.diagnosis.options import Options
-from np_drake.diagnosis.residuals.flight_residuals import WRENCH, make_flight_residuals
+from np_drake.diagnosis.regressors.switched_regressors import onset_log_likelihood
+from np_drake.diagnosis.residuals.flight_residuals import WRENCH
+from np_drake.diagnosis.residuals.make_flight_residuals import make_flight_residuals
 from np_drake.effects.constant_wind import ConstantWind
 from np_drake.effects.gyro_bias import GyroBias
 from np_drake.effects.linear_drag import LinearDrag
@@ -142,20 +143,20 @@ def test_rows_that_a_hidden_start_was_fitted_to_are_not_scored(seen):
 
 
 def knocked(flight, when):
-    """The flight with a shock that lasts two rows."""
-    shocks = np.zeros(len(flight.t), bool)
-    shocks[np.searchsorted(flight.t, when) + np.arange(2)] = True
-    return dc.replace(flight, shocks=shocks)
+    """The flight with an outlier that lasts two rows."""
+    outliers = np.zeros(len(flight.t), bool)
+    outliers[np.searchsorted(flight.t, when) + np.arange(2)] = True
+    return dc.replace(flight, outliers=outliers)
 
 
-def test_a_swing_that_jumps_at_a_shock_is_found_anew_and_those_rows_are_not_scored(seen, noise):
+def test_a_swing_that_jumps_at_an_outlier_is_found_anew_and_those_rows_are_not_scored(seen, noise):
     flight = knocked(seen(PAYLOAD, name="c", seed=3, noise=1.0, seconds=12.0), 6.0)
     jumped = Term(PAYLOAD, hidden={"c": np.array([0.0, 0.0, 0.0, 0.0, 0.3, -0.2, 0.5, 0.8])})
     y = flight.y + predicted_residual(flight, [jumped]) - predicted_residual(flight, [Term(PAYLOAD)])
     flight = dc.replace(flight, y=y)
     (dut,) = adapt([Term(PAYLOAD)], flight, noise, priors=REAL.priors)
     rows = scored_rows([dut], flight)
-    after = flight.t > flight.t[flight.shocks][-1]
+    after = flight.t > flight.t[flight.outliers][-1]
     assert not rows[after & (flight.t < 6.0 + JUMP_SPAN)].any()
     assert rows[flight.t > 6.1 + JUMP_SPAN].all()
     unaware = dc.replace(dut, hidden={"c": dut.hidden["c"][:4]})
@@ -166,9 +167,9 @@ def test_a_swing_that_jumps_at_a_shock_is_found_anew_and_those_rows_are_not_scor
     assert residual[0] < 1.1 * residual[1] < 0.5 * residual[2]
 
 
-def test_the_rows_of_a_shock_are_not_scored_beside_a_payload_only(seen):
+def test_the_rows_of_an_outlier_are_not_scored_beside_a_payload_only(seen):
     flight = knocked(seen(PAYLOAD, name="c", seed=3, noise=1.0), 6.0)
-    assert not scored_rows([Term(PAYLOAD)], flight)[flight.shocks].any()
+    assert not scored_rows([Term(PAYLOAD)], flight)[flight.outliers].any()
     assert scored_rows([Term(HEAVY), Term(PAYLOAD, {"c": NEVER})], flight).all()
 
 
@@ -176,7 +177,7 @@ def test_a_flight_too_short_to_judge_a_payload_is_scored_whole_and_says_so(seen)
     flight = seen(PAYLOAD, name="c", seed=3)
     assert not scored_on_fitted_rows([Term(PAYLOAD)], flight)
     short = dc.replace(
-        flight, shocks=flight.t >= flight.t[0] + HIDDEN_SPAN
+        flight, outliers=flight.t >= flight.t[0] + HIDDEN_SPAN
     )  # nothing is left beside its anchor
     assert scored_rows([Term(PAYLOAD)], short).all()
     assert scored_on_fitted_rows([Term(PAYLOAD)], short)
@@ -197,26 +198,26 @@ def test_a_swing_that_one_span_does_not_show_is_followed_from_the_start(seen, no
     assert residual[0] <= 1.05 * residual[1]
 
 
-def test_shocks_of_a_swing_are_taken_in_turn(seen, noise):
+def test_outliers_of_a_swing_are_taken_in_turn(seen, noise):
     flight = seen(PAYLOAD, name="c", seed=3, noise=1.0, seconds=12.0)
     at = np.searchsorted(flight.t, 6.0)
     jumped = Term(PAYLOAD, hidden={"c": np.array([0.0, 0.0, 0.0, 0.0, 0.3, -0.2, 0.5, 0.8])})
     y = flight.y - predicted_residual(flight, [Term(PAYLOAD)])
     y = y + predicted_residual(knocked(flight, 6.0), [jumped])
     y[at : at + 2, :3] += 60.0
-    dut = without_shocks([Term(PAYLOAD)], dc.replace(flight, y=y), noise, priors=REAL.priors)
-    assert dut.shocks[at : at + 2].all()
-    assert dut.shocks.sum() < 8  # nothing of the swing that is lost there
+    dut = mark_outliers([Term(PAYLOAD)], dc.replace(flight, y=y), noise, priors=REAL.priors)
+    assert dut.outliers[at : at + 2].all()
+    assert dut.outliers.sum() < 8  # nothing of the swing that is lost there
 
 
-def test_shocks_of_a_swing_are_taken_in_turn_however_many_it_misses_where_it_is_lost(seen, noise):
+def test_outliers_of_a_swing_are_taken_in_turn_however_many_it_misses_where_it_is_lost(seen, noise):
     flight = seen(PAYLOAD, name="c", seed=3, noise=1.0, seconds=12.0)
     at = np.searchsorted(flight.t, 3.0)
     y = flight.y.copy()
     y[at : at + 2, :3] += 60.0
-    y[at + 100 :: 30, 2] -= 60.0  # more rows than a flight's shocks have
-    dut = without_shocks([Term(PAYLOAD)], dc.replace(flight, y=y), noise, priors=REAL.priors)
-    assert dut.shocks[at : at + 2].all()
+    y[at + 100 :: 30, 2] -= 60.0  # more rows than a flight's outliers have
+    dut = mark_outliers([Term(PAYLOAD)], dc.replace(flight, y=y), noise, priors=REAL.priors)
+    assert dut.outliers[at : at + 2].all()
 
 
 def test_the_profile_is_the_likelihood_of_every_instant(seen, noise):

@@ -12,7 +12,7 @@ from np_drake.diagnosis.localisation.identifiability import (
     excited,
 )
 from np_drake.diagnosis.regressors.library import library_candidates
-from np_drake.diagnosis.residuals.flight_residuals import make_flight_residuals
+from np_drake.diagnosis.residuals.make_flight_residuals import make_flight_residuals
 from np_drake.diagnosis.result import CHANNELS
 from np_drake.vehicle import Vehicle
 

@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from np_drake.diagnosis.numerics.fir_filter import BLOCK, banded, filtered
+from np_drake.diagnosis.numerics.noise_model import BLOCK, banded, filtered
 
 
 @given(

@@ -5,7 +5,7 @@ import json
 import numpy as np
 
 from np_drake.diagnosis.numerics import Readings, scale_only
-from np_drake.diagnosis.tolerance import Tolerance
+from np_drake.diagnosis.options import Tolerance
 
 
 def test_readings_whiten_as_before():

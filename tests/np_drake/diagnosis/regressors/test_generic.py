@@ -12,7 +12,7 @@ from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors.generic import PREFIX, generic_candidates
 from np_drake.diagnosis.regressors.library import library_candidates
 from np_drake.diagnosis.regressors.regression_problem import RegressionProblem
-from np_drake.diagnosis.selection.beam_search import search
+from np_drake.diagnosis.selection.map_model import search
 from np_drake.effects.base import WrenchEffect
 from np_drake.rigid_body import P, Q, V, W
 

@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 
 from np_drake.diagnosis.diagnose import NO_REPLAY, diagnose
-from np_drake.diagnosis.options import Options
+from np_drake.diagnosis.options import Options, Tolerance
 from np_drake.diagnosis.regressors import library_candidates
-from np_drake.diagnosis.regressors.input_tolerance import THROTTLE_SCALE, command_timing, with_input
+from np_drake.diagnosis.regressors.nuisance import THROTTLE_SCALE, command_timing, with_input
 from np_drake.diagnosis.residuals import TORQUE, make_flight_residuals
-from np_drake.diagnosis.tolerance import Tolerance
 from np_drake.effects.clock_offset import ClockOffset
 from np_drake.effects.command_delay import CommandDelay
 from np_drake.effects.library import unobservable
@@ -149,7 +148,7 @@ def test_a_log_without_torque_is_not_replayed_and_the_warnings_say_so(fly):
 
     logs = [without_torque(fly(name=str(i), seed=i, seconds=6.0, noise=1.0)) for i in (1, 2)]
     dut = diagnose(VEHICLE, logs[:1], logs[1:], replay)
-    assert dut.shrink is None or dut.shrink.replay_before is None
+    assert dut.gap_reduction is None or dut.gap_reduction.replay_before is None
     assert NO_REPLAY in dut.warnings
 
 

@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
+from np_drake.diagnosis.forward_model.payload_state import Term
 from np_drake.diagnosis.forward_model.prediction import predicted_residual
-from np_drake.diagnosis.forward_model.term import Term
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors.library import (
     effect_candidates,
@@ -18,10 +18,10 @@ from np_drake.diagnosis.regressors.library import (
     switched,
     wind_candidates,
 )
-from np_drake.diagnosis.regressors.payload import SURELY, heavy_enough
+from np_drake.diagnosis.regressors.payload import LEAST_MASS_DEVIATIONS, heavy_enough
 from np_drake.diagnosis.regressors.payload_grid import payload_candidates
 from np_drake.diagnosis.residuals import flight_residuals as ev
-from np_drake.diagnosis.residuals.flight_residuals import make_flight_residuals
+from np_drake.diagnosis.residuals.make_flight_residuals import make_flight_residuals
 from np_drake.effects.library import LIBRARY
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
@@ -168,7 +168,7 @@ def test_a_mass_that_the_flights_hardly_tell_is_one_that_hangs_and_all_else_goes
     for mean in (-0.05, 0.1):
         c = np.array([mean, 0.3, -0.2])
         mended, log_probability = heavy_enough(c, covariance)
-        assert mended[0] == pytest.approx(SURELY * 0.1)
+        assert mended[0] == pytest.approx(LEAST_MASS_DEVIATIONS * 0.1)
         moved = mended - c  # as the posterior's conditional mean does
         np.testing.assert_allclose(moved, covariance[:, 0] / 0.01 * moved[0])
         assert np.exp(log_probability) == pytest.approx(stats.norm.cdf(mean / 0.1))

@@ -5,12 +5,18 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
+from np_drake.diagnosis.forward_model.payload_state import Term
 from np_drake.diagnosis.forward_model.prediction import predicted_residual
-from np_drake.diagnosis.forward_model.term import Term
-from np_drake.diagnosis.options import Options
-from np_drake.diagnosis.regressors.input_tolerance import LATENCY, MOUNTING, with_input
-from np_drake.diagnosis.regressors.nuisance import calibration, calibration_terms, sensor_drift, tolerance_of
-from np_drake.diagnosis.tolerance import IDEAL_SENSORS, Tolerance
+from np_drake.diagnosis.options import IDEAL_SENSORS, Options, Tolerance
+from np_drake.diagnosis.regressors.nuisance import (
+    LATENCY,
+    MOUNTING,
+    calibration,
+    calibration_terms,
+    sensor_drift,
+    tolerance_of,
+    with_input,
+)
 from np_drake.effects.accelerometer_bias import AccelerometerBias
 from np_drake.effects.gyro_bias import GyroBias
 from np_drake.effects.linear_drag import LinearDrag

@@ -5,8 +5,8 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
+from np_drake.diagnosis.forward_model.payload_state import Term
 from np_drake.diagnosis.forward_model.prediction import predicted_residual
-from np_drake.diagnosis.forward_model.term import Term
 from np_drake.diagnosis.held_out.adaptation import adapt
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors.switched_regressors import SwitchedRegressors, SwitchedSums

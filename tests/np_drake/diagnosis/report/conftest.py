@@ -127,7 +127,7 @@ def check() -> an.Identifiability:
 def diagnosis() -> an.Diagnosis:
     names = ("nominal", "+ suspended_payload", "+ linear_drag", "noise floor")
     ladder = tuple(map(an.Rung, names, (9.84, 2.05, 1.08, 1.0)))
-    shrink = an.GapReduction(9.84, 1.08, 1.0, 0.998, (0.991, 0.999), ladder, replay(1.0), replay(0.07))
+    gap_reduction = an.GapReduction(9.84, 1.08, 1.0, 0.998, (0.991, 0.999), ladder, replay(1.0), replay(0.07))
     minor = an.Finding(
         "gyro_bias", "0.002 rad/s about x: too small to move the vehicle.", 0.004, {"x [rad/s]": 0.002}
     )
@@ -139,7 +139,7 @@ def diagnosis() -> an.Diagnosis:
         (payload(), drag()),
         check(),
         where(),
-        shrink,
+        gap_reduction,
         (minor,),
         (),
         0.03,

@@ -5,8 +5,8 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.report.localisation_figures import smoothed
-from np_drake.diagnosis.report.write import figures
+from np_drake.diagnosis.report.figures import smoothed
+from np_drake.diagnosis.report.page import figures
 from np_drake.files import figure_file
 from np_drake.files.figure_file import png
 
@@ -34,20 +34,20 @@ def test_every_figure_has_labels_with_units(drawn, name):
 
 
 def test_what_was_not_computed_is_not_drawn(diagnosis):
-    where = dc.replace(diagnosis.where, regimes=(), bands=(), times={}, segments=())
-    shrink = dc.replace(diagnosis.shrink, ladder=(), replay_before=None, replay_after=None)
-    assert figures(dc.replace(diagnosis, where=where, shrink=shrink)) == {}
+    where = dc.replace(diagnosis.localisation, regimes=(), bands=(), times={}, segments=())
+    gap_reduction = dc.replace(diagnosis.gap_reduction, ladder=(), replay_before=None, replay_after=None)
+    assert figures(dc.replace(diagnosis, localisation=where, gap_reduction=gap_reduction)) == {}
 
 
 def test_a_replay_that_got_lost_and_rows_without_numbers_are_drawn(diagnosis):
-    lost = dc.replace(diagnosis.shrink.replay_before, position=np.full((4, 3), np.inf))
-    where = diagnosis.where
+    lost = dc.replace(diagnosis.gap_reduction.replay_before, position=np.full((4, 3), np.inf))
+    where = diagnosis.localisation
     holes = {name: np.where(np.arange(len(v))[:, None] % 7, v, np.nan) for name, v in where.before.items()}
     regimes = tuple(dc.replace(regime, rms_after=(), rms=(np.nan,) * 6) for regime in where.regimes)
     dut = dc.replace(
         diagnosis,
-        where=dc.replace(where, before=holes, after={}, regimes=regimes),
-        shrink=dc.replace(diagnosis.shrink, replay_before=lost, replay_after=None),
+        localisation=dc.replace(where, before=holes, after={}, regimes=regimes),
+        gap_reduction=dc.replace(diagnosis.gap_reduction, replay_before=lost, replay_after=None),
     )
     for figure in figures(dut).values():
         assert png(figure)
@@ -68,13 +68,15 @@ def test_legends_name_what_is_drawn_and_nothing_else(diagnosis, drawn):
 
 
 def test_channels_that_the_log_does_not_tell_are_not_drawn(diagnosis):
-    where = diagnosis.where
+    where = diagnosis.localisation
     silent = {name: np.where(np.arange(6) < 3, y, 0.0) for name, y in where.before.items()}
     regimes = tuple(dc.replace(r, rms=(*r.rms[:3], 0.0, 0.0, 0.0)) for r in where.regimes)
     bands = tuple(
         b if b.channel.startswith("force") else dc.replace(b, before=0 * b.before) for b in where.bands
     )
-    dut = figures(dc.replace(diagnosis, where=dc.replace(where, before=silent, regimes=regimes, bands=bands)))
+    dut = figures(
+        dc.replace(diagnosis, localisation=dc.replace(where, before=silent, regimes=regimes, bands=bands))
+    )
     assert not [ax for ax in dut["timeline"].get_axes() if "torque" in ax.get_ylabel()]
     assert not [ax for ax in dut["spectrum"].get_axes() if "torque" in ax.get_ylabel()]
     shown = [text.get_text() for text in dut["regimes"].get_axes()[0].get_yticklabels()]

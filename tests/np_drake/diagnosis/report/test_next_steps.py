@@ -2,7 +2,7 @@
 
 import dataclasses as dc
 
-from np_drake.diagnosis.report.next_steps import next_steps
+from np_drake.diagnosis.report.summary import next_steps
 from np_drake.diagnosis.result import Estimate, Finding
 
 
@@ -17,7 +17,9 @@ def test_logs_that_excite_nothing_ask_for_a_manoeuvre(diagnosis):
     dut = dc.replace(diagnosis, cannot_tell=True, verdict=(), causes=())
     (step,) = next_steps(dut)
     assert "roll and pitch sharply" in step
-    (plain,) = next_steps(dc.replace(dut, check=dc.replace(dut.check, not_identifiable=())))
+    (plain,) = next_steps(
+        dc.replace(dut, identifiability=dc.replace(dut.identifiability, not_identifiable=()))
+    )
     assert plain == "Fly with more motion in every axis. Diagnose again."
 
 
@@ -37,7 +39,7 @@ def test_what_remains_and_what_was_not_tested_ask_for_more(diagnosis):
     dut = dc.replace(
         diagnosis,
         verdict=("unknown",),
-        remains=(Finding("line", "a line", 1.0, {"frequency": 2.3}),),
+        unexplained=(Finding("line", "a line", 1.0, {"frequency": 2.3}),),
         coverage=("The held-out flight reaches 0.3 m/s, training 2.1 m/s: linear drag was not tested.",),
     )
     assert next_steps(dut) == [

@@ -22,8 +22,8 @@ SLOW = Finding("slow", "something slow below 0.5 Hz", 0.04, {"share": 0.04, "for
 
 
 def clean(diagnosis):
-    shrink = dc.replace(diagnosis.shrink, before=1.06, after=1.06, fraction=float("nan"))
-    return dc.replace(diagnosis, verdict=(), causes=(), shrink=shrink)
+    gap_reduction = dc.replace(diagnosis.gap_reduction, before=1.06, after=1.06, fraction=float("nan"))
+    return dc.replace(diagnosis, verdict=(), causes=(), gap_reduction=gap_reduction)
 
 
 def one(diagnosis):
@@ -31,12 +31,12 @@ def one(diagnosis):
 
 
 def unknown(diagnosis):
-    return dc.replace(clean(diagnosis), verdict=("unknown",), remains=(TRACE,), unknown_probability=0.97)
+    return dc.replace(clean(diagnosis), verdict=("unknown",), unexplained=(TRACE,), unknown_probability=0.97)
 
 
 def part(diagnosis):
     changed = dc.replace(diagnosis, verdict=("suspended_payload", "unknown"), causes=diagnosis.causes[:1])
-    return dc.replace(changed, remains=(TRACE, SLOW), unknown_probability=0.97)
+    return dc.replace(changed, unexplained=(TRACE, SLOW), unknown_probability=0.97)
 
 
 def cannot_tell(diagnosis):
@@ -45,7 +45,7 @@ def cannot_tell(diagnosis):
 
 def unexplained(diagnosis):
     dut = clean(diagnosis)
-    return dc.replace(dut, shrink=dc.replace(dut.shrink, before=7.4, after=7.4))
+    return dc.replace(dut, gap_reduction=dc.replace(dut.gap_reduction, before=7.4, after=7.4))
 
 
 CASES = {  # how the diagnosis is changed: headline, and the sentence below it
@@ -85,8 +85,8 @@ def test_the_answer_is_a_headline_and_a_sentence(diagnosis, change):
 
 def gaps(diagnosis, after):
     """The same diagnosis with this residual over noise in every channel."""
-    channels = tuple(dc.replace(c, after=after * c.noise_floor) for c in diagnosis.where.channels)
-    return dc.replace(diagnosis, where=dc.replace(diagnosis.where, channels=channels))
+    channels = tuple(dc.replace(c, after=after * c.noise_floor) for c in diagnosis.localisation.channels)
+    return dc.replace(diagnosis, localisation=dc.replace(diagnosis.localisation, channels=channels))
 
 
 def test_unknown_takes_nothing_from_the_probability_of_a_cause(diagnosis):
@@ -114,8 +114,8 @@ def test_the_table_says_what_a_cause_cannot_be_told_from_where_there_is_such(dia
 
 
 def test_without_a_gap_on_held_out_flights_no_share_is_claimed(diagnosis):
-    shrink = dc.replace(diagnosis.shrink, before=1.01, after=0.74, fraction=37.1)
-    dut = dc.replace(diagnosis, shrink=shrink)
+    gap_reduction = dc.replace(diagnosis.gap_reduction, before=1.01, after=0.74, fraction=37.1)
+    dut = dc.replace(diagnosis, gap_reduction=gap_reduction)
     assert "no gap above the noise" in lead(dut)
     assert "%" not in lead(dut)
     assert gap_rows(dut)[-1][-1] == "–"
@@ -123,34 +123,36 @@ def test_without_a_gap_on_held_out_flights_no_share_is_claimed(diagnosis):
 
 def test_causes_that_make_it_worse_are_said_to(diagnosis):
     assert "do not help" in lead(gaps(diagnosis, after=60.0))
-    shrink = dc.replace(diagnosis.shrink, before=5.0, after=900.0, fraction=-3e4)
-    assert "do not help" in lead(dc.replace(diagnosis, shrink=shrink))
+    gap_reduction = dc.replace(diagnosis.gap_reduction, before=5.0, after=900.0, fraction=-3e4)
+    assert "do not help" in lead(dc.replace(diagnosis, gap_reduction=gap_reduction))
 
 
 def test_the_share_is_that_of_the_largest_part_of_the_gap(diagnosis):
-    lateral, lift, torque = gap_parts(diagnosis.where)
+    lateral, lift, torque = gap_parts(diagnosis.localisation)
     assert [p.kind for p in (lateral, lift, torque)] == ["lateral force", "lift", "torque"]
     assert lateral.before == pytest.approx(np.hypot(0.05 * 8, 0.05 * 7))  # [N]
     assert lift.explained == pytest.approx(1 - (1.08**2 - 1) / (22**2 - 1))
     channels = tuple(
-        dc.replace(c, rms=50 * c.rms) if c.unit == "N·m" else c for c in diagnosis.where.channels
+        dc.replace(c, rms=50 * c.rms) if c.unit == "N·m" else c for c in diagnosis.localisation.channels
     )
     assert "of the torque gap" in lead(
-        dc.replace(diagnosis, where=dc.replace(diagnosis.where, channels=channels))
+        dc.replace(diagnosis, localisation=dc.replace(diagnosis.localisation, channels=channels))
     )
 
 
 def test_a_torque_that_the_log_does_not_tell_is_no_part_of_the_gap(diagnosis):
     silent = tuple(
-        dc.replace(c, rms=0.0, after=1e-14) if c.unit == "N·m" else c for c in diagnosis.where.channels
+        dc.replace(c, rms=0.0, after=1e-14) if c.unit == "N·m" else c for c in diagnosis.localisation.channels
     )
-    dut = dc.replace(diagnosis, where=dc.replace(diagnosis.where, channels=silent))
+    dut = dc.replace(diagnosis, localisation=dc.replace(diagnosis.localisation, channels=silent))
     assert [row[0] for row in gap_rows(dut)] == ["lateral force [N]", "lift [N]", "all, over noise [1]"]
 
 
 def test_small_vehicles_have_small_units(diagnosis):
     channels = (ChannelGap("force z", "N", 0.034, 0.0038, 0.0066, 0.97),)
-    row, _ = gap_rows(dc.replace(diagnosis, where=dc.replace(diagnosis.where, channels=channels)))
+    row, _ = gap_rows(
+        dc.replace(diagnosis, localisation=dc.replace(diagnosis.localisation, channels=channels))
+    )
     assert row[:4] == ("lift [mN]", "34", "6.6", "3.8")
 
 
@@ -166,14 +168,16 @@ def test_where_a_half_joined_the_fit_the_other_half_judges(diagnosis):
 
 
 def test_what_is_new_on_held_out_flights_is_said_at_the_top(diagnosis):
-    dut = dc.replace(clean(diagnosis), novel=(Finding("wind", "a slow force along x, 3 N.", 3.0),))
+    dut = dc.replace(clean(diagnosis), new_on_held_out=(Finding("wind", "a slow force along x, 3 N.", 3.0),))
     assert lead(dut).endswith("; new on the held-out flights: a slow force along x, 3 N.")
 
 
 def test_effects_without_a_trace_are_named(diagnosis):
     assert unseen(diagnosis) == ""  # its pairs are told together
     nothing = Confusable(("ground_effect",), "no trace", "descend")
-    dut = dc.replace(diagnosis, check=dc.replace(diagnosis.check, not_identifiable=(nothing,)))
+    dut = dc.replace(
+        diagnosis, identifiability=dc.replace(diagnosis.identifiability, not_identifiable=(nothing,))
+    )
     assert unseen(dut) == "At its usual size the training flights would not show: ground effect."
 
 
@@ -184,5 +188,7 @@ def test_a_warning_of_several_flights_is_one_line(diagnosis):
         "train_1: no acceleration",
         "other: thing",
     )
-    dut = dc.replace(diagnosis, warnings=said, check=dc.replace(diagnosis.check, warnings=()))
+    dut = dc.replace(
+        diagnosis, warnings=said, identifiability=dc.replace(diagnosis.identifiability, warnings=())
+    )
     assert warnings(dut) == ["train_1, heldout_1: no acceleration", "other: thing"]

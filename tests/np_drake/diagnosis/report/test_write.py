@@ -11,9 +11,8 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from np_drake.diagnosis.report import write
-from np_drake.diagnosis.report.page import largest
-from np_drake.diagnosis.report.write import write_report
+from np_drake.diagnosis.report import page
+from np_drake.diagnosis.report.page import largest, write_report
 from np_drake.diagnosis.result import Finding, as_json
 
 HOSTILE = '<script>alert("x")</script>&$\\frac{$ 飞.csv'
@@ -30,7 +29,7 @@ def folder(diagnosis, tmp_path_factory):
 @pytest.fixture
 def undrawn(monkeypatch):
     """Pictures are made and not drawn, where a test reads the page alone."""
-    monkeypatch.setattr(write, "png", lambda figure: b"picture")
+    monkeypatch.setattr(page, "png", lambda figure: b"picture")
 
 
 def test_the_folder_holds_page_data_and_pictures(folder):
@@ -89,7 +88,7 @@ def test_a_second_answer_is_shown_beside_the_first(diagnosis, tmp_path, undrawn)
         diagnosis, verdict=("linear_drag",), causes=diagnosis.causes[1:], joined=("heldout_1",)
     )
     novel = (Finding("wind", "a slow force along x, 3 N", 3.0),)
-    dut = dc.replace(diagnosis, verdict=(), causes=(), novel=novel, refit=second)
+    dut = dc.replace(diagnosis, verdict=(), causes=(), new_on_held_out=novel, refit=second)
     page = text_of(write_report(dut, tmp_path).read_text())
     assert page.index("Second answer") < page.index("What to do next")
     assert "show what the training flights do not: a slow force along x, 3 N." in page
@@ -103,7 +102,10 @@ def test_a_second_answer_is_shown_beside_the_first(diagnosis, tmp_path, undrawn)
 def test_new_fields_go_through_json(diagnosis, tmp_path, undrawn):
     novel = (Finding("wind", "a slow force along x, 3 N", 3.0, {"force": 3.0}),)
     dut = dc.replace(
-        diagnosis, novel=novel, coverage=("a sentence.",), refit=dc.replace(diagnosis, joined=("heldout_1",))
+        diagnosis,
+        new_on_held_out=novel,
+        coverage=("a sentence.",),
+        refit=dc.replace(diagnosis, joined=("heldout_1",)),
     )
     write_report(dut, tmp_path)
     content = json.loads((tmp_path / "diagnosis.json").read_text())
@@ -117,9 +119,11 @@ def test_new_fields_go_through_json(diagnosis, tmp_path, undrawn):
 
 
 def test_a_page_without_a_verdict_claims_nothing(diagnosis, tmp_path, undrawn):
-    shrink = dc.replace(diagnosis.shrink, ladder=(), replay_before=None, replay_after=None)
+    gap_reduction = dc.replace(diagnosis.gap_reduction, ladder=(), replay_before=None, replay_after=None)
     (tmp_path / "replay.png").write_bytes(b"of an earlier diagnosis")
-    write_report(dc.replace(diagnosis, cannot_tell=True, verdict=(), causes=(), shrink=shrink), tmp_path)
+    write_report(
+        dc.replace(diagnosis, cannot_tell=True, verdict=(), causes=(), gap_reduction=gap_reduction), tmp_path
+    )
     assert not (tmp_path / "replay.png").exists()
     page = (tmp_path / "report.html").read_text()
     assert "No verdict" in page
@@ -128,11 +132,11 @@ def test_a_page_without_a_verdict_claims_nothing(diagnosis, tmp_path, undrawn):
 
 
 def test_the_place_of_the_largest_gap_has_round_words(diagnosis):
-    assert largest(diagnosis.where) == (
+    assert largest(diagnosis.localisation) == (
         "The gap is largest in force z: 22 times its noise before, 1.1 after. "
         "It peaks at 32 times where speed is 3.0 to 5.0\u00a0m/s."
     )
-    assert largest(dc.replace(diagnosis.where, channels=())) == ""
+    assert largest(dc.replace(diagnosis.localisation, channels=())) == ""
 
 
 @pytest.mark.parametrize("share", [0.94, float("nan")])
@@ -144,7 +148,9 @@ def test_a_share_is_written_where_there_is_one(diagnosis, share):
 
 
 def test_hostile_names_are_text(diagnosis, tmp_path):
-    where = dc.replace(diagnosis.where, regimes=(), bands=())  # whose figures have no names of the logs
+    where = dc.replace(
+        diagnosis.localisation, regimes=(), bands=()
+    )  # whose figures have no names of the logs
     renamed = {name: {HOSTILE: traces["heldout_1"]} for name, traces in _traces(where).items()}
     causes = (dc.replace(diagnosis.causes[0], onset={HOSTILE: 3.0}),)
     dut = dc.replace(
@@ -154,7 +160,7 @@ def test_hostile_names_are_text(diagnosis, tmp_path):
         held_out=(HOSTILE,),
         causes=causes,
         warnings=(HOSTILE,),
-        where=dc.replace(where, **renamed),
+        localisation=dc.replace(where, **renamed),
     )
     write_report(dut, tmp_path)
     page = (tmp_path / "report.html").read_text()

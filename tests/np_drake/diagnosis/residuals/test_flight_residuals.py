@@ -8,11 +8,11 @@ import pytest
 from scipy import signal
 
 from np_drake import attitude
+from np_drake.diagnosis.forward_model.payload_state import Term
 from np_drake.diagnosis.forward_model.prediction import predicted_residual
-from np_drake.diagnosis.forward_model.term import Term
 from np_drake.diagnosis.residuals import flight_residuals as ev
 from np_drake.diagnosis.residuals.accelerations import low_pass
-from np_drake.diagnosis.residuals.flight_residuals import make_flight_residuals
+from np_drake.diagnosis.residuals.make_flight_residuals import make_flight_residuals
 from np_drake.diagnosis.residuals.rotor_thrust import Rotors
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.motor_lag import MotorLag
@@ -175,7 +175,7 @@ def test_attitude_on_the_grid_is_that_of_the_rows(seen):
 @pytest.mark.parametrize("shocked", [(), range(146, 153)])
 def test_the_head_of_a_flight_is_as_the_whole_is_there(seen, shocked):
     whole = seen(seconds=8.0)
-    whole = dc.replace(whole, shocks=np.isin(np.arange(len(whole.t)), shocked))
+    whole = dc.replace(whole, outliers=np.isin(np.arange(len(whole.t)), shocked))
     dut = whole.head(150)
     assert 150 < len(dut.t) < 200
     terms = [Term(MotorLag(0.05), {whole.name: 1.0}), Term(LinearDrag(0.3, 0.2, 0.1))]
@@ -238,11 +238,11 @@ def test_a_constant_torque_seen_through_gaps_keeps_its_mean(tmp_path):
 def test_rows_of_a_gap_are_no_outliers(tmp_path):
     dut = make_flight_residuals(lossy(0, loss=1.0, path=tmp_path / "a.csv"), VEHICLE)
     assert dut.log.bridged.any()
-    assert not dut.shocks.any()
+    assert not dut.outliers.any()
 
 
 def test_the_head_of_a_flight_that_is_not_longer_is_the_flight(seen):
     whole = seen(seconds=8.0)
     assert whole.head(len(whole.t)) is whole
-    all_shocks = dc.replace(whole, shocks=np.arange(len(whole.t)) > 100)
-    assert all_shocks.head(150) is all_shocks
+    all_outliers = dc.replace(whole, outliers=np.arange(len(whole.t)) > 100)
+    assert all_outliers.head(150) is all_outliers

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from np_drake.diagnosis.residuals.resampling import STEP, TAPS, Resampler, make_grid, natural_step, to_grid
+from np_drake.diagnosis.residuals.resampling import STEP, TAPS, Resampler, make_grid, natural_step
 
 INSIDE = slice(TAPS + 1, -TAPS - 1)  # where the low-pass sees no held end
 
@@ -21,7 +21,7 @@ def jittered(rate: float, seconds: float, seed: int) -> np.ndarray:
 def test_a_straight_line_passes_unchanged_whatever_the_sampling(slope, offset, rate, seed):
     t = jittered(rate, 4.0, seed)
     grid = make_grid(t)
-    found = to_grid(grid, t, (offset + slope * t)[:, None])[:, 0]
+    found = Resampler.of_instants(grid, t)((offset + slope * t)[:, None])[:, 0]
     np.testing.assert_allclose(found[INSIDE], (offset + slope * grid.t)[INSIDE], atol=1e-9)
 
 
@@ -39,14 +39,14 @@ def test_the_grid_is_uniform_and_covers_the_flight(rate):
 def test_a_constant_passes_up_to_the_ends():
     t = jittered(500, 4.0, 1)
     grid = make_grid(t)
-    np.testing.assert_allclose(to_grid(grid, t, np.full((len(t), 2), 7.0)), 7.0, rtol=1e-12)
+    np.testing.assert_allclose(Resampler.of_instants(grid, t)(np.full((len(t), 2), 7.0)), 7.0, rtol=1e-12)
 
 
 def test_what_the_grid_cannot_show_is_removed_and_not_folded():
     t = 0.001 * np.arange(5000)
     grid = make_grid(t)
     slow, fast = np.sin(2 * np.pi * 3 * t), np.sin(2 * np.pi * 48 * t)  # 48 Hz would fold to 2 Hz
-    found = to_grid(grid, t, np.stack([slow, fast], axis=1))[INSIDE]
+    found = Resampler.of_instants(grid, t)(np.stack([slow, fast], axis=1))[INSIDE]
     np.testing.assert_allclose(
         found[:, 0], np.sin(2 * np.pi * 3 * grid.t)[INSIDE], atol=0.005
     )  # of the pass band
@@ -57,14 +57,14 @@ def test_a_log_slower_than_the_grid_keeps_its_own_rows():
     t = 0.05 * np.arange(80)
     grid, values = make_grid(t), np.random.default_rng(0).normal(size=(80, 3))
     assert grid.factor == 1
-    np.testing.assert_allclose(to_grid(grid, t, values), values, atol=1e-9)
+    np.testing.assert_allclose(Resampler.of_instants(grid, t)(values), values, atol=1e-9)
 
 
 @pytest.mark.parametrize("shape", [(), (3,), (3, 3)])
 def test_every_shape_of_values_is_kept(shape):
     t = 0.005 * np.arange(800)
     grid = make_grid(t)
-    assert to_grid(grid, t, np.ones((800, *shape))).shape == (len(grid), *shape)
+    assert Resampler.of_instants(grid, t)(np.ones((800, *shape))).shape == (len(grid), *shape)
 
 
 @given(st.floats(0.95, 1.05), st.integers(0, 9))
@@ -82,7 +82,7 @@ def test_flights_of_different_rates_share_a_step():
     odd = 0.0073 * np.arange(800)
     grid = make_grid(odd, step)
     assert grid.step == step
-    slope = to_grid(grid, odd, 3.0 * odd[:, None])[TAPS:-TAPS, 0]
+    slope = Resampler.of_instants(grid, odd)(3.0 * odd[:, None])[TAPS:-TAPS, 0]
     np.testing.assert_allclose(slope, 3.0 * grid.t[TAPS:-TAPS], atol=1e-9)
 
 

@@ -8,8 +8,8 @@ import pytest
 from np_drake.diagnosis.adequacy.residual_statistics import slow_torque
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.residuals.accelerations import low_pass
-from np_drake.diagnosis.residuals.flight_residuals import make_flight_residuals
-from np_drake.diagnosis.residuals.rotor_speed_filter import most_likely, read_thrust
+from np_drake.diagnosis.residuals.make_flight_residuals import make_flight_residuals
+from np_drake.diagnosis.residuals.rotor_thrust import most_likely, read_thrust
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.flight_log import FlightLog
 from np_drake.rotor_input import rotor_speed, rotor_wrench
@@ -143,7 +143,7 @@ def test_torque_that_was_read_with_noise_is_no_torque_that_comes_and_goes(fly):
         make_flight_residuals(read(fly(noise=1.0, seed=i, name=str(i)), seed=i), VEHICLE) for i in range(2)
     ]
     ratio, _, _ = slow_torque(flights, {e.name: e.y for e in flights})
-    assert ratio < REAL.thresholds.slow_torque
+    assert ratio < REAL.thresholds.slow_torque_ratio
     deaf = [dc.replace(e, log=dc.replace(e.log, input="command")) for e in flights]
     assert slow_torque(deaf, {e.name: e.y for e in flights})[0] > 2 * ratio
 

@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from np_drake import attitude
-from np_drake.diagnosis.residuals.flight_residuals import make_flight_residuals
-from np_drake.diagnosis.residuals.velocity_before import velocity_before
+from np_drake.diagnosis.residuals.accelerations import velocity_before
+from np_drake.diagnosis.residuals.make_flight_residuals import make_flight_residuals
 from np_drake.rigid_body import V
 from np_drake.vehicle import Vehicle
 
@@ -81,14 +81,14 @@ def test_a_flight_with_accelerations_feels_its_velocity_itself(fly):
     log = fly(seconds=6.0)
     assert log.a is not None
     e = make_flight_residuals(log, VEHICLE)
-    assert e.states_felt[0] is e.rows.x
-    assert e.states_felt[1] is e.mids.x
+    assert e.wrench_states[0] is e.rows.x
+    assert e.wrench_states[1] is e.mids.x
 
 
 def test_a_flight_without_accelerations_feels_the_velocity_known_before(fly):
     log = dc.replace(fly(seconds=6.0), a=None)
     e = make_flight_residuals(log, VEHICLE)
-    x, _ = e.states_felt
+    x, _ = e.wrench_states
     assert np.abs(x[:, V] - e.mids.x[:, V]).max() < 5e-3
     assert np.abs(x[:, V] - e.mids.x[:, V]).max() > 0.0
     np.testing.assert_array_equal(

@@ -7,7 +7,7 @@ import pytest
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors.library import Candidate, library_candidates
 from np_drake.diagnosis.regressors.regression_problem import RegressionProblem, prior_of
-from np_drake.diagnosis.selection.beam_search import search
+from np_drake.diagnosis.selection.map_model import search
 from np_drake.effects.clock_offset import ClockOffset
 from np_drake.effects.command_delay import CommandDelay
 from np_drake.effects.linear_drag import LinearDrag
@@ -157,7 +157,7 @@ def test_candidates_put_beside_others_are_judged_as_if_they_had_been_there(seen,
     flights = [seen(MassError(0.2), name="1", seed=1, noise=1.0, seconds=6.0)]
     first, *more = library_candidates(flights)[:4]
     whole = RegressionProblem(flights, noise, [], [first, *more], temperature=2.0, options=REAL)
-    dut = RegressionProblem(flights, noise, [], [first], temperature=2.0, options=REAL).beside(more)
+    dut = RegressionProblem(flights, noise, [], [first], temperature=2.0, options=REAL).extended(more)
     for members in ((0,), (1, 2), (0, 3)):
         assert dut.score(members) == pytest.approx(whole.score(members))
 

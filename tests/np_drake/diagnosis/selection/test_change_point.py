@@ -4,18 +4,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.forward_model.term import NEVER
+from np_drake.diagnosis.forward_model.payload_state import NEVER
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors.library import effect_candidates, library_candidates, switched
 from np_drake.diagnosis.regressors.regression_problem import RegressionProblem
-from np_drake.diagnosis.residuals.flight_residuals import make_flight_residuals
-from np_drake.diagnosis.selection.change_point import (
-    WEIGHTS,
-    OnsetScan,
-    _onsets,
-    late_payloads,
-    switched_candidates,
-)
+from np_drake.diagnosis.residuals.make_flight_residuals import make_flight_residuals
+from np_drake.diagnosis.selection.change_point import OnsetScan, _onsets
+from np_drake.diagnosis.selection.onset_candidates import WEIGHTS, late_payloads, switched_candidates
 from np_drake.diagnosis.selection.payload_search import PayloadSearch
 from np_drake.effects.center_of_mass_offset import CenterOfMassOffset
 from np_drake.effects.linear_drag import LinearDrag
@@ -181,14 +176,14 @@ def test_a_scan_beside_fewer_is_one_of_its_own_from_the_same_sums(seen, noise):
     whole = OnsetScan(problem, [0, 1])
     sums = whole.sums(mass)
     for members in ([], [0], [0, 1]):
-        own, dut = OnsetScan(problem, members), whole.beside(members)
+        own, dut = OnsetScan(problem, members), whole.given(members)
         assert dut.rough_evidence(sums) == pytest.approx(own.rough_evidence(own.sums(mass)), rel=1e-9)
         expected, found = own.best(mass), dut.best(mass, sums)
         assert found.onset == expected.onset
         assert (found.prior, found.gain, found.evidence) == pytest.approx(
             (expected.prior, expected.gain, expected.evidence), rel=1e-9
         )
-        begun = problem.beside([switched(mass, flights, found.onset)])
+        begun = problem.extended([switched(mass, flights, found.onset)])
         rest = begun.columns(members)
         own = np.r_[rest, begun.columns_of(len(problem.candidates))]
         evidence = begun.total.log_evidence(own) - begun.total.log_evidence(rest)

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from np_drake.diagnosis.options import Options
-from np_drake.diagnosis.selection.initial_noise import noise_of, prepare
+from np_drake.diagnosis.selection.conditioning import condition, noise_of
 from np_drake.effects.mass_error import MassError
 from np_drake.effects.suspended_payload import SuspendedPayload
 
@@ -36,21 +36,21 @@ def test_a_force_that_is_explained_is_known_no_better_than_the_attitude(seen, re
 
 def test_a_payload_is_among_the_candidates_of_flights_that_have_one(seen):
     flights = [seen(SuspendedPayload(0.15, 0.6), name="1", seed=1, noise=1.0, seconds=8.0)]
-    ready = prepare(flights, IDEAL)
-    lengths = [c.variant for c in ready.candidates if c.identifiers == ("suspended_payload",)]
+    conditioned = condition(flights, IDEAL)
+    lengths = [c.variant for c in conditioned.candidates if c.identifiers == ("suspended_payload",)]
     assert min(abs(float(v.removeprefix("length=")) - 0.6) for v in lengths) < 0.02
 
 
 def test_a_light_payload_is_found_beside_an_effect_that_is_much_larger(seen):
     effects = MassError(0.6), SuspendedPayload(0.01, 0.6)
     flights = [seen(*effects, name=str(i), seed=i, noise=1.0, seconds=8.0) for i in (1, 2)]
-    ready = prepare(flights, IDEAL)
-    lengths = [c.variant for c in ready.candidates if c.identifiers == ("suspended_payload",)]
+    conditioned = condition(flights, IDEAL)
+    lengths = [c.variant for c in conditioned.candidates if c.identifiers == ("suspended_payload",)]
     assert min(abs(float(v.removeprefix("length=")) - 0.6) for v in lengths) < 0.02
 
 
-def test_flights_without_shocks_are_left_as_they_are(seen):
+def test_flights_without_outliers_are_left_as_they_are(seen):
     (flight,) = flights = [seen(name="1", seed=1, noise=1.0, seconds=6.0)]
-    ready = prepare(flights, IDEAL)
-    assert not ready.flights[0].shocks.any()
-    np.testing.assert_array_equal(ready.raw[0], flight.y)
+    conditioned = condition(flights, IDEAL)
+    assert not conditioned.flights[0].outliers.any()
+    np.testing.assert_array_equal(conditioned.channels[0], flight.y)

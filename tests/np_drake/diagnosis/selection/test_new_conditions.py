@@ -4,10 +4,10 @@ import dataclasses as dc
 
 import pytest
 
-from np_drake.diagnosis.forward_model.term import NEVER
+from np_drake.diagnosis.forward_model.payload_state import NEVER
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.selection.map_model import find_map_model
-from np_drake.diagnosis.selection.new_conditions import new_conditions
+from np_drake.diagnosis.selection.onset_candidates import new_conditions
 from np_drake.effects.constant_wind import ConstantWind
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
@@ -69,7 +69,7 @@ def test_where_training_flights_are_known_to_be_calm_no_wind_acts_in_them(seen):
         for i, n in enumerate("ab")
     ]
     flights[1] = dc.replace(flights[1], goes_on=True)
-    found = find_map_model(flights, calm=True)
+    found = find_map_model(flights, still_air=True)
     tried = [c for c in found.problem.candidates if "constant_wind" in c.identifiers]
     assert tried
     assert all(c.onset for c in tried)

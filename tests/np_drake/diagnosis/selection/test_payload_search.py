@@ -11,8 +11,8 @@ from np_drake.diagnosis.regressors.payload_grid import payload_about, payload_ca
 from np_drake.diagnosis.residuals.flight_residuals import FORCE
 from np_drake.diagnosis.residuals.resampling import TAPS
 from np_drake.diagnosis.selection import payload_search
-from np_drake.diagnosis.selection.payload_evidence import Beside
-from np_drake.diagnosis.selection.payload_search import ENDS, KEPT, LENGTHS, NEAR, PayloadSearch
+from np_drake.diagnosis.selection.payload_evidence import OtherRegressors
+from np_drake.diagnosis.selection.payload_search import ENDS, KEPT, NEAR, SEARCH_LENGTHS, PayloadSearch
 from np_drake.effects.mass_error import MassError
 from np_drake.effects.suspended_payload import SuspendedPayload
 
@@ -57,7 +57,7 @@ def test_what_more_mass_explains_is_no_evidence_for_a_payload(seen, noise):
 def test_before_its_onset_a_payload_hangs_on_nothing(seen):
     flights = [seen(name="1", seed=1, seconds=6.0)]
     for candidate in payload_candidates(
-        flights, np.geomspace(*LENGTHS)[::24], onset={"1": 3.0}, priors=PRIORS
+        flights, np.geomspace(*SEARCH_LENGTHS)[::24], onset={"1": 3.0}, priors=PRIORS
     ):
         X = candidate.columns["1"]
         smear = TAPS * flights[0].grid.step
@@ -84,7 +84,7 @@ def test_an_onset_that_is_known_roughly_is_sharpened_to_the_row(seen, noise, off
 def test_one_pass_over_the_rows_gives_every_horizon_and_every_set_of_others(seen, noise):
     flights = [seen(SuspendedPayload(0.15, 0.6), name=str(i), seed=i, noise=1.0, seconds=7.0) for i in (1, 2)]
     mass, *more = others(flights)
-    rich, alone = (Beside(flights, noise, some, None) for some in ([mass, *more], [mass]))
+    rich, alone = (OtherRegressors(flights, noise, some, None) for some in ([mass, *more], [mass]))
     (candidate,) = payloads_of(flights, np.array([0.6]), priors=PRIORS)
     own = np.r_[: alone.size, rich.size : rich.size + candidate.size]
     white = rich.white(candidate)
@@ -95,11 +95,11 @@ def test_one_pass_over_the_rows_gives_every_horizon_and_every_set_of_others(seen
 
 def test_a_head_of_the_flights_tells_up_to_its_horizon_what_all_of_them_do(seen, noise):
     flights = [seen(SuspendedPayload(0.15, 0.6), name=str(i), seed=i, noise=1.0, seconds=9.0) for i in (1, 2)]
-    shocks = [
+    outliers = [
         np.isin(np.arange(len(e.t)), rows) for e, rows in zip(flights, ([150, 151], [300]), strict=True)
     ]
-    flights = [dc.replace(e, shocks=s) for e, s in zip(flights, shocks, strict=True)]
-    dut = Beside(flights, noise, others(flights), {"2": 1.0}, horizons=(4.0, np.inf))
+    flights = [dc.replace(e, outliers=s) for e, s in zip(flights, outliers, strict=True)]
+    dut = OtherRegressors(flights, noise, others(flights), {"2": 1.0}, horizons=(4.0, np.inf))
     heads = dut.heads(4.0)
     assert [len(e.t) for e in heads] < [len(e.t) for e in flights]
     guess = Guess(0.55, swing={"1": np.array([0.1, -0.1, 0.2, 0.3])})

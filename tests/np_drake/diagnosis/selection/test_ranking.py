@@ -3,10 +3,15 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.forward_model.term import Term
+from np_drake.diagnosis.forward_model.payload_state import Term
 from np_drake.diagnosis.regressors.regression_problem import Model
-from np_drake.diagnosis.selection.ranking import names_of, names_of_fit, score_of, simpler
-from np_drake.diagnosis.selection.ranking import ranked as ranked_from
+from np_drake.diagnosis.selection.ranking import (
+    drop_negligible,
+    names_of,
+    names_of_fit,
+    rank_models,
+    score_of,
+)
 from np_drake.effects.attitude_bias import AttitudeBias
 from np_drake.effects.blade_flapping import BladeFlapping
 from np_drake.effects.center_of_mass_offset import CenterOfMassOffset
@@ -76,11 +81,11 @@ def test_the_model_is_tried_without_its_faint_effects_all_and_each(dut):
     at = {c.identifiers[0]: i for i, c in enumerate(problem.candidates) if len(c.identifiers) == 1}
     members = tuple(at[name] for name in names)
     faint = dc.replace(dut.fit, terms=(*dut.fit.terms, Term(ThrustScale(0.9999))))
-    tried = simpler(problem, Model(members, 0.0), faint)
+    tried = drop_negligible(problem, Model(members, 0.0), faint)
     assert [m.members for m in tried] == [members[:2]]
     for scale, tried_without in ((0.995, True), (0.99, False)):
         strong = dc.replace(dut.fit, terms=(*dut.fit.terms, Term(ThrustScale(scale))))
-        assert bool(simpler(problem, Model(members, 0.0), strong)) is tried_without
+        assert bool(drop_negligible(problem, Model(members, 0.0), strong)) is tried_without
 
 
 def test_of_effects_that_shift_commands_the_model_is_tried_with_the_one_that_shifts_most_and_with_none(dut):
@@ -90,7 +95,7 @@ def test_of_effects_that_shift_commands_the_model_is_tried_with_the_one_that_shi
     members = tuple(at[name] for name in names)
     for lag, delay, lesser in ((0.02, 0.06, "motor_lag"), (0.06, 0.02, "command_delay")):
         shifted = dc.replace(dut.fit, terms=(*dut.fit.terms, Term(MotorLag(lag)), Term(CommandDelay(delay))))
-        tried = simpler(problem, Model(members, 0.0), shifted)
+        tried = drop_negligible(problem, Model(members, 0.0), shifted)
         most = tuple(i for i in members if i != at[lesser])
         assert {m.members for m in tried} == {most, members[:1]}
 
@@ -104,4 +109,4 @@ def test_two_effects_that_act_through_each_other_are_both_found(seen, searched):
     acting = (BladeFlapping(0.012), AttitudeBias(0.08, 0.02, -0.03))
     how = {"noise": 1.0, "seconds": 10.0, "vigour": (0.15, 0.15, 3.0, 0.5)}
     flights = [seen(*acting, name=str(i), seed=i, **how) for i in (1, 2)]
-    assert names_of_fit(ranked_from(searched(flights)).fits[0]) == ("attitude_bias", "blade_flapping")
+    assert names_of_fit(rank_models(searched(flights)).fits[0]) == ("attitude_bias", "blade_flapping")

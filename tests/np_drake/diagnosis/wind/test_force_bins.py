@@ -3,9 +3,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from np_drake.diagnosis.forward_model.payload_state import Term
 from np_drake.diagnosis.forward_model.prediction import predicted_residual
-from np_drake.diagnosis.forward_model.term import Term
-from np_drake.diagnosis.wind.force_bins import BIN, binned, drags, factor, forces, instants, spans, width
+from np_drake.diagnosis.wind.gauss_markov import BIN, binned, drags, factor, forces, instants, spans, width
 from np_drake.effects.linear_drag import LinearDrag
 
 

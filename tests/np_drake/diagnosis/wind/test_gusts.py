@@ -3,8 +3,8 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.decision.gust_causes import in_gusts
-from np_drake.diagnosis.forward_model.term import Term
+from np_drake.diagnosis.decision.infer import in_gusts
+from np_drake.diagnosis.forward_model.payload_state import Term
 from np_drake.diagnosis.held_out.prediction import HeldOut
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.result import Cause, Estimate
@@ -183,14 +183,14 @@ def test_of_gusts_the_mean_is_foreseen_in_the_place_of_a_steady_wind(seen):
     wind, gusts = ConstantWind(1.0, 0.0, 0.0), GustyWind(3.0, -1.0, 0.5, 2.0, 0.5)
     flight = seen(LinearDrag(0.3, 0.3, 0.3), ConstantWind(3.0, -1.0, 0.5), name="c", seed=5)
     terms = [Term(wind), Term(LinearDrag(0.1, 0.1, 0.1), {"c": None})]
-    held = HeldOut({"c": terms}, {"c": flight.y}, {"c": np.ones(len(flight.t), bool)}, {"c": terms})
+    held = HeldOut([flight], {"c": terms}, {"c": flight.y}, {"c": np.ones(len(flight.t), bool)}, {"c": terms})
     causes = [
         Cause("linear_drag", 0.9, {}, {"c": None}, effect=LinearDrag(0.3, 0.3, 0.3)),
         Cause("gusty_wind", 0.9, {}, {"c": None}, effect=gusts),
     ]
-    dut = in_gusts(held, causes, [flight])
+    dut = in_gusts(held, causes)
     assert [t.effect.identifier for t in dut.terms["c"]] == ["linear_drag", "gusty_wind"]
     assert np.abs(dut.residual["c"][:, :6]).max() < 1e-3
     assert held.residual["c"] is flight.y
     late = [dc.replace(c, onset={"c": 4.0}) for c in causes]
-    assert [t.begins("c") for t in in_gusts(held, late, [flight]).terms["c"]] == [4.0, 4.0]
+    assert [t.begins("c") for t in in_gusts(held, late).terms["c"]] == [4.0, 4.0]

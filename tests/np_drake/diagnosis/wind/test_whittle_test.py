@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from scipy import integrate, signal
 
 from np_drake import attitude
+from np_drake.diagnosis.forward_model.payload_state import Term
 from np_drake.diagnosis.forward_model.prediction import predicted_residual
-from np_drake.diagnosis.forward_model.term import Term
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.residuals.flight_residuals import FORCE, VELOCITY
 from np_drake.diagnosis.wind.whittle_test import _markov, slow_force, slow_power
@@ -58,7 +58,7 @@ def pushed(
 def test_gusts_are_a_force_in_the_air(seen, time):
     flights = flown(seen, DRAG, GustyWind(0.0, 0.0, 0.0, 1.5, time, seed=4))
     dut = slow_force(flights, left_of(flights, DRAG), IDEAL)
-    assert dut.probability(THRESHOLDS.slow_force) > 0.99
+    assert dut.probability(THRESHOLDS.slow_force_evidence) > 0.99
     assert dut.deviation == pytest.approx(0.45, rel=0.4)
 
 
@@ -67,7 +67,10 @@ def test_gusts_are_a_force_in_the_air(seen, time):
 def test_noise_alone_is_none(seen, attitude_noise, accelerations):
     flights = flown(seen, DRAG, seconds=12.0, attitude_noise=attitude_noise, accelerations=accelerations)
     tolerance = REAL if attitude_noise else IDEAL
-    assert slow_force(flights, left_of(flights, DRAG), tolerance).probability(THRESHOLDS.slow_force) < 0.05
+    assert (
+        slow_force(flights, left_of(flights, DRAG), tolerance).probability(THRESHOLDS.slow_force_evidence)
+        < 0.05
+    )
 
 
 def test_a_steady_force_is_none(seen):
@@ -87,8 +90,8 @@ def test_an_attitude_may_wander_as_a_rig_does_but_not_as_fast_and_as_far_as_air_
         slow_force(flights, pushed(flights, residual, position=size * weight, time=time), REAL)
         for size, time in ((0.008, 10.0), (0.02, 1.0))
     )
-    assert wander.probability(THRESHOLDS.slow_force) < 0.1
-    assert push.probability(THRESHOLDS.slow_force) > 0.9
+    assert wander.probability(THRESHOLDS.slow_force_evidence) < 0.1
+    assert push.probability(THRESHOLDS.slow_force_evidence) > 0.9
 
 
 @pytest.mark.parametrize("one", ["position", "accelerometer"])
@@ -97,8 +100,8 @@ def test_where_the_accelerometer_needs_no_attitude_a_force_that_one_of_both_show
     residual = left_of(flights)
     alone = slow_force(flights, pushed(flights, residual, **{one: 0.15}, time=1.0), REAL)
     both = slow_force(flights, pushed(flights, residual, both=0.15, time=1.0), REAL)
-    assert alone.probability(THRESHOLDS.slow_force) < 0.3
-    assert both.probability(THRESHOLDS.slow_force) > 0.99
+    assert alone.probability(THRESHOLDS.slow_force_evidence) < 0.3
+    assert both.probability(THRESHOLDS.slow_force_evidence) > 0.99
     assert both.deviation == pytest.approx(0.15, rel=0.4)
 
 

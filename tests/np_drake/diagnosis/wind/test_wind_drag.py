@@ -2,15 +2,15 @@
 
 import pytest
 
-from np_drake.diagnosis.decision.infer import concluded
+from np_drake.diagnosis.decision.infer import conclude
 from np_drake.diagnosis.regressors.library import DRAG
-from np_drake.diagnosis.wind.wind_drag import with_drag
+from np_drake.diagnosis.wind.gusts import with_drag
 from np_drake.effects.center_of_mass_offset import CenterOfMassOffset
 from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.linear_drag import LinearDrag
 
 WEAK = LinearDrag(0.05, 0.05, 0.05)
-FAINT = LinearDrag(0.03, 0.03, 0.03)
+NEGLIGIBLE = LinearDrag(0.03, 0.03, 0.03)
 STRONG = GustyWind(0.0, 0.0, 0.0, 6.0, 0.8, seed=5)
 GUSTS = GustyWind(0.0, 0.0, 0.0, 3.0, 0.8, seed=4)
 
@@ -20,15 +20,15 @@ def named(ranking) -> list[str]:
 
 
 def test_gusts_are_felt_through_a_drag_that_is_too_small_to_be_found_by_itself(ranked):
-    case = ranked(FAINT, GUSTS)
+    case = ranked(NEGLIGIBLE, GUSTS)
     assert DRAG not in named(case.ranking)
-    dut = concluded(case.found, case.held_out)
+    dut = conclude(case.found, case.held_out)
     causes = {c.identifier: c for c in dut.causes}
     assert list(causes) == [DRAG, "gusty_wind"]
     assert not dut.unknown
     assert causes["gusty_wind"].probability > 0.85
     low, high = causes[DRAG].parameters["d_x"].ci95
-    assert low < FAINT.d_x < high
+    assert low < NEGLIGIBLE.d_x < high
 
 
 def test_a_weak_drag_begins_where_its_gusts_do(seen, inferred):

@@ -2,9 +2,8 @@ import numpy as np
 import pytest
 
 from np_drake.diagnosis.options import Options
-from np_drake.diagnosis.wind.force_bins import BIN
-from np_drake.diagnosis.wind.gauss_markov import WindForce, wind_force
-from np_drake.diagnosis.wind.wind_onset import loss_of_calm, wind_begins, wind_onset
+from np_drake.diagnosis.wind.gauss_markov import BIN, WindForce, wind_force
+from np_drake.diagnosis.wind.wind_onset import still_air_loss, wind_begins, wind_onset
 
 REAL, IDEAL = Options.for_sensors(True), Options.for_sensors(False)
 
@@ -18,14 +17,14 @@ def flights(seen):
 
 
 def begin_of(e, residual, taken_for, wind, options=IDEAL):
-    calm = loss_of_calm(e, residual, wind, options)
+    calm = still_air_loss(e, residual, wind, options)
     return wind_onset(e, residual, taken_for, wind, calm, options.priors.onset_gain).at
 
 
 def wandering(e, rng, size=1.0):
     """(m, 15) of an attitude that errs as a rig's may, in tolerances, and of white noise."""
     step, scale = e.grid.step, size * e.vehicle.mass * e.vehicle.gravity * RIG.tolerance.attitude
-    decay = np.exp(-step / REAL.priors.attitude_wander[0])
+    decay = np.exp(-step / REAL.priors.attitude_drift[0])
     force = [scale * rng.standard_normal(3)]
     for kick in rng.standard_normal((len(e.t) - 1, 3)):
         force.append(decay * force[-1] + scale * np.sqrt(1 - decay**2) * kick)
@@ -131,7 +130,7 @@ def test_a_wind_makes_a_calm_less_likely_from_its_begin_on(flights, options, pus
     e = flights[0]
     calm = wandering(e, np.random.default_rng(1))
     blown = calm + pushed(flights, np.random.default_rng(2), 0.5, begin=8.0)[e.name]
-    dut, alone = (loss_of_calm(e, residual, wind, options) for residual in (blown, calm))
+    dut, alone = (still_air_loss(e, residual, wind, options) for residual in (blown, calm))
     assert dut[-1] > alone[-1] + 100.0
     before = slice(0, int(7.9 / BIN))
     assert np.abs(dut - alone)[before].max() < 0.1 * (dut - alone)[-1]

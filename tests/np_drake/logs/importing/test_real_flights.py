@@ -28,7 +28,7 @@ def residual_force(path, vehicle: Vehicle) -> np.ndarray:
     """RMS of the residual force in B over weight, (3,) [1]."""
     (flight,) = import_log(path).flights
     residuals = make_flight_residuals(with_rotor_input(flight, vehicle), vehicle)
-    kept = residuals.y[~residuals.shocks, :3]
+    kept = residuals.y[~residuals.outliers, :3]
     return np.sqrt(np.mean(kept**2, axis=0)) / (vehicle.mass * vehicle.gravity)
 
 

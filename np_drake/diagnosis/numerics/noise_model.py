@@ -3,23 +3,60 @@
 Each channel follows e_k = sum_i phi_i e_(k-i) + n_k. The innovations are correlated across channels, n ~ N(0, Sigma).
 Least squares on whitened channels is generalised least squares.
 
-Source: Yule-Walker equations; the order is own choice.
+Source of the filters: own choice over scipy's, which take the columns one by one and three times as long.
 """
 
 import dataclasses as dc
 import math
 from collections.abc import Mapping, Sequence
 from functools import cached_property
+from typing import Any
 
 import numpy as np
-from scipy import linalg
+from numpy.lib.stride_tricks import as_strided
 
-from np_drake.diagnosis.numerics.fir_filter import banded, filtered
+from np_drake.diagnosis.options import Tolerance
 
-ORDER = 20  # 0.4 s at 50 Hz
-RIDGE = 1e-3  # white share added to every channel, for the highest frequencies that the low-pass removed [1]
-ACTIVE = 1e-12  # a channel with less variance is absent
-QUIETEST = 0.1  # least error of a flight over that of all, so that a flight at rest does not dominate [1]; own choice
+BLOCK = 32  # output rows that are filtered at a time
+
+
+def banded(taps: np.ndarray, every: int = 1) -> np.ndarray:
+    """Return the banded matrix that applies taps to `BLOCK` output rows at once.
+
+    Args:
+        taps: (..., p) weights.
+        every: decimation: input rows for each output row.
+    Returns: (..., `BLOCK`, q) matrix that maps q input rows to `BLOCK` outputs.
+    """
+    p = taps.shape[-1]
+    band = np.zeros((*taps.shape[:-1], BLOCK, (BLOCK - 1) * every + p))
+    for i in range(BLOCK):
+        band[..., i, i * every : i * every + p] = taps
+    return band
+
+
+def filtered(band: np.ndarray, values: np.ndarray, every: int = 1) -> np.ndarray:
+    """Return weighted sums of neighbouring rows.
+
+    Args:
+        band: matrix of the taps (p,) from `banded`.
+        values: (n, k) input; the first output covers its first p rows.
+        every: decimation, as given to `banded`.
+    Returns: ((n - p) // every + 1, k) outputs.
+    """
+    p, (n, k) = band.shape[1] - (BLOCK - 1) * every, values.shape
+    count = (n - p) // every + 1
+    whole, rest = divmod(count, BLOCK)
+    out = np.empty((count, k))
+    if whole:
+        row, item = values.strides
+        shape, steps = (whole, band.shape[1], k), (BLOCK * every * row, row, item)
+        blocks = as_strided(values, shape, steps, writeable=False)
+        np.matmul(band, blocks, out=out[: whole * BLOCK].reshape(whole, BLOCK, k))
+    if rest:
+        last = (rest - 1) * every + p
+        out[whole * BLOCK :] = band[:rest, :last] @ values[whole * BLOCK * every :][:last]
+    return out
 
 
 @dc.dataclass(frozen=True)
@@ -66,7 +103,7 @@ class NoiseModel:
 
     @cached_property
     def _bands(self) -> np.ndarray:
-        """(c, ...) banded filter of each channel that maps its values to its innovations (`fir_filter.banded`)."""
+        """(c, ...) banded filter of each channel that maps its values to its innovations (`banded`)."""
         return banded(np.concatenate([-self.phi[:, ::-1], np.ones((len(self.phi), 1))], axis=1))
 
     def whiten(self, values: np.ndarray, flight: str = "") -> np.ndarray:
@@ -100,7 +137,13 @@ class NoiseModel:
         return channels, driven.reshape(n, len(parts), *values.shape[2:])
 
     def driven_in(self, channel: int, values: np.ndarray, flight: str = "") -> np.ndarray:
-        """Return the innovations (m - p, ...) of one channel with values (m, ...)."""
+        """Return the innovations (m - p, ...) of one channel with values (m, ...).
+
+        Args:
+            channel: its index.
+            values: (m, ...) of the channel.
+            flight: name of the flight, whose `loudness` applies.
+        """
         flat = np.ascontiguousarray(values, float).reshape(len(values), math.prod(values.shape[1:]))
         driven = (
             filtered(self._bands[channel], flat) if self.phi[channel].any() else flat[self.phi.shape[1] :]
@@ -119,6 +162,7 @@ class NoiseModel:
         Returns: (k, k) inner products, k the sum of all k_i.
         """
         size = sum(X.shape[-1] for X in columns)
+        # X'Σ^-1 X summed over pairs of channels: the weight couples innovations of channels c and d.
         weight, out = self.weight, np.zeros((size, size))
         parts = self._driven(columns, flight)
         for i, (c, some, own) in enumerate(parts):
@@ -156,116 +200,25 @@ def _columns(values: np.ndarray, some: np.ndarray) -> np.ndarray:
     return values if some.all() else values[:, some]
 
 
-def scale_only(residuals: list[np.ndarray], step: float) -> NoiseModel:
-    """Return white noise with the RMS of the residuals.
+@dc.dataclass(frozen=True)
+class Readings:
+    """Noise of the residuals and tolerances of vehicle file and sensors that a diagnosis found or used."""
 
-    With it, generalised least squares becomes ordinary least squares on scaled channels.
+    noise: NoiseModel
+    tolerance: Tolerance
 
-    Args:
-        residuals: (m, c) residuals of each flight.
-        step: sample interval [s].
-    """
-    rms = np.sqrt(np.mean(np.concatenate(residuals) ** 2, axis=0))
-    rms[rms**2 < ACTIVE] = 0.0
-    mixing = np.diag(np.where(rms > 0, 1.0 / np.maximum(rms, 1e-12), 0.0))
-    return NoiseModel(np.zeros((len(rms), 1)), mixing, rms, rms**2, step)
+    def as_json(self) -> dict[str, Any]:
+        """Return noise and tolerances in plain types."""
+        noise = self.noise
+        arrays = {name: getattr(noise, name).tolist() for name in ("phi", "mixing", "rms", "innovation")}
+        return {"noise": {**arrays, "step": noise.step}, "tolerance": dc.asdict(self.tolerance)}
 
-
-def with_loudness(noise: NoiseModel, residuals: list[np.ndarray], flights: Sequence[str]) -> NoiseModel:
-    """Return the noise with an error level of each flight's own, so that the loudest does not decide for all.
-
-    Args:
-        noise: of all flights together.
-        residuals: (m, c) residuals of each flight, without their means.
-        flights: names of the flights.
-    Source: feasible generalised least squares with one variance for each group.
-    """
-    usual = np.sqrt(np.maximum(noise.innovation, 1e-300))
-    driven = [np.sqrt(np.mean(_innovations(noise, r) ** 2, axis=0)) for r in residuals]
-    own = [np.where(noise.active, np.maximum(d / usual, QUIETEST), 1.0) for d in driven]
-    return dc.replace(noise, loudness=dict(zip(flights, own, strict=True)))
-
-
-def _innovations(noise: NoiseModel, residual: np.ndarray) -> np.ndarray:
-    """Return the innovations (m - p, c) of a residual (m, c)."""
-    return np.stack([noise.driven_in(c, residual[:, c]) for c in range(residual.shape[1])], axis=1)
-
-
-def no_worse(residuals: list[np.ndarray], before: list[np.ndarray]) -> list[np.ndarray]:
-    """Return the residuals, except in channels that a fit has made worse: there return those `before` the fit.
-
-    A poor fit would otherwise raise the noise level and so excuse itself.
-
-    Args:
-        residuals: (m, c) residuals of each flight after the fit.
-        before: (m, c) residuals of each flight before it.
-    """
-    now = np.concatenate(residuals).std(axis=0)
-    then = np.sqrt(np.mean(np.concatenate(before) ** 2, axis=0))
-    return [np.where(now > then, b, r) for r, b in zip(residuals, before, strict=True)]
-
-
-def fit_noise(
-    residuals: list[np.ndarray],
-    step: float,
-    *,
-    explained: list[np.ndarray] | None = None,
-    inexact: float = 0.0,
-    slow: np.ndarray | None = None,
-    white: np.ndarray | None = None,
-    order: int = ORDER,
-) -> NoiseModel:
-    """Fit the noise model to the residuals of one or more flights.
-
-    The mean of each flight is removed first: noise has none, and a mean is a finding.
-
-    Args:
-        residuals: (m, c) residuals of each flight.
-        step: sample interval [s].
-        explained: (m, c) prediction of a model for each flight, of which the share `inexact` [1] counts as noise too.
-        inexact: relative error of that prediction [1].
-        slow: (c,) RMS of errors that hardly change over the memory of the noise model.
-        white: (c,) RMS of white errors that the residuals may lack.
-        order: order of the autoregression [1].
-    """
-    drift, sudden = (np.zeros(residuals[0].shape[1]) if rms is None else rms**2 for rms in (slow, white))
-    smear = [inexact * (p - p.mean(axis=0)) for p in explained or []] if inexact else []
-    residuals = [r - r.mean(axis=0) for r in residuals]
-    channels = residuals[0].shape[1]
-    phi = np.zeros((channels, order))
-    innovation = np.zeros(channels)
-    total = sum(len(r) for r in residuals)
-    rms = np.sqrt(sum(np.sum(r**2, axis=0) for r in residuals) / total)
-    rms[rms**2 < ACTIVE] = 0.0
-    for c in np.flatnonzero(rms):
-        lags = (
-            sum((_autocovariance(r[:, c], order) for r in [*residuals, *smear]), np.zeros(order + 1)) / total
+    @classmethod
+    def of_json(cls, content: Mapping[str, Any]) -> "Readings":
+        """Return the readings that `as_json` wrote."""
+        found = content["noise"]
+        phi, mixing, rms, innovation = (
+            np.array(found[name], float) for name in ("phi", "mixing", "rms", "innovation")
         )
-        lags += drift[c]
-        lags[0] = (1 + RIDGE) * lags[0] + sudden[c]
-        phi[c] = linalg.solve_toeplitz(lags[:-1], lags[1:])
-        innovation[c] = lags[0] - phi[c] @ lags[1:]
-    plain = NoiseModel(phi, np.eye(channels), rms, innovation, step)
-    driven = np.concatenate([plain.whiten(r) for r in [*residuals, *smear]])
-    rows = total - order * len(residuals)
-    sudden = np.where(plain.active, sudden * (1 + np.sum(phi**2, axis=1)), 0.0)
-    return dc.replace(plain, mixing=_mixing(driven.T @ driven / rows + np.diag(sudden), plain.active))
-
-
-def _autocovariance(e: np.ndarray, order: int) -> np.ndarray:
-    """Return the sums of lagged products (order + 1,) of e (n,)."""
-    size = 2 ** int(np.ceil(np.log2(len(e) + order + 1)))
-    power = np.abs(np.fft.rfft(e, size)) ** 2
-    return np.fft.irfft(power, size)[: order + 1]
-
-
-def _mixing(covariance: np.ndarray, active: np.ndarray) -> np.ndarray:
-    """Return the inverse Cholesky factor of the covariance on the active channels; zero elsewhere."""
-    mixing = np.zeros_like(covariance)
-    index = np.ix_(active, active)
-    block = covariance[index]
-    scale = np.sqrt(np.diag(block))
-    correlation = block / np.outer(scale, scale) + 1e-6 * np.eye(len(scale))
-    factor = np.linalg.cholesky(correlation)
-    mixing[index] = np.linalg.inv(factor) / scale
-    return mixing
+        noise = NoiseModel(phi, mixing, rms, innovation, float(found["step"]))
+        return cls(noise, Tolerance(**content["tolerance"]))

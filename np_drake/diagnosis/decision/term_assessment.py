@@ -1,0 +1,240 @@
+"""Assessment of one term of the best model: its size, how probable it is, and how probably material."""
+
+import dataclasses as dc
+from collections.abc import Sequence
+
+import numpy as np
+from scipy import special
+
+from np_drake import attitude
+from np_drake.diagnosis.adequacy import LinearModel
+from np_drake.diagnosis.fitting import Fit, impossible, scaled_jacobian
+from np_drake.diagnosis.forward_model import Term, predicted_residual
+from np_drake.diagnosis.held_out import HeldOut
+from np_drake.diagnosis.numerics import NoiseModel
+from np_drake.diagnosis.options import Materiality, Options, Size, Tolerance
+from np_drake.diagnosis.regressors import DRAG
+from np_drake.diagnosis.residuals import FORCE, TORQUE, WRENCH, FlightResiduals
+from np_drake.diagnosis.selection import Ranking
+
+DRAWS = 400  # of the posterior
+SEED = 1
+
+
+@dc.dataclass(frozen=True)
+class TermAssessment:
+    """What is known of a term of the best model.
+
+    in_model: probability that it acts, against other effects and generic structure in its place [1].
+    material: probability that it is larger than what is practically none, given that it acts [1].
+    size: at the fit.   stands_for: why its parameters are not physical; empty where they are.
+    """
+
+    in_model: float
+    material: float
+    size: Size
+    stands_for: str
+
+    @property
+    def probability(self) -> float:
+        """Probability of a cause [1]."""
+        return 0.0 if self.stands_for else self.in_model * self.material
+
+    @property
+    def reason(self) -> str:
+        """Why it is below the threshold of a cause."""
+        if self.stands_for:
+            return self.stands_for
+        return "immaterial" if self.material < self.in_model else f"not sure, {self.in_model:.2g}"
+
+
+def assess_term(
+    ranking: Ranking,
+    linear: LinearModel,
+    structure: Sequence[int],
+    i: int,
+    same: Sequence[str],
+    held: HeldOut,
+    *,
+    gusts: bool = False,
+) -> TermAssessment:
+    """Assess term i of the best model.
+
+    Args:
+        ranking: of the models.
+        linear: the best model, linear about its fit.
+        structure: positions of the generic structure beside it.
+        i: position of the term.
+        same: effects that cannot be told from term i, whose probability is added.
+        held: the best fit on held-out flights.
+        gusts: whether the slow force is that of gusts. The drag through which they act is material and stands for
+            nothing else; its prior is that of gusts against structure that is no effect.
+    """
+    fit, flights, options = ranking.best, ranking.problem.flights, ranking.options
+    effect, tolerance, materiality, priors = (
+        fit.terms[i].effect,
+        options.tolerance,
+        options.materiality,
+        options.priors,
+    )
+    named = min(1.0, sum(ranking.probability.get(name, 0.0) for name in (effect.identifier, *same)))
+    through_drag = gusts and effect.identifier == DRAG
+    brought = priors.generic - priors.of_effect(DRAG) if through_drag else 0.0
+    in_model = named * float(special.expit(linear.margin(i, structure) + brought))
+    unseen = [(e, held.terms[e.name]) for e in held.flights]
+    size = size_of(fit, i, flights, ranking.noise, tolerance, unseen)
+    material = material_share(
+        size,
+        relative_sizes(fit, i, flights),
+        materiality,
+        calibration=within_calibration(fit.terms[i], options),
+        sensor=tolerance.of(effect) > 0,
+    )
+    largest_error = materiality.sensor * tolerance.attitude_error
+    material *= wind_share(fit, i, flights, materiality.still_air, largest_error)
+    shift = abs(effect.time_shift(flights[0].vehicle))
+    if 0 < shift < materiality.sensor * tolerance.timing:
+        material = 0.0
+    if through_drag:
+        return TermAssessment(in_model, 1.0, size, "")
+    return TermAssessment(in_model, material, size, impossible(fit, i, flights[0].vehicle))
+
+
+def size_of(
+    fit: Fit,
+    i: int,
+    flights: Sequence[FlightResiduals],
+    noise: NoiseModel,
+    tolerance: Tolerance,
+    unseen: Sequence[tuple[FlightResiduals, Sequence[Term]]] = (),
+) -> Size:
+    """Return the size of term i over training and held-out flights; its gap counts training flights alone.
+
+    What does little where it was fitted may do much elsewhere, as a drag in a flight that is faster. A half of a flight
+    that joined the fit counts in both.
+
+    Args:
+        fit: of the model.
+        i: position of the term.
+        flights: training flights.
+        noise: noise model of the channels.
+        tolerance: of the sensors.
+        unseen: held-out flights with their adapted terms.
+    Source: own choice.
+    """
+    force = torque = command = rows = own = gap = 0.0
+    inverse = np.where(noise.rms > 0, 1.0 / np.maximum(noise.rms, 1e-12), 0.0)
+    fitted = [(e, fit.everything) for e in flights]
+    for k, (e, terms) in enumerate([*fitted, *unseen]):
+        part = _part_of(terms, i, e)
+        force += np.sum(part[:, FORCE] ** 2)
+        torque += np.sum(part[:, TORQUE] ** 2)
+        command += np.sum((e.nominal[:, 3:] - e.nominal[:, 3:].mean(axis=0)) ** 2)
+        rows += len(part)
+        if k < len(fitted):
+            own += np.sum((part * inverse) ** 2)
+            gap += np.sum((e.y * inverse) ** 2) - e.y.shape[0] * np.sum(noise.rms > 0)
+    effect = fit.terms[i].effect
+    return Size(
+        float(np.sqrt(force / rows)) / flights[0].weight,
+        float(np.sqrt(torque / max(command, 1e-12))),
+        float(own / max(gap, own, 1e-9)),
+        float(np.linalg.norm(list(effect.values.values()))) / max(tolerance.of(effect), 1e-9),
+    )
+
+
+def _part_of(terms: Sequence[Term], i: int, flight: FlightResiduals) -> np.ndarray:
+    """Return the part (m, 15) of the terms' predicted residual that is due to term i."""
+    rest = [t for j, t in enumerate(terms) if j != i]
+    return predicted_residual(flight, terms) - predicted_residual(flight, rest)
+
+
+def within_calibration(term: Term, options: Options) -> bool:
+    """Return whether the term is what a vehicle file may be off by; not if it begins in flight.
+
+    Args:
+        term: of a fit.
+        options: hold the tolerance of the vehicle file.
+    """
+    late = any(begin is not None for begin in term.onset.values())
+    stated = term.effect.tolerance and term.effect.place != "measurement"
+    return bool(stated) and options.tolerance.real and not late
+
+
+def relative_sizes(fit: Fit, i: int, flights: Sequence[FlightResiduals]) -> np.ndarray:
+    """Return draws (`DRAWS`,) of the size of term i from its posterior, over its size at the fit [1].
+
+    The size is the RMS of what the term's parameters predict, linear in their distance from none.
+
+    Args:
+        fit: of the model.
+        i: position of the term.
+        flights: training flights.
+    Source: Laplace approximation.
+    """
+    names = {p.name for p in fit.terms[i].effect.parameters if p.vanishes}
+    own = [k for k, f in enumerate(fit.free) if f.term == i and not f.flight and f.name in names]
+    away = np.array([fit.values[k] - fit.free[k].neutral for k in own])
+    free = [fit.free[k] for k in own]
+    scale = np.array([f.scale for f in free])
+    columns = [scaled_jacobian(fit.everything, free, e)[:, WRENCH].reshape(-1, len(own)) for e in flights]
+    # The squared size is the quadratic form d' P d of the distance d from none, P = sum J'J over the flights.
+    power = sum(J.T @ J for J in columns) / np.outer(scale, scale)
+    if not power.any():  # a sensor error that no wrench shows
+        power = np.diag(scale**-2.0)
+    draws = np.random.default_rng(SEED).multivariate_normal(away, fit.covariance[np.ix_(own, own)], DRAWS)
+    at_fit = float(away @ power @ away)
+    squares = np.einsum("ni,ij,nj->n", draws, power, draws)
+    return np.sqrt(np.maximum(squares, 0.0) / max(at_fit, 1e-300))
+
+
+def wind_share(
+    fit: Fit, i: int, flights: Sequence[FlightResiduals], still_air: float, attitude_error: float
+) -> float:
+    """Return the posterior probability that the mean level wind of term i is none of still air; 1 where it is no wind.
+
+    It is faster than a draught, and pushes harder than an attitude error that the sensors may have.
+
+    Args:
+        fit: of the model.
+        i: position of the term.
+        flights: training flights.
+        still_air: largest speed of a draught [m/s].
+        attitude_error: that the sensors may have, under which thrust pushes as a wind does [rad].
+    """
+    own = {f.name: k for k, f in enumerate(fit.free) if f.term == i and not f.flight}
+    if not fit.terms[i].effect.needs or not {"x", "y"} <= set(own):
+        return 1.0
+    level = [own["x"], own["y"]]
+    covariance = fit.covariance[np.ix_(level, level)]
+    draws = np.random.default_rng(SEED).multivariate_normal(fit.values[level], covariance, DRAWS)
+    speed, at_fit = np.linalg.norm(draws, axis=1), float(np.linalg.norm(fit.values[level]))
+    least = attitude_error * flights[0].weight * at_fit / max(_mean_level_force(fit, i, flights), 1e-12)
+    return float(np.mean(speed > max(still_air, least)))
+
+
+def _mean_level_force(fit: Fit, i: int, flights: Sequence[FlightResiduals]) -> float:
+    """Return the size of the mean level force of term i in W while it acts, over all flights [N]."""
+    forces = []
+    for e in flights:
+        part, begin = _part_of(fit.everything, i, e), fit.terms[i].begins(e.name)
+        acts = e.t >= (-np.inf if begin is None else begin)
+        forces.append(attitude.rotate(e.q, part[:, FORCE])[acts])
+    return float(np.linalg.norm(np.concatenate(forces).mean(axis=0)[:2]))
+
+
+def material_share(
+    size: Size, relative: np.ndarray, materiality: Materiality, *, calibration: bool, sensor: bool
+) -> float:
+    """Return the posterior probability that an effect is larger than what is practically none [1].
+
+    Args:
+        size: at the fit.
+        relative: draws (n,) of the size over that at the fit [1].
+        materiality: bounds of what is practically none.
+        calibration: whether the effect is what a vehicle file may be off by.
+        sensor: whether it is a sensor error.
+    """
+    sizes = (Size(size.force * r, size.torque * r, size.gap * r**2, size.sensor * r) for r in relative)
+    found = [s.material(materiality, calibration=calibration, sensor=sensor) for s in sizes]
+    return float(np.mean(found))

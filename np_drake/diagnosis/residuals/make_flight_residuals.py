@@ -1,0 +1,176 @@
+"""Residuals of a flight from its log, and what flights must be like to be diagnosed together."""
+
+import dataclasses as dc
+from collections.abc import Sequence
+
+import numpy as np
+
+from np_drake import attitude
+from np_drake.diagnosis.residuals.accelerations import Instants, make_instants
+from np_drake.diagnosis.residuals.attitude_smoothing import smooth_attitude
+from np_drake.diagnosis.residuals.flight_residuals import TORQUE, FlightResiduals, after_rows, row_resampler
+from np_drake.diagnosis.residuals.resampling import STEP, Resampler, make_grid
+from np_drake.diagnosis.residuals.rotor_thrust import Rotors
+from np_drake.flight_log import FlightLog
+from np_drake.vehicle import Vehicle
+
+LEAST_DURATION = 3.0  # least duration of a flight [s]; own choice
+SETTLING = 7.0  # rotor time constants after which commands before the log no longer matter [1]; own choice
+OFF = 0.4  # initial thrust error over hover thrust, above which rotors had not settled [1]; own choice
+
+
+def make_flight_residuals(
+    log: FlightLog, vehicle: Vehicle, step: float | None = None, since: float | None = None
+) -> FlightResiduals:
+    """Compute the residuals of one flight.
+
+    Args:
+        log: the flight.
+        vehicle: the nominal vehicle.
+        step: step of the grid, where flights are to share it [s]; default: that of the log.
+        since: time from which rows count [s]; default: when rotor thrust follows from the commands alone.
+    Raises: ValueError: if the flight is too short for a grid.
+    """
+    if log.t[-1] - log.t[0] < LEAST_DURATION:
+        raise ValueError(
+            f"diagnose: {log.name} must last at least {LEAST_DURATION:g} s; got {log.t[-1] - log.t[0]:.3g} s. "
+            "Give a longer flight."
+        )
+    log, knows_torque = _with_torque(log)
+    smooth, noise = smooth_attitude(log.t, log.q, log.w)
+    q, turned = _attitude_for_force(log, smooth, vehicle.gravity)
+    rows, mids = make_instants(log, smooth)
+    thrust_rows, thrust_mids = Rotors(log, vehicle).thrust([])
+    force, others = _channels(log, vehicle, q, mids, thrust_rows, thrust_mids)
+    since = _settled(log, vehicle, force[:, 2:], others[:, :3]) if since is None else since
+    grid = make_grid(log.t[log.t >= since], step)
+    from_rows, from_mids = row_resampler(grid, log), Resampler.of_intervals(grid, log.t)
+    y = np.concatenate([from_rows(force), from_mids(others)], axis=1)
+    u_rows, u_mids = thrust_rows @ vehicle.mixer.T, thrust_mids @ vehicle.mixer.T
+    f = u_mids[:, :1] if log.a is None else u_rows[:, :1]
+    nominal = np.concatenate([np.zeros((len(grid), 2)), from_rows(f), from_mids(u_mids[:, 1:])], axis=1)
+    w = from_mids(mids.x[:, 10:13])
+    none = np.zeros(len(grid), bool)
+    if not knows_torque:
+        y[:, TORQUE] = 0.0
+    return FlightResiduals(
+        *(log, vehicle, grid, y, rows, mids, thrust_rows, thrust_mids, nominal, w, noise, turned, none, none),
+        knows_torque=knows_torque,
+    )
+
+
+def _with_torque(log: FlightLog) -> tuple[FlightLog, bool]:
+    """Return the log with zeros for a torque that is not known, and whether it is."""
+    if np.isfinite(log.u[:, 1:]).any() or not np.isfinite(log.u[:, 0]).any():
+        return log, True
+    return dc.replace(log, u=np.nan_to_num(log.u)), False
+
+
+def _settled(log: FlightLog, vehicle: Vehicle, thrust: np.ndarray, torque: np.ndarray) -> float:
+    """Return the time from which rotor thrust follows from the commands alone [s].
+
+    Rotors with lag may not have held the first command before the log began. thrust (n, 1) [N] and torque (n-1, 3)
+    [N·m] are the residuals that rotors which did would leave.
+    """
+    lag = 0.0 if log.input == "rotor_speed" else vehicle.rotor_time_constant
+    first = max(1, int(np.sum(log.t[1:] <= log.t[0] + STEP)))
+    missed = np.concatenate([thrust[:first].mean(axis=0), torque[:first].mean(axis=0)]) @ vehicle.unmixer.T
+    hover = 0.25 * vehicle.mass * vehicle.gravity
+    if np.sqrt(np.mean(missed**2)) < OFF * hover:
+        return float(log.t[0])
+    return float(min(log.t[0] + SETTLING * lag, log.t[-1] - LEAST_DURATION))
+
+
+def _attitude_for_force(log: FlightLog, smooth: np.ndarray, gravity: float) -> tuple[np.ndarray, bool]:
+    """Return the attitude (n, 4) that rotates `a` back to the accelerometer's axes with least noise, and `turned`."""
+    if log.a is None or smooth is log.q:
+        return smooth, False
+    g = np.array([0.0, 0.0, gravity])
+    roughness = [
+        np.mean(np.diff(attitude.rotate_back(q, log.a + g)[:, :2], n=2, axis=0) ** 2) for q in (log.q, smooth)
+    ]
+    turned = roughness[0] < roughness[1]
+    return (log.q if turned else smooth), bool(turned)
+
+
+def _channels(
+    log: FlightLog,
+    vehicle: Vehicle,
+    q: np.ndarray,
+    mids: Instants,
+    thrust_rows: np.ndarray,
+    thrust_mids: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the force channels (n, 3) at the instants of force and the others (n-1, 12) at those of torque."""
+    dt = np.diff(log.t)[:, None]
+    g = np.array([0.0, 0.0, vehicle.gravity])
+    rate = np.diff(log.v, axis=0) / dt
+    from_v = attitude.rotate_back(mids.q, rate + g)
+    u_mids = thrust_mids @ vehicle.mixer.T
+    if log.a is None:
+        s, f = from_v, u_mids[:, 0]
+        e_a = np.zeros((len(mids.t), 3))
+    else:
+        s = attitude.rotate_back(q, log.a + g)
+        f = (thrust_rows @ vehicle.mixer.T)[:, 0]
+        e_a = from_v - s[:-1]
+        e_a[:, 2] -= after_rows(f, u_mids[:, 0]) / vehicle.mass
+    force = vehicle.mass * s
+    force[:, 2] -= f
+    w = mids.x[:, 10:13]
+    al = np.diff(log.w, axis=0) / dt
+    torque = al @ vehicle.J.T + np.cross(w, w @ vehicle.J.T) - u_mids[:, 1:]
+    e_v = attitude.rotate_back(mids.q, np.diff(log.p, axis=0) / dt - mids.x[:, 7:10])
+    turn = attitude.rotation_vector(attitude.multiply(attitude.conjugate(log.q[:-1]), log.q[1:])) / dt
+    return force, np.concatenate([torque, e_v, e_a, turn - w], axis=1)
+
+
+def require_flights(train: Sequence[FlightLog], held_out: Sequence[FlightLog]) -> None:
+    """Check names, inputs and accelerations of the flights, and that no held-out flight is a training flight.
+
+    Args:
+        train: training flights.
+        held_out: held-out flights.
+    Raises: ValueError: if the flights cannot be diagnosed together; one line with the remedy.
+    """
+    for name, logs in (("train", train), ("held_out", held_out)):
+        if not logs:
+            raise ValueError(f"diagnose: {name} must hold at least one flight; got none.")
+    names = [log.name for log in [*train, *held_out]]
+    twice = {n for n in names if names.count(n) > 1}
+    if twice:
+        raise ValueError(
+            f"diagnose: flights must have different names; got {sorted(twice)[0]!r} twice. "
+            "Rename one, or give each flight once."
+        )
+    inputs = {log.input: log.name for log in reversed([*train, *held_out])}
+    if len(inputs) > 1:
+        got = " and ".join(f"{kind} ({name})" for kind, name in sorted(inputs.items()))
+        raise ValueError(
+            f"diagnose: all flights must have the same input; got {got}. Diagnose each kind by itself, or name an "
+            "input that all have in the vehicle file (input: …)."
+        )
+    present = {log.name: log.a is not None for log in [*train, *held_out]}
+    if len(set(present.values())) > 1:
+        without = next(n for n, there in present.items() if not there)
+        raise ValueError(f"diagnose: all flights or none must have accelerations; {without} has none.")
+    seen = {log.name: _motion(log) for log in train}
+    for log in held_out:
+        own = _motion(log)
+        same = next((name for name, rows in seen.items() if _same(own, rows)), None)
+        if same is not None:
+            raise ValueError(
+                f"diagnose: {log.name} is the same flight as {same}, to which effects are fitted, and can judge none. "
+                "Give one that was flown apart."
+            )
+
+
+def _motion(log: FlightLog) -> set[bytes]:
+    """Return the distinct rows of p, v and w as bytes."""
+    rows = np.concatenate([log.p, log.v, log.w], axis=1, dtype=float) + 0.0  # no zero has a sign
+    return set(np.ascontiguousarray(rows).view(f"V{rows[:1].nbytes}").ravel().tolist())
+
+
+def _same(held_out: set[bytes], train: set[bytes]) -> bool:
+    """Return whether more than half of the distinct rows are also in the training flight; a single row is no motion."""
+    return len(held_out) > 1 and 2 * len(held_out & train) > len(held_out)
