@@ -2,14 +2,12 @@
 
 import dataclasses as dc
 import math
-import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from diagrams.challenge.real.answers import HERE, answers
 from diagrams.challenge.real.cases import Case, cases_by_name
 from diagrams.challenge.real.flights import open_case
 from diagrams.challenge.real.least_squares import (
@@ -32,33 +30,19 @@ from diagrams.challenge.real.wind_force import (
     told_wind_force,
     wrench_effects,
 )
+from np_drake.diagnosis.diagnose import diagnose
 from np_drake.effects.pendulum import Payload
-from np_drake.files.atomic_file import write_json
-from np_drake.files.input_file import kept_json
 from np_drake.flight_log import FlightLog
 from np_drake.vehicle import Vehicle
 
-THIS, BESIDE, BIC, TOLD = "this", "beside", "BIC", "told"
-METHODS = (THIS, BESIDE, BIC, TOLD)
+THIS, BIC, TOLD = "this", "BIC", "told"
+METHODS = (THIS, BIC, TOLD)
 GROUPS = {
     "lateral": ("x", "y"),
     "vertical": ("z",),
     "torque": ("x", "y", "z"),
 }  # axes of the held-out residual
 Causes = Mapping[str, float]  # probability by name
-
-
-@dc.dataclass(frozen=True)
-class Settings:
-    """What is done with every case.
-
-    beside: another checkout, whose diagnosis answers too.   kept: folder of answers, of which those that are there are
-    taken; None: they are not kept.   opponents: whether least squares answers too.
-    """
-
-    beside: Path | None = None
-    kept: Path | None = None
-    opponents: bool = True
 
 
 @dc.dataclass(frozen=True)
@@ -70,25 +54,21 @@ class Scoring:
 
     folder: Path
     neurobem: Path | None
-    settings: Settings
 
     def __call__(self, record: dict[str, Any]) -> dict[str, Any]:
         """Score the case."""
-        cases = cases_by_name(self.folder, self.neurobem)
-        return score_case(cases[record["group"], record["name"]], self.settings)
+        return score_case(cases_by_name(self.folder, self.neurobem)[record["group"], record["name"]])
 
 
-def score_case(case: Case, settings: Settings) -> dict[str, Any]:
+def score_case(case: Case) -> dict[str, Any]:
     """Return a case with the score of every method: names, right, wrong, parameters, held-out figures and seconds.
 
-    Raises: LogError, OSError: if a flight cannot be used; FailedRun: if a diagnosis fails.
+    Raises: LogError, OSError: if a flight cannot be used.
     """
-    found = _answers(case, settings)
     vehicle, train, held_out = open_case(case)
     truth = TRUTHS[case.group]
-    methods = {name: scored(answer, truth, train) for name, answer in found.items()}
-    if settings.opponents:
-        methods |= _opponents(case, vehicle, train, truth)
+    answer = diagnose(vehicle, train, held_out, adaptive_split=case.second).as_json()
+    methods = {THIS: scored(answer, truth, train), **_opponents(vehicle, train, truth)}
     for method in methods.values():
         if "payload" in case.group and "suspended_payload" in method["parameters"]:
             method["position"] = position_errors(case, vehicle, held_out, method)
@@ -99,25 +79,6 @@ def score_case(case: Case, settings: Settings) -> dict[str, Any]:
         for method in methods.values():
             method["wind"] = wind_figures(method["parameters"], train, vehicle, force, case.speed)
     return record
-
-
-def _answers(case: Case, settings: Settings) -> dict[str, dict[str, Any]]:
-    """Return the answer of every checkout, those that are kept where they are to be taken."""
-    checkouts = {THIS: HERE} | ({BESIDE: settings.beside} if settings.beside else {})
-    file = None if settings.kept is None else settings.kept / f"{slug(case)}.json"
-    there: dict[str, Any] = {}
-    if file is not None:
-        there = kept_json(file) or {}
-    left = {name: path for name, path in checkouts.items() if name not in there}
-    there |= dict(zip(left, answers(case, list(left.values())), strict=True)) if left else {}
-    if file is not None and left:
-        write_json(file, there)
-    return {name: there[name] for name in checkouts}
-
-
-def slug(case: Case) -> str:
-    """Return a file name of a case."""
-    return re.sub(r"[^\w.]+", "_", f"{case.group} {case.name}")
 
 
 def scored(answer: Mapping[str, Any], truth: Truth, train: Sequence[FlightLog] = ()) -> dict[str, Any]:
@@ -134,8 +95,7 @@ def scored(answer: Mapping[str, Any], truth: Truth, train: Sequence[FlightLog] =
         "unknown": answer.get("unknown_probability", 0.0),
         "cut": held_out_cut(answer["gap"]),
         "new_condition": says_new_condition(answer, fitted),
-        "seconds": answer["seconds"],
-        "processor": answer.get("processor_seconds"),
+        "seconds": answer["wall"],
     }
 
 
@@ -226,9 +186,7 @@ def values_of(parameters: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str
     }
 
 
-def _opponents(
-    case: Case, vehicle: Vehicle, train: Sequence[FlightLog], truth: Truth
-) -> dict[str, dict[str, Any]]:
+def _opponents(vehicle: Vehicle, train: Sequence[FlightLog], truth: Truth) -> dict[str, dict[str, Any]]:
     """Return the scores of least squares, that chooses by BIC and that is told the effect."""
     flights = residuals_of(train, vehicle)
     columns = [

@@ -228,10 +228,7 @@ def _together(records: Sequence[Record]) -> list[dict[str, Any]]:
             "wanted": "0",
             **{m: str(_surely_wrong(records, m)) for m in names},
         },
-        *(
-            _line(records, f"{what} a case, median", "", ALL, itemgetter(key), timed, gather=seconds)
-            for what, key in (("seconds", "seconds"), ("seconds of the processor", "processor"))
-        ),
+        _line(records, "seconds a case, median", "", ALL, itemgetter("seconds"), timed, gather=seconds),
     ]
 
 

@@ -3,12 +3,11 @@
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from diagrams.challenge.real.score import BESIDE, BIC, METHODS, THIS, TOLD
+from diagrams.challenge.real.score import BIC, METHODS, TOLD
 from diagrams.challenge.real.summary import PAYLOADS, Record, asked_figures
 from diagrams.challenge.real.truth import NAMED, TRUTHS
 
 Table = tuple[str, list[str], list[tuple]]
-HEADERS = {THIS: "this", BESIDE: "beside", BIC: "BIC", TOLD: "told"}
 TOP = 5  # names that are shown of a method
 
 
@@ -28,7 +27,7 @@ def asked_table(records: Sequence[Record]) -> Table:
         if any(line.get(m) is not None for m in used)
     ]
     title = "asked of the diagnosis; BIC: forward selection; told: least squares of the known effect alone"
-    return title, ["asked", "wanted", *(HEADERS[m] for m in used)], rows
+    return title, ["asked", "wanted", *used], rows
 
 
 def payload_table(records: Sequence[Record]) -> Table:
@@ -44,7 +43,7 @@ def payload_table(records: Sequence[Record]) -> Table:
             rows.append(
                 (
                     record["case"] + (" (command)" if record["group"] == PAYLOADS[1] else ""),
-                    HEADERS[name],
+                    name,
                     "–" if p is None else f"{p:.2f}",
                     _interval(own, "mass", 1e3, 1),
                     _interval(own, "length", 1.0, 3),
@@ -74,7 +73,7 @@ def wind_table(records: Sequence[Record]) -> Table:
             rows.append(
                 (
                     record["case"],
-                    HEADERS[name],
+                    name,
                     "–" if name == TOLD else f"{p:.2f}",
                     f"{record['wind']:.1f}",
                     _fixed(own.get("angle"), 0),
@@ -100,7 +99,7 @@ def name_table(records: Sequence[Record]) -> Table:
             rows.append(
                 (
                     f"{record['group']}: {record['case']}",
-                    HEADERS[name],
+                    name,
                     said,
                     _names(record, method),
                     _last(method),
