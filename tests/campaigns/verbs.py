@@ -47,7 +47,7 @@ VERBS: dict[str, Verb] = {
     "reproduce sample-efficiency": Verb("--neurobem {arrays}"),
     "reproduce response": Verb("--neurobem {arrays}"),
     "reproduce payload-flights": Verb(
-        "{real} --only ridge --only pendulum", times=frozenset({"wall", "training"})
+        "{real} --only ridge --only payload_filter", times=frozenset({"wall", "training"})
     ),
     "reproduce tether": Verb(""),
     "reproduce hover": Verb("--seeds 2 --only hold", times=FLIGHT),

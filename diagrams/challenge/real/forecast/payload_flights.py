@@ -8,10 +8,15 @@ from typer import Option
 from diagrams.batch.options import RealFlights, required
 from diagrams.batch.run import Report, Run
 from diagrams.challenge.real.forecast.figure import ratio_figure
-from diagrams.challenge.real.forecast.folds import DAMPINGS, open_campaign, true_estimate, true_payload
+from diagrams.challenge.real.forecast.folds import DAMPINGS, open_campaign, true_estimate
 from diagrams.challenge.real.forecast.rows import choose
-from diagrams.challenge.real.forecast.study import persistence_rmse, run_study
-from diagrams.challenge.real.forecast.tables import model_table, payload_table, ratio_tables
+from diagrams.challenge.real.forecast.study import run_study
+from diagrams.challenge.real.forecast.tables import (
+    divergence_table,
+    payload_table,
+    persistence_rmse,
+    ratio_tables,
+)
 
 
 @dc.dataclass(frozen=True)
@@ -53,7 +58,7 @@ def run(run: Run, options: Options) -> Report:
         for kind, values in persistence_rmse(lines).items()
     ]
     slow = {model["row"]: sum(model["training"]) for model in models}
-    tables = [*ratio_tables(lines), model_table(models, DAMPINGS, true_payload().length)]
+    tables = [*ratio_tables(lines), divergence_table(models)]
     if study.payloads:
         tables.append(payload_table(study.payloads, true_estimate(), DAMPINGS))
     return Report(

@@ -5,10 +5,11 @@ from typing import Any
 
 import numpy as np
 
-from diagrams.challenge.real.forecast.rows import TOLD_ROWS
+from diagrams.challenge.real.forecast.rows import PERSISTENCE, TOLD_ROWS
 from diagrams.challenge.real.forecast.scores import KINDS
 from diagrams.challenge.real.forecast.study import FlownPayload
 from np_drake.payload_filter.payload_estimate import Estimate, PayloadEstimate
+from np_drake.skill.flight_walk import MOTIONS
 
 Table = tuple[str, list[str], list[tuple]]
 # Ratio of the lateral force that is asked for, by horizon [s].
@@ -54,21 +55,19 @@ def _cell(line: Mapping[str, Any]) -> str:
     return f"{ratio:.{digits}f}" + (f"±{half:.{digits}f}" if half < 10 else "")
 
 
-def model_table(models: Sequence[Mapping[str, Any]], damping: tuple[float, float], length: float) -> Table:
-    """Return a table of each row's divergent flights, and of its tether beside the truth.
+def divergence_table(models: Sequence[Mapping[str, Any]]) -> Table:
+    """Return a table of each row's divergent flights, by coming motion.
 
-    Args: models: row, diverged (by coming motion, numbers of flights), length and damping (of every fold), flights.
-    damping, length: of the true pendulum [1/s, m].
+    Args: models: of `Study.models`.
     """
-    rows: list[tuple] = []
-    for model in models:
-        lost = model["diverged"]
-        counts = [f"{len(lost[motion])} of {model['flights']}" for motion in lost] or ["", ""]
-        rows.append((marked(model["row"]), *counts, _range(model["length"]), _range(model["damping"])))
-    rows.append(("truth", "", "", f"{length:.3f}", f"{damping[0]:.2f}–{damping[1]:.2f}"))
-    header = ["row", "diverge, known", "held", "tether [m]", "damping [1/s]"]
-    title = "divergent flights; tether by modes: mean (range) of folds; pendulum: of flights"
-    return title, header, rows
+    rows = [
+        (
+            marked(model["row"]),
+            *(f"{len(lost)} of {model['flights']}" for lost in model["diverged"].values()),
+        )
+        for model in models
+    ]
+    return "divergent flights", ["row", "diverge, known", "held"], rows
 
 
 def payload_table(
@@ -102,9 +101,7 @@ def _interval(estimates: Sequence[Estimate]) -> str:
     return f"{mean:.3f} [{low:.3f}, {high:.3f}]"
 
 
-def _range(values: Sequence[float]) -> str:
-    if not values:
-        return "–"
-    if np.ptp(values) < 1e-9:
-        return f"{values[0]:.3g}"
-    return f"{np.mean(values):.3g} ({min(values):.3g}–{max(values):.3g})"
+def persistence_rmse(lines: Sequence[Mapping[str, Any]]) -> dict[str, list[float]]:
+    """Return the RMSE of persistence by kind, over the horizons [N, N·m]."""
+    own = [line for line in lines if line["row"] == PERSISTENCE and line["motion"] == MOTIONS[0]]
+    return {kind: [float(line["rmse"]) for line in own if line["kind"] == kind] for kind in KINDS}
