@@ -23,7 +23,7 @@ from diagrams.challenge.real.least_squares import (
 )
 from diagrams.challenge.real.logged_payload import logged_payload
 from diagrams.challenge.real.payload_position import error, make_drive, observed, open_loop
-from diagrams.challenge.real.truth import DIRECTION, TRUTHS, WINDS, Truth, right, wrong
+from diagrams.challenge.real.truth import DIRECTION, TRUTHS, WINDS, Truth
 from diagrams.challenge.real.wind_force import (
     measured_wind_force,
     steady_wind,
@@ -101,7 +101,7 @@ def scored(answer: Mapping[str, Any], truth: Truth, train: Sequence[FlightLog] =
 
 def verdict(causes: Causes, truth: Truth) -> dict[str, Any]:
     """Return the probabilities, whether all that is named is right, and the names that are wrong."""
-    return {"causes": dict(causes), "right": right(truth, causes), "wrong": wrong(truth, causes)}
+    return {"causes": dict(causes), "right": truth.right(causes), "wrong": truth.wrong(causes)}
 
 
 def held_out_cut(gap: Mapping[str, Any]) -> dict[str, float | None]:

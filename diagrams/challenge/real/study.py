@@ -1,20 +1,17 @@
 """Study `real`: the diagnosis on real flights whose cause is known."""
 
 import dataclasses as dc
-from pathlib import Path
-from typing import Annotated, Any
-
-from typer import Option
+from typing import Any
 
 from diagrams.batch.failed_run import FailedRun
 from diagrams.batch.options import Group, Neurobem, RealFlights, required
 from diagrams.batch.run import Report, Run
 from diagrams.batch.workers import failures
-from diagrams.challenge.real.calibration import bins, calibration_figure, simulated_names
+from diagrams.challenge.real.calibration import bins, calibration_figure
 from diagrams.challenge.real.cases import RULE, make_cases
 from diagrams.challenge.real.flights import require_logs
 from diagrams.challenge.real.score import Scoring
-from diagrams.challenge.real.summary import judged_names, naming
+from diagrams.challenge.real.summary import NAMING, judged_names
 from diagrams.challenge.real.tables import tables
 
 
@@ -25,21 +22,12 @@ class Options:
     folder: RealFlights = None
     neurobem: Neurobem = None
     only: Group = None
-    answers: Annotated[
-        Path | None,
-        Option("--answers", metavar="DIR", help="Answers of the simulated benchmark, for the figure."),
-    ] = None
-    truth: Annotated[Path | None, Option("--truth", metavar="DIR", help="Truth of that benchmark.")] = None
 
 
 def run(run: Run, options: Options) -> Report:
     """The diagnosis on real flights with known causes, beside least squares."""
     folder = required(options.folder, "real: give the folder of the real flights as DIR or NP_DRAKE_REAL.")
-    if (options.answers is None) != (options.truth is None):
-        raise ValueError("real: give --answers and --truth together, or neither.")
-
     cases = make_cases(folder, options.neurobem, options.only or ())
-    simulated = simulated_names(options.answers, options.truth) if options.answers and options.truth else []
     require_logs(run, cases)
     config: dict[str, Any] = {"folder": folder, "neurobem": options.neurobem, "only": options.only}
     scoring = Scoring(folder.resolve(), options.neurobem and options.neurobem.resolve())
@@ -47,8 +35,7 @@ def run(run: Run, options: Options) -> Report:
     named = [{"group": case.group, "name": case.name} for case in cases]
     finished = run.cases("diagnosing", "cases", scoring, named, config=settings)
     failed, records = failures(finished), [r["result"] for r in finished if "result" in r]
-    series = {f"real flights, {name}": judged_names(records, name) for name in naming(records)}
-    series |= {"simulated benchmark": simulated} if simulated else {}
+    series = {f"real flights, {method}": judged_names(records, method) for method in NAMING}
     failure = FailedRun(f"{failed[0]} ({len(failed)} of {len(cases)} cases failed)") if failed else None
     return Report(
         tables(records),
