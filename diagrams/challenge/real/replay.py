@@ -14,14 +14,10 @@ from diagrams.batch.run import Report, Run, Table
 from diagrams.batch.workers import failures, require_result
 from diagrams.challenge.real.cases import GROUPS, Case, cases_by_name, make_cases
 from diagrams.challenge.real.flights import open_case, require_logs
-from diagrams.challenge.real.logged_payload import logged_payload
-from diagrams.challenge.real.payload_position import error, make_drive, open_loop
+from diagrams.challenge.real.payload_position import open_loop, plumb, position_errors
 from diagrams.gap.drake_replay import DrakeReplay
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.diagnosis.result import Diagnosis, ReplayGap
-from np_drake.effects.base import WrenchEffect
-from np_drake.effects.pendulum import Payload
-from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.flight_log import FlightLog
 from np_drake.logs.errors import LogError
 from np_drake.vehicle import Vehicle
@@ -29,6 +25,7 @@ from np_drake.vehicle import Vehicle
 QUANTITIES = ("position", "velocity", "attitude")
 EARLY, LATE = 1, -1  # of the horizons
 SIMULATORS = ("nominal", "corrected")
+PREDICTORS = {"below": plumb, "swinging": open_loop}  # of the payload's position
 
 
 @dc.dataclass(frozen=True)
@@ -67,22 +64,13 @@ def _payload_errors(
 
     None where the log holds no payload, or none is diagnosed.
     """
-    effects = [cause.effect for cause in found.causes if cause.effect is not None]
-    hung = next((e for e in effects if isinstance(e, SuspendedPayload)), None)
-    if "payload" not in case.group or hung is None or hung.mass <= 0:
+    if "payload" not in case.group:
         return None
-    others = [e for e in effects if isinstance(e, WrenchEffect) and e is not hung]
-    below, swung = [], []
-    for log in held_out:
-        try:
-            t, p = logged_payload(case.held_out, log)
-        except LogError:
-            return None
-        payload: Payload = hung.payload
-        drive = make_drive(log, vehicle, payload, others)
-        below.append(error(drive.p_hook - [0.0, 0.0, payload.length], drive.t, p, t))
-        swung.append(error(open_loop(drive, payload, vehicle.gravity), drive.t, p, t))
-    return {"below": float(np.mean(below)), "swinging": float(np.mean(swung))}
+    effects = [cause.effect for cause in found.causes if cause.effect is not None]
+    try:
+        return position_errors(case.held_out, held_out, vehicle, effects, PREDICTORS) or None
+    except LogError:
+        return None
 
 
 def lines(results: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:

@@ -7,16 +7,12 @@ import pytest
 
 from diagrams.challenge.real.cases import make_cases
 from diagrams.challenge.real.flights import open_case
-from diagrams.challenge.real.score import (
-    angle,
-    held_out_cut,
-    says_new_condition,
-    score_case,
-    scored,
-    wind_figures,
-)
+from diagrams.challenge.real.score import held_out_cut, says_new_condition, score_case, scored
 from diagrams.challenge.real.truth import TRUTHS
+from diagrams.challenge.real.wind_force import angle, wind_figures
 from np_drake.diagnosis.diagnose import diagnose
+from np_drake.effects.constant_wind import ConstantWind
+from np_drake.effects.linear_drag import LinearDrag
 from np_drake.vehicle import Vehicle
 
 FORCE = {"x": {"rms": 3.0, "after": 0.3}, "y": {"rms": 4.0, "after": 0.4}, "z": {"rms": 2.0, "after": 1.0}}
@@ -84,14 +80,13 @@ def test_the_mean_force_of_a_told_wind_is_that_of_its_drag(make_flight):
     log = dc.replace(
         log, v=log.v + [3.0, 0.0, 0.0]
     )  # drag in still air has a mean of its own, which is no wind's
-    drag = {k: {"value": 0.5} for k in ("d_x", "d_y", "d_z")}
-    wind = {"x": {"value": -4.0}, "y": {"value": 0.0}, "z": {"value": 0.0}}
+    drag, wind = LinearDrag(0.5, 0.5, 0.5), ConstantWind(-4.0, 0.0, 0.0)
     measured = np.array([-2.0, 0.0, 0.0])
-    dut = wind_figures({"linear_drag": drag, "constant_wind": wind}, [log], vehicle, measured, 4.0)
+    dut = wind_figures([drag, wind], [log], vehicle, measured, 4.0)
     assert dut["force"] == pytest.approx(1.0, rel=0.05)  # rotor speed enters the drag
     assert (dut["angle"], dut["speed"]) == (pytest.approx(0.0), pytest.approx(1.0))
-    assert wind_figures({"constant_wind": wind}, [log], vehicle, measured, 4.0)["force"] == 0.0
-    assert wind_figures({"linear_drag": drag}, [log], vehicle, measured, 4.0) == {}
+    assert wind_figures([wind], [log], vehicle, measured, 4.0)["force"] == 0.0
+    assert wind_figures([drag], [log], vehicle, measured, 4.0) == {}
 
 
 def test_a_real_bare_flight_is_scored(real_flights):
