@@ -57,6 +57,10 @@ class Case:
 def make_cases(folder: Path, neurobem: Path | None = None, only: Collection[str] = ()) -> list[Case]:
     """Return the cases of all groups, or of those named, that the folders hold flights for.
 
+    Args:
+        folder: holds `imrc/bare`, `imrc/payload` and `neural_fly`, or some of them.
+        neurobem: NeuroBEM data set; None: no case of it.
+        only: groups; empty: all.
     Raises: ValueError: if a folder is missing, a group unknown, or no case can be made.
     """
     if unknown := sorted(set(only) - set(GROUPS)):
@@ -76,7 +80,12 @@ def make_cases(folder: Path, neurobem: Path | None = None, only: Collection[str]
 
 @lru_cache(maxsize=4)
 def cases_by_name(folder: Path, neurobem: Path | None) -> dict[tuple[str, str], Case]:
-    """Return all cases by group and name; see `make_cases`."""
+    """Return all cases by group and name.
+
+    Args:
+        folder: as of `make_cases`.
+        neurobem: as of `make_cases`.
+    """
     return {(case.group, case.name): case for case in make_cases(folder, neurobem)}
 
 
@@ -92,18 +101,28 @@ def _all(folder: Path, neurobem: Path | None) -> Iterator[Case]:
     yield from within_wind(flown)
     yield from into_wind(flown)
     if neurobem is not None:
-        yield from agile_folds(neurobem)
+        yield from _agile_folds(neurobem)
 
 
 def block_pairs(group: str, blocks: Sequence[Sequence[Path]]) -> Iterator[Case]:
-    """Yield a case for every ordered pair of blocks: two flights of the first are fitted, one of the other judges."""
+    """Yield a case for every ordered pair of blocks: two flights of the first are fitted, one of the other judges.
+
+    Args:
+        group: of the cases.
+        blocks: logs by manoeuvre.
+    """
     for a, b in permutations(blocks, 2):
         if len(a) > 1:
             yield Case(group, f"{block_name(a)} -> {block_name(b)}", tuple(a[:2]), b[0])
 
 
 def across_blocks(group: str, blocks: Sequence[Sequence[Path]]) -> Iterator[Case]:
-    """Yield a case for every block: it judges what is fitted to a flight each of the two blocks after it."""
+    """Yield a case for every block: it judges what is fitted to a flight each of the two blocks after it.
+
+    Args:
+        group: of the cases.
+        blocks: logs by manoeuvre.
+    """
     if len(blocks) < 3:
         return
     for i, block in enumerate(blocks):
@@ -140,17 +159,11 @@ def into_wind(flown: Sequence[Flown]) -> Iterator[Case]:
         if held_out.wind == STILL or len(others) < 2:
             continue
         fitted = others[:2]
-        yield Case(
-            "new-wind",
-            f"still {_controllers(fitted)} -> {held_out.wind} {held_out.controller}",
-            tuple(f.path for f in fitted),
-            held_out.path,
-            (),
-            held_out.speed,
-        )
+        name = f"still {_controllers(fitted)} -> {held_out.wind} {held_out.controller}"
+        yield Case("new-wind", name, tuple(f.path for f in fitted), held_out.path, speed=held_out.speed)
 
 
-def agile_folds(folder: Path) -> Iterator[Case]:
+def _agile_folds(folder: Path) -> Iterator[Case]:
     """Yield a case for every agile flight of the NeuroBEM data set, as `reproduce gap`."""
     paths = [folder / "csv" / f"merged_{name}.csv" for name in AGILE]
     for name, held_out in zip(AGILE, paths, strict=True):

@@ -2,7 +2,7 @@
 
 import dataclasses as dc
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -83,27 +83,23 @@ def lines(results: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
     found = []
     for group in [g for g in GROUPS if any(r["group"] == g for r in results)]:
         own = [r for r in results if r["group"] == group]
-        flown = [r for r in own if all(r["errors"][name] is not None for name in SIMULATORS)]
+        flown = [r["errors"] for r in own if all(r["errors"][name] is not None for name in SIMULATORS)]
         line: dict[str, Any] = {"group": group, "cases": len(own), "replayed": len(flown)}
-        for quantity in QUANTITIES:
-            for name in SIMULATORS:
-                line[f"{quantity} {name}"] = _median([r["errors"][name][quantity][LATE] for r in flown])
         for name in SIMULATORS:
-            line[f"early {name}"] = _median([r["errors"][name]["position"][EARLY] for r in flown])
-        line["better"] = sum(_at_end(r, "corrected") < _at_end(r, "nominal") for r in flown)
-        paths = [r["payload"] for r in own if r["payload"] is not None]
-        for kind in ("below", "swinging"):
-            line[kind] = _median([path[kind] for path in paths])
+            for quantity in QUANTITIES:
+                line[f"{quantity} {name}"] = _median(errors[name][quantity][LATE] for errors in flown)
+            line[f"early {name}"] = _median(errors[name]["position"][EARLY] for errors in flown)
+        nominal, corrected = ([errors[name]["position"][LATE] for errors in flown] for name in SIMULATORS)
+        line["better"] = sum(after < before for before, after in zip(nominal, corrected, strict=True))
+        for kind in PREDICTORS:
+            line[kind] = _median(r["payload"][kind] for r in own if r["payload"] is not None)
         found.append(line)
     return found
 
 
-def _at_end(result: dict[str, Any], simulator: str) -> float:
-    return float(result["errors"][simulator]["position"][LATE])
-
-
-def _median(values: Sequence[float]) -> float:
-    return float(np.median(values)) if values else float("nan")
+def _median(values: Iterable[float]) -> float:
+    known = list(values)
+    return float(np.median(known)) if known else math.nan
 
 
 @dc.dataclass(frozen=True)
@@ -118,7 +114,6 @@ class Options:
 def run(run: Run, options: Options) -> Report:
     """Real flights replayed open loop, nominal and corrected simulator. --out DIR: cases to resume from."""
     folder = required(options.folder, "replay: give the folder of the real flights as DIR or NP_DRAKE_REAL.")
-
     chosen = make_cases(folder, options.neurobem, options.only or ())
     require_logs(run, chosen)
     cases = [{"group": case.group, "name": case.name} for case in chosen]

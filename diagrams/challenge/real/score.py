@@ -7,17 +7,15 @@ from pathlib import Path
 from typing import Any
 
 from diagrams.challenge.real.cases import Case, cases_by_name
-from diagrams.challenge.real.flights import open_case
-from diagrams.challenge.real.least_squares import (
+from diagrams.challenge.real.effect_columns import (
     DAMPING,
     LENGTHS,
     library_columns,
     payload_columns,
-    select_by_bic,
-    told_payload,
-    told_wind,
     wind_columns,
 )
+from diagrams.challenge.real.flights import open_case
+from diagrams.challenge.real.least_squares import select_by_bic, told_payload, told_wind
 from diagrams.challenge.real.payload_position import observed, open_loop, position_errors
 from diagrams.challenge.real.truth import TRUTHS, WINDS, Truth
 from diagrams.challenge.real.wind_force import measured_wind_force, wind_figures

@@ -35,21 +35,12 @@ class Options:
 
 def run(run: Run, options: Options) -> Report:
     """Forecast of force and torque on real flights with a payload, one manoeuvre left out. --out DIR: figure."""
-    folder = required(
-        options.folder, "payload-flights: give the folder of the real flights as DIR or NP_DRAKE_REAL."
-    )
-
-    names = choose(options.only or ())
-
-    flights = open_campaign(folder)
+    missing = "payload-flights: give the folder of the real flights as DIR or NP_DRAKE_REAL."
+    folder = required(options.folder, missing)
+    names, flights = choose(options.only or ()), open_campaign(folder)
     with run.counting("training and scoring", "folds of a row") as on_progress:
-        study = run_study(
-            *(flights, names),
-            step=options.step,
-            folder=folder.name,
-            workers=run.workers,
-            on_progress=on_progress,
-        )
+        how = {"folder": folder.name, "workers": run.workers, "on_progress": on_progress}
+        study = run_study(flights, names, step=options.step, **how)
     lines, models = study.lines(), study.models()
     manoeuvres = list(dict.fromkeys(flight.manoeuvre for flight in flights))
     rmse = [
@@ -57,7 +48,7 @@ def run(run: Run, options: Options) -> Report:
         f"m{'N·m' if kind == 'torque' else 'N'}"
         for kind, values in persistence_rmse(lines).items()
     ]
-    slow = {model["row"]: sum(model["training"]) for model in models}
+    walls = {row: sum(each) for row, each in study.walls.items()}
     tables = [*ratio_tables(lines), divergence_table(models)]
     if study.payloads:
         tables.append(payload_table(study.payloads, true_estimate(), DAMPINGS))
@@ -76,6 +67,6 @@ def run(run: Run, options: Options) -> Report:
             "*: told the payload and its position: an upper limit, no predictor",
             *rmse,
         ],
-        notes=[f"{row}: trained in {wall:.0f} s" for row, wall in slow.items() if wall > 1],
+        notes=[f"{row}: trained in {wall:.0f} s" for row, wall in walls.items() if wall > 1],
         figures={"payload_flights.png": lambda: ratio_figure(lines)},
     )  # fmt: skip

@@ -5,13 +5,13 @@ from typing import Any
 
 import numpy as np
 
+from diagrams.batch.run import Table
 from diagrams.challenge.real.forecast.rows import PERSISTENCE, TOLD_ROWS
 from diagrams.challenge.real.forecast.scores import KINDS
 from diagrams.challenge.real.forecast.study import FlownPayload
 from np_drake.payload_filter.payload_estimate import Estimate, PayloadEstimate
 from np_drake.skill.flight_walk import MOTIONS
 
-Table = tuple[str, list[str], list[tuple]]
 # Ratio of the lateral force that is asked for, by horizon [s].
 ASKED = {0.1: 0.50, 0.2: 0.42, 0.4: 0.45, 0.8: 0.48}
 ASKED_KIND = "lateral force"
@@ -77,7 +77,11 @@ def payload_table(
 
     Mean over flights of the posterior mean, and of the ends of its 95 % interval; below, in how many flights the
     interval holds the truth (of damping: meets its range).
-    Args: true: length, mass share and damping, of which the means count.   damping: its range [1/s].
+
+    Args:
+        payloads: estimates at the end of the flights.
+        true: length, mass share and damping, of which the means count.
+        damping: range of the true one [1/s].
     """
     rows: list[tuple] = []
     for manoeuvre in dict.fromkeys(flown.manoeuvre for flown in payloads):

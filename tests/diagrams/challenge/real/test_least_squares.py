@@ -3,21 +3,17 @@
 import numpy as np
 import pytest
 
-from diagrams.challenge.real.least_squares import (
+from diagrams.challenge.real.effect_columns import (
     DAMPING,
     LENGTHS,
     Columns,
     drag_columns,
-    fit,
     library_columns,
     payload_columns,
-    probability,
-    select_by_bic,
     stacked,
-    told_payload,
-    told_wind,
     wind_columns,
 )
+from diagrams.challenge.real.least_squares import fit, probability, select_by_bic, told_payload, told_wind
 from np_drake.diagnosis.residuals.flight_residuals import make_flight_residuals
 from np_drake.effects.pendulum import hanging, swing_many
 from np_drake.vehicle import Vehicle
