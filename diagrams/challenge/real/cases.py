@@ -1,10 +1,11 @@
 """Cases of the real flights: which flights are fitted and which judge, by a rule and not by choice."""
 
 import dataclasses as dc
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from functools import lru_cache
 from itertools import groupby, permutations
 from pathlib import Path
+from typing import Any
 
 from diagrams.challenge.real.campaigns import (
     BARE,
@@ -78,14 +79,24 @@ def make_cases(folder: Path, neurobem: Path | None = None, only: Collection[str]
     return cases
 
 
-@lru_cache(maxsize=4)
-def cases_by_name(folder: Path, neurobem: Path | None) -> dict[tuple[str, str], Case]:
-    """Return all cases by group and name.
+@dc.dataclass(frozen=True)
+class OfNamedCase:
+    """Work of a record {"group", "name"} -> `work` of the case of that name.
 
-    Args:
-        folder: as of `make_cases`.
-        neurobem: as of `make_cases`.
+    folder, neurobem: of the real flights, under the same path for all workers.
     """
+
+    work: Callable[[Case], dict[str, Any]]
+    folder: Path
+    neurobem: Path | None
+
+    def __call__(self, record: dict[str, Any]) -> dict[str, Any]:
+        """Return the result of the case."""
+        return self.work(_by_name(self.folder, self.neurobem)[record["group"], record["name"]])
+
+
+@lru_cache(maxsize=4)
+def _by_name(folder: Path, neurobem: Path | None) -> dict[tuple[str, str], Case]:
     return {(case.group, case.name): case for case in make_cases(folder, neurobem)}
 
 

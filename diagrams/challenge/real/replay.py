@@ -3,7 +3,6 @@
 import dataclasses as dc
 import math
 from collections.abc import Iterable, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,7 +11,7 @@ from diagrams.batch.columns import MISSING, tabulate
 from diagrams.batch.options import Group, Neurobem, RealFlights, required
 from diagrams.batch.run import Report, Run, Table
 from diagrams.batch.workers import failures, require_result
-from diagrams.challenge.real.cases import GROUPS, Case, cases_by_name, make_cases
+from diagrams.challenge.real.cases import GROUPS, Case, OfNamedCase, make_cases
 from diagrams.challenge.real.flights import open_case, require_logs
 from diagrams.challenge.real.payload_position import open_loop, plumb, position_errors
 from diagrams.gap.drake_replay import DrakeReplay
@@ -28,29 +27,21 @@ SIMULATORS = ("nominal", "corrected")
 PREDICTORS = {"below": plumb, "swinging": open_loop}  # of the payload's position
 
 
-@dc.dataclass(frozen=True)
-class RealReplay:
-    """Work of a case {"group", "name"} -> errors of replay and payload in both simulators."""
+def replay_case(case: Case) -> dict[str, Any]:
+    """Return verdict, horizons [s], median errors by simulator and quantity, and the payload's [m, m/s, deg].
 
-    folder: Path
-    neurobem: Path | None
-
-    def __call__(self, record: dict[str, Any]) -> dict[str, Any]:
-        """Return verdict, horizons [s], median errors by simulator and quantity, and the payload's [m, m/s, deg].
-
-        Nothing is fitted to the flight that is replayed; it starts from its logged states.
-        """
-        case = cases_by_name(self.folder, self.neurobem)[record["group"], record["name"]]
-        vehicle, train, held_out = open_case(case)
-        found = diagnose(vehicle, train, held_out, DrakeReplay(vehicle), adaptive_split=False)
-        gaps = dict(zip(SIMULATORS, (found.shrink.replay_before, found.shrink.replay_after), strict=True))
-        return {
-            "verdict": list(found.verdict),
-            "horizon": None if gaps["nominal"] is None else gaps["nominal"].horizon,
-            "errors": {name: None if gap is None else _medians(gap) for name, gap in gaps.items()},
-            "payload": _payload_errors(case, vehicle, held_out, found),
-            "warnings": list(found.warnings),
-        }
+    Nothing is fitted to the flight that is replayed; it starts from its logged states.
+    """
+    vehicle, train, held_out = open_case(case)
+    found = diagnose(vehicle, train, held_out, DrakeReplay(vehicle), adaptive_split=False)
+    gaps = dict(zip(SIMULATORS, (found.shrink.replay_before, found.shrink.replay_after), strict=True))
+    return {
+        "verdict": list(found.verdict),
+        "horizon": None if gaps["nominal"] is None else gaps["nominal"].horizon,
+        "errors": {name: None if gap is None else _medians(gap) for name, gap in gaps.items()},
+        "payload": _payload_errors(case, vehicle, held_out, found),
+        "warnings": list(found.warnings),
+    }
 
 
 def _medians(gap: ReplayGap) -> dict[str, list[float]]:
@@ -78,7 +69,7 @@ def lines(results: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
 
     `early`: of the position at the horizon `EARLY`.
 
-    Args: results: of `RealReplay`, each with its "group".
+    Args: results: of `replay_case`, each with its "group".
     """
     found = []
     for group in [g for g in GROUPS if any(r["group"] == g for r in results)]:
@@ -122,7 +113,7 @@ def run(run: Run, options: Options) -> Report:
         "neurobem": options.neurobem and options.neurobem.name,
         "only": options.only,
     }
-    work = RealReplay(folder.resolve(), options.neurobem and options.neurobem.resolve())
+    work = OfNamedCase(replay_case, folder.resolve(), options.neurobem and options.neurobem.resolve())
     records = run.cases("replaying", "cases", work, cases, config=config)
     require_result(records)
     results = [{**r["case"], **r["result"]} for r in records if "result" in r]

@@ -1,12 +1,10 @@
 """Score of one case: every method's names against the truth, its parameters, and what its model predicts."""
 
-import dataclasses as dc
 import math
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
-from diagrams.challenge.real.cases import Case, cases_by_name
+from diagrams.challenge.real.cases import Case
 from diagrams.challenge.real.effect_columns import (
     DAMPING,
     LENGTHS,
@@ -32,21 +30,6 @@ GROUPS = {
     "torque": ("x", "y", "z"),
 }  # axes of the held-out residual
 PREDICTORS = {"open": open_loop, "observed": observed}  # of the payload's position
-
-
-@dc.dataclass(frozen=True)
-class Scoring:
-    """Work of a case {"group", "name"} -> `score_case`.
-
-    folder, neurobem: of the real flights, under the same path for all workers.
-    """
-
-    folder: Path
-    neurobem: Path | None
-
-    def __call__(self, record: dict[str, Any]) -> dict[str, Any]:
-        """Score the case."""
-        return score_case(cases_by_name(self.folder, self.neurobem)[record["group"], record["name"]])
 
 
 def score_case(case: Case) -> dict[str, Any]:

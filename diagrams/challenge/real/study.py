@@ -8,9 +8,9 @@ from diagrams.batch.options import Group, Neurobem, RealFlights, required
 from diagrams.batch.run import Report, Run
 from diagrams.batch.workers import failures
 from diagrams.challenge.real.calibration import bins, calibration_figure
-from diagrams.challenge.real.cases import RULE, make_cases
+from diagrams.challenge.real.cases import RULE, OfNamedCase, make_cases
 from diagrams.challenge.real.flights import require_logs
-from diagrams.challenge.real.score import Scoring
+from diagrams.challenge.real.score import score_case
 from diagrams.challenge.real.summary import NAMING, judged_names
 from diagrams.challenge.real.tables import tables
 
@@ -30,7 +30,7 @@ def run(run: Run, options: Options) -> Report:
     cases = make_cases(folder, options.neurobem, options.only or ())
     require_logs(run, cases)
     config: dict[str, Any] = {"folder": folder, "neurobem": options.neurobem, "only": options.only}
-    scoring = Scoring(folder.resolve(), options.neurobem and options.neurobem.resolve())
+    scoring = OfNamedCase(score_case, folder.resolve(), options.neurobem and options.neurobem.resolve())
     settings = {"folder": folder.name, "neurobem": options.neurobem and options.neurobem.name}
     named = [{"group": case.group, "name": case.name} for case in cases]
     finished = run.cases("diagnosing", "cases", scoring, named, config=settings)
