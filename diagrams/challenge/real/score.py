@@ -47,7 +47,7 @@ def score_case(case: Case) -> dict[str, Any]:
     record: dict[str, Any] = {"group": case.group, "case": case.name, "methods": {THIS: this, BIC: bic}}
     if "suspended_payload" in truth.present:
         own = told_payload(flights)
-        told = {"causes": {}, "parameters": {"suspended_payload": own}}
+        told: dict[str, Any] = {"causes": {}, "parameters": {"suspended_payload": own}}
         pendulum = SuspendedPayload(own["mass"]["value"], own["length"]["value"], 0.0, 0.0, 0.0, DAMPING)
         for method, acting in ((this, effects), (told, [pendulum])):
             method["position"] = position_errors(case.held_out, held_out, vehicle, acting, PREDICTORS)

@@ -1,9 +1,9 @@
 """Tables of the real flights with known causes, within the width of a page."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from diagrams.batch.columns import MISSING, tabulate
+from diagrams.batch.columns import MISSING, Column, tabulate
 from diagrams.batch.run import Table
 from diagrams.challenge.real.score import METHODS, THIS, TOLD
 from diagrams.challenge.real.summary import NAMING, PAYLOADS, Answer, Record, answers, asked_figures
@@ -22,13 +22,17 @@ def _asked_table(records: Sequence[Record]) -> Table:
     """Return what is asked beside what every method gives."""
     lines = asked_figures(records)
     used = [method for method in METHODS if any(method in line for line in lines)]
-    columns = [
+    columns: list[Column] = [
         ("asked", "what"),
         ("wanted", "wanted"),
-        *((method, lambda line, method=method: line.get(method, MISSING)) for method in used),
+        *((method, _of_method(method)) for method in used),
     ]
     title = "asked of the diagnosis; BIC: forward selection; told: least squares of the known effect alone"
     return tabulate(title, lines, columns)
+
+
+def _of_method(method: str) -> Callable[[Mapping[str, Any]], str]:
+    return lambda line: line.get(method, MISSING)
 
 
 def _payload_table(records: Sequence[Record]) -> Table:

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -56,7 +57,7 @@ def wind_figures(
         force: (3,) mean force of the wind in W, where it is known [N]; None: that of the effects.
     """
     acting = split_effects(effects).wrench
-    winds = [effect.foreseen for effect in acting if effect.identifier in WINDS]
+    winds: list[Any] = [effect.foreseen for effect in acting if effect.identifier in WINDS]
     if not winds:
         return {}
     if force is None:

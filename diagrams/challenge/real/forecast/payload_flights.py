@@ -39,8 +39,14 @@ def run(run: Run, options: Options) -> Report:
     folder = required(options.folder, missing)
     names, flights = choose(options.only or ()), open_campaign(folder)
     with run.counting("training and scoring", "folds of a row") as on_progress:
-        how = {"folder": folder.name, "workers": run.workers, "on_progress": on_progress}
-        study = run_study(flights, names, step=options.step, **how)
+        study = run_study(
+            flights,
+            names,
+            step=options.step,
+            folder=folder.name,
+            workers=run.workers,
+            on_progress=on_progress,
+        )
     lines, models = study.lines(), study.models()
     manoeuvres = list(dict.fromkeys(flight.manoeuvre for flight in flights))
     rmse = [

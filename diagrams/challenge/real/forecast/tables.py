@@ -75,8 +75,8 @@ def payload_table(
 ) -> Table:
     """Return a table of the payload as estimated at the end of the flights, manoeuvre by manoeuvre.
 
-    Mean over flights of the posterior mean, and of the ends of its 95 % interval; below, in how many flights the
-    interval holds the truth (of damping: meets its range).
+    Mean over flights of the posterior mean, and of the ends of its 95 % interval; below, mean and range over all
+    flights, and in how many the interval holds the truth (of damping: meets its range).
 
     Args:
         payloads: estimates at the end of the flights.
@@ -88,6 +88,8 @@ def payload_table(
         estimates = [flown.estimate for flown in payloads if flown.manoeuvre == manoeuvre]
         cells = [_interval([getattr(e, name) for e in estimates]) for name in PayloadEstimate._fields]
         rows.append((manoeuvre, *cells))
+    means = [[getattr(flown.estimate, name).mean for flown in payloads] for name in PayloadEstimate._fields]
+    rows.append(("mean (range)", *(_range(values) for values in means)))
     ends = ((true.length.mean,) * 2, (true.mass.mean,) * 2, damping)
     held = [
         sum(e.low <= high and low <= e.high for e in (getattr(f.estimate, name) for f in payloads))
@@ -103,6 +105,10 @@ def payload_table(
 def _interval(estimates: Sequence[Estimate]) -> str:
     mean, low, high = np.mean(estimates, axis=0)
     return f"{mean:.3f} [{low:.3f}, {high:.3f}]"
+
+
+def _range(values: Sequence[float]) -> str:
+    return f"{np.mean(values):.3g} ({min(values):.3g}–{max(values):.3g})"
 
 
 def persistence_rmse(lines: Sequence[Mapping[str, Any]]) -> dict[str, list[float]]:

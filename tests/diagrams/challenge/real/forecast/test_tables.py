@@ -60,8 +60,9 @@ def test_the_payload_is_shown_by_manoeuvre_and_counted_where_the_truth_lies_insi
     _, header, rows = payload_table(payloads, true, (0.26, 0.28))
     assert rows[0] == ("one", *["0.300 [0.200, 0.400]"] * 3)
     assert rows[1] == ("two", *["0.200 [0.150, 0.250]"] * 3)
-    assert rows[2] == ("interval holds the truth", "2 of 3", "1 of 3", "1 of 3")
-    assert rows[3] == ("truth", "0.200", "0.400", "0.26–0.28")
+    assert rows[2] == ("mean (range)", *["0.267 (0.2–0.4)"] * 3)
+    assert rows[3] == ("interval holds the truth", "2 of 3", "1 of 3", "1 of 3")
+    assert rows[4] == ("truth", "0.200", "0.400", "0.26–0.28")
     assert len(header) == 4
 
 
