@@ -81,7 +81,7 @@ STUDIES = {
     ),
     "vehicles": Study("robustness.vehicles.study", "35 g, 2 kg and 6 kg on four tracks."),
     "models": Study("tracking.packaged", "The packaged model files, made anew.", seed=None, many=False),
-    "closing": Study("challenge.closing.study", "Controllers that were made in a corrected simulator."),
+    "closing": Study("challenge.transfer.study", "Transfer of the controller from the corrected simulator."),
     "replay": Study("challenge.real.replay", "Real flights replayed open loop.", seed=None),
     "deadlines": Study("performance.deadlines", "Deadlines of the loop on this machine.", 9800, many=False),
 }

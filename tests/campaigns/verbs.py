@@ -47,7 +47,7 @@ VERBS: dict[str, Verb] = {
     "reproduce sample-efficiency": Verb("--neurobem {arrays}"),
     "reproduce response": Verb("--neurobem {arrays}"),
     "reproduce payload-flights": Verb(
-        "{real} --only ridge --only pendulum", times=frozenset({"wall", "training"})
+        "{real} --only ridge --only payload_filter", times=frozenset({"wall", "training"})
     ),
     "reproduce tether": Verb(""),
     "reproduce hover": Verb("--seeds 2 --only hold", times=FLIGHT),
@@ -57,9 +57,8 @@ VERBS: dict[str, Verb] = {
     "reproduce faults": Verb("--flights 4 --only nominal", times=FLIGHT),
     "reproduce real": Verb(
         "{real} --only wind",
-        times=frozenset({"wall", "processor", "processor_seconds"}),
         columns=("s",),
-        rows=("seconds a case, median", "seconds of the processor a case, median"),
+        rows=("seconds a case, median",),
     ),
     "reproduce vehicles": Verb("--seeds 1 --vehicle 35g --track circle --duration 10 --only hold"),
     "reproduce closing": Verb("--seeds 2"),

@@ -1,13 +1,11 @@
 """Calibration of reported probabilities: their size against the share of names that is true."""
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from diagrams.challenge.score.answered_case import read_answered_cases
 from diagrams.challenge.score.binomial_intervals import binned
 from np_drake.files.figure_file import DASHES, PALETTE, new_figure
 
@@ -22,20 +20,6 @@ def bins(pairs: Sequence[tuple[float, bool]]) -> list[dict[str, Any]]:
     true = np.array([pair[1] for pair in pairs], float)
     place = np.clip(np.searchsorted(EDGES, p, side="right") - 1, 0, len(EDGES) - 2)
     return binned(true, place, EDGES, mean=(np.mean, p)) if len(p) else []
-
-
-def simulated_names(answers: Path, truth: Path) -> list[tuple[float, bool]]:
-    """Return probability and truth of every cause named in the simulated benchmark.
-
-    A cause is true where its effect acts in the case.
-    Raises: ValueError: if the folders hold no such cases.
-    """
-    cases = read_answered_cases(answers, truth)
-    return [
-        (float(cause["probability"]), name in case.true_names)
-        for case in cases
-        for name, cause in case.causes.items()
-    ]
 
 
 def calibration_figure(series: Mapping[str, Sequence[tuple[float, bool]]]) -> Figure:

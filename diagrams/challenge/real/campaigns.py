@@ -82,5 +82,11 @@ def files_of(folder: Path) -> list[Path]:
 
 
 def following(items: Sequence, index: int, count: int) -> list:
-    """Return the `count` items after the one at `index`, in a circle."""
+    """Return the items after one, in a circle.
+
+    Args:
+        items: items in their order.
+        index: of the one.
+        count: how many are returned.
+    """
     return [items[(index + 1 + k) % len(items)] for k in range(count)]

@@ -1,10 +1,11 @@
 """Cases of the real flights: which flights are fitted and which judge, by a rule and not by choice."""
 
 import dataclasses as dc
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from functools import lru_cache
 from itertools import groupby, permutations
 from pathlib import Path
+from typing import Any
 
 from diagrams.challenge.real.campaigns import (
     BARE,
@@ -57,6 +58,10 @@ class Case:
 def make_cases(folder: Path, neurobem: Path | None = None, only: Collection[str] = ()) -> list[Case]:
     """Return the cases of all groups, or of those named, that the folders hold flights for.
 
+    Args:
+        folder: holds `imrc/bare`, `imrc/payload` and `neural_fly`, or some of them.
+        neurobem: NeuroBEM data set; None: no case of it.
+        only: groups; empty: all.
     Raises: ValueError: if a folder is missing, a group unknown, or no case can be made.
     """
     if unknown := sorted(set(only) - set(GROUPS)):
@@ -74,9 +79,24 @@ def make_cases(folder: Path, neurobem: Path | None = None, only: Collection[str]
     return cases
 
 
+@dc.dataclass(frozen=True)
+class OfNamedCase:
+    """Work of a record {"group", "name"} -> `work` of the case of that name.
+
+    folder, neurobem: of the real flights, under the same path for all workers.
+    """
+
+    work: Callable[[Case], dict[str, Any]]
+    folder: Path
+    neurobem: Path | None
+
+    def __call__(self, record: dict[str, Any]) -> dict[str, Any]:
+        """Return the result of the case."""
+        return self.work(_by_name(self.folder, self.neurobem)[record["group"], record["name"]])
+
+
 @lru_cache(maxsize=4)
-def cases_by_name(folder: Path, neurobem: Path | None) -> dict[tuple[str, str], Case]:
-    """Return all cases by group and name; see `make_cases`."""
+def _by_name(folder: Path, neurobem: Path | None) -> dict[tuple[str, str], Case]:
     return {(case.group, case.name): case for case in make_cases(folder, neurobem)}
 
 
@@ -92,18 +112,28 @@ def _all(folder: Path, neurobem: Path | None) -> Iterator[Case]:
     yield from within_wind(flown)
     yield from into_wind(flown)
     if neurobem is not None:
-        yield from agile_folds(neurobem)
+        yield from _agile_folds(neurobem)
 
 
 def block_pairs(group: str, blocks: Sequence[Sequence[Path]]) -> Iterator[Case]:
-    """Yield a case for every ordered pair of blocks: two flights of the first are fitted, one of the other judges."""
+    """Yield a case for every ordered pair of blocks: two flights of the first are fitted, one of the other judges.
+
+    Args:
+        group: of the cases.
+        blocks: logs by manoeuvre.
+    """
     for a, b in permutations(blocks, 2):
         if len(a) > 1:
             yield Case(group, f"{block_name(a)} -> {block_name(b)}", tuple(a[:2]), b[0])
 
 
 def across_blocks(group: str, blocks: Sequence[Sequence[Path]]) -> Iterator[Case]:
-    """Yield a case for every block: it judges what is fitted to a flight each of the two blocks after it."""
+    """Yield a case for every block: it judges what is fitted to a flight each of the two blocks after it.
+
+    Args:
+        group: of the cases.
+        blocks: logs by manoeuvre.
+    """
     if len(blocks) < 3:
         return
     for i, block in enumerate(blocks):
@@ -140,17 +170,11 @@ def into_wind(flown: Sequence[Flown]) -> Iterator[Case]:
         if held_out.wind == STILL or len(others) < 2:
             continue
         fitted = others[:2]
-        yield Case(
-            "new-wind",
-            f"still {_controllers(fitted)} -> {held_out.wind} {held_out.controller}",
-            tuple(f.path for f in fitted),
-            held_out.path,
-            (),
-            held_out.speed,
-        )
+        name = f"still {_controllers(fitted)} -> {held_out.wind} {held_out.controller}"
+        yield Case("new-wind", name, tuple(f.path for f in fitted), held_out.path, speed=held_out.speed)
 
 
-def agile_folds(folder: Path) -> Iterator[Case]:
+def _agile_folds(folder: Path) -> Iterator[Case]:
     """Yield a case for every agile flight of the NeuroBEM data set, as `reproduce gap`."""
     paths = [folder / "csv" / f"merged_{name}.csv" for name in AGILE]
     for name, held_out in zip(AGILE, paths, strict=True):

@@ -32,18 +32,9 @@ def vehicle_of(group: str) -> Vehicle:
         return dc.replace(
             Vehicle(), name="neural_fly", mass=FAN_ARRAY_MASS, max_rotor_thrust=15.0, input="normalised"
         ).check()
-    commanded = group == "payload-command"
-    return crazyflie_vehicle(MASS[group.split("-")[0]], "command" if commanded else "rotor_speed")
-
-
-def crazyflie_vehicle(mass: float, log_input: str = "rotor_speed") -> Vehicle:
-    """Return the Crazyflie 2.1 brushless of the campaign.
-
-    Args: mass: [kg].   log_input: what thrust and torque come from.
-    """
     return Vehicle(
         name="crazyflie_brushless",
-        mass=mass,
+        mass=MASS[group.split("-")[0]],
         inertia=np.diag([1.9e-5, 1.9e-5, 3.2e-5]).tolist(),
         rotor_positions=[[ARM, -ARM, 0], [-ARM, -ARM, 0], [-ARM, ARM, 0], [ARM, ARM, 0]],
         rotor_directions=[-1.0, 1.0, -1.0, 1.0],
@@ -51,7 +42,7 @@ def crazyflie_vehicle(mass: float, log_input: str = "rotor_speed") -> Vehicle:
         torque_coefficient=TORQUE_OVER_THRUST * THRUST_COEFFICIENT,
         rotor_radius=0.025,
         max_rotor_thrust=0.25,
-        input=log_input,
+        input="command" if group == "payload-command" else "rotor_speed",
     ).check()
 
 
@@ -68,6 +59,9 @@ def open_case(case: Case) -> tuple[Vehicle, list[FlightLog], list[FlightLog]]:
 def open_flights(path: Path, vehicle: Vehicle) -> list[FlightLog]:
     """Return the flights of a log, a Crazyflie's by its commands where the vehicle asks for them.
 
+    Args:
+        path: the log.
+        vehicle: nominal vehicle.
     Raises: LogError: one line with file and reason; OSError: if it cannot be opened.
     """
     log_map = _commanded(path) if vehicle.input == "command" else None

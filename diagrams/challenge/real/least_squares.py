@@ -2,46 +2,29 @@
 
 import dataclasses as dc
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from scipy.special import expit
 
-from np_drake.diagnosis.regressors import library_candidates
+from diagrams.challenge.real.effect_columns import (
+    LENGTHS,
+    SHARE,
+    SMALL,
+    Columns,
+    drag_columns,
+    payload_columns,
+    stacked,
+    wind_columns,
+)
 from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals
-from np_drake.diagnosis.residuals.make_flight_residuals import make_flight_residuals
-from np_drake.effects.base import Motion
+from np_drake.effects.constant_wind import ConstantWind
 from np_drake.effects.linear_drag import LinearDrag
-from np_drake.effects.pendulum import hanging, swing_many
-from np_drake.flight_log import FlightLog
-from np_drake.rigid_body import V
-from np_drake.vehicle import Vehicle
 
-WRENCH = 6  # channels: force and torque in B
-LENGTHS = np.geomspace(0.2, 2.0, 24)  # of payloads [m]
-DAMPING = 0.1  # of payloads by the air [1/s]; as in flights of five grams
-SMALL = 0.05  # displacement of a start state over length and natural rate [1]
-SHARE = 0.1  # of the vehicle's mass, in units of which start states of payloads are fitted [1]
 ROUNDS = 3  # of closing in on a length
+TRIED = 4  # effects a step that are fitted in full, the best at the weights so far
 MOST = 10  # names that are chosen
-
-
-@dc.dataclass(frozen=True)
-class Columns:
-    """Columns X (rows, 6, k) of one effect over all flights, and what its coefficients are.
-
-    names: parameters of the first coefficients; the others are start states.   fixed: parameters of this variant.
-    """
-
-    identifier: str
-    X: np.ndarray
-    names: tuple[str, ...] = ()
-    fixed: Mapping[str, float] = dc.field(default_factory=dict)
-
-    @property
-    def size(self) -> int:
-        """Number of columns."""
-        return self.X.shape[-1]
 
 
 @dc.dataclass(frozen=True)
@@ -53,23 +36,22 @@ class Fit:
     bic: float
 
 
-def residuals_of(logs: Sequence[FlightLog], vehicle: Vehicle) -> list[FlightResiduals]:
-    """Return the residuals of the flights on their grids."""
-    return [make_flight_residuals(log, vehicle) for log in logs]
-
-
 def select_by_bic(flights: Sequence[FlightResiduals], columns: Sequence[Columns]) -> dict[str, float]:
     """Return the probability of every effect that forward selection by BIC chooses, in the order of choice.
 
     The probability is that of two models of equal prior, with and without the effect: 1 / (1 + exp(-change / 2)).
+
+    Args:
+        flights: residuals that are fitted.
+        columns: variants of effects; one of an effect is chosen at most.
     """
     y = stacked(flights)
     chosen: list[Columns] = []
     best = fit(y, chosen)
     while len(chosen) < MOST:
         left = [c for c in columns if c.identifier not in {o.identifier for o in chosen}]
-        weights = weights_of(y, chosen, best.c)
-        rated = sorted(left, key=lambda c: _weighted(y, [*chosen, c], weights))[:4]
+        weights = _weights(y, chosen, best.c)
+        rated = sorted(left, key=lambda c: _weighted(y, [*chosen, c], weights))[:TRIED]
         fits = [(fit(y, [*chosen, c]), c) for c in rated]
         if not fits or (found := min(fits, key=lambda f: f[0].bic))[0].bic >= best.bic:
             break
@@ -82,22 +64,27 @@ def select_by_bic(flights: Sequence[FlightResiduals], columns: Sequence[Columns]
 
 def probability(change: float) -> float:
     """Return the probability of a model whose BIC is lower by `change` than its rival's."""
-    return 1 / (1 + math.exp(-min(max(change, -1400.0), 1400.0) / 2))
+    return float(expit(change / 2))
 
 
 def fit(y: np.ndarray, chosen: Sequence[Columns]) -> Fit:
     """Return the fit of columns to y (rows, 6), the white noise of every channel estimated with it.
 
     BIC = sum over channels of n log(RSS / n) + k log(rows * channels).
+
+    Args:
+        y: (rows, 6) residual wrench [N, N·m].
+        chosen: columns of the effects.
     """
-    c = np.zeros(sum(own.size for own in chosen))
-    weights = weights_of(y, [], np.zeros(0))
-    X = joined(chosen, y)
+    X = _joined(chosen, y)
+    c = np.zeros(X.shape[2])
+    weights = _weights(y, [], np.zeros(0))
+    # Weights and coefficients in turn: iteratively reweighted least squares, which maximises the likelihood of both.
     for _ in range(3):
         A, b = _scaled(X, weights), _scaled(y[..., None], weights)[:, 0]
         if A.shape[1]:
             c = np.linalg.lstsq(A, b, rcond=1e-10)[0]
-        weights = weights_of(y, chosen, c)
+        weights = _weights(y, chosen, c)
     A = _scaled(X, weights)
     covariance = np.linalg.pinv(A.T @ A, rcond=1e-12) if A.shape[1] else np.zeros((0, 0))
     used = weights > 0
@@ -105,21 +92,16 @@ def fit(y: np.ndarray, chosen: Sequence[Columns]) -> Fit:
     return Fit(c, covariance, bic)
 
 
-def weights_of(y: np.ndarray, chosen: Sequence[Columns], c: np.ndarray) -> np.ndarray:
+def _weights(y: np.ndarray, chosen: Sequence[Columns], c: np.ndarray) -> np.ndarray:
     """Return one over the RMS of what is left in each channel (6,); zero for a channel that is empty."""
-    left = y - joined(chosen, y) @ c
+    left = y - _joined(chosen, y) @ c
     rms = np.sqrt(np.mean(left**2, axis=0))
     return np.where(rms > 0, 1 / np.where(rms > 0, rms, 1.0), 0.0)
 
 
-def joined(chosen: Sequence[Columns], y: np.ndarray) -> np.ndarray:
+def _joined(chosen: Sequence[Columns], y: np.ndarray) -> np.ndarray:
     """Return the columns of all side by side, (rows, 6, k)."""
     return np.concatenate([np.zeros((*y.shape, 0)), *(own.X for own in chosen)], axis=2)
-
-
-def stacked(flights: Sequence[FlightResiduals]) -> np.ndarray:
-    """Return the residual wrench of all flights, (rows, 6) [N, N·m]."""
-    return np.concatenate([e.y[:, :WRENCH] for e in flights])
 
 
 def _scaled(X: np.ndarray, weights: np.ndarray) -> np.ndarray:
@@ -128,90 +110,13 @@ def _scaled(X: np.ndarray, weights: np.ndarray) -> np.ndarray:
 
 def _weighted(y: np.ndarray, chosen: Sequence[Columns], weights: np.ndarray) -> float:
     """Return the chi-squared that a set of columns leaves at given weights, plus the penalty of its size."""
-    A, b = _scaled(joined(chosen, y), weights), _scaled(y[..., None], weights)[:, 0]
+    A, b = _scaled(_joined(chosen, y), weights), _scaled(y[..., None], weights)[:, 0]
     gram = A.T @ A
     c = np.linalg.lstsq(gram, A.T @ b, rcond=1e-12)[0]
     return float(b @ b - c @ (A.T @ b)) + A.shape[1] * math.log(len(b))
 
 
-def library_columns(flights: Sequence[FlightResiduals]) -> list[Columns]:
-    """Return the columns of the library's effects, wind and payload apart, that act on the wrench."""
-    found = []
-    for candidate in library_candidates(flights):
-        X = np.concatenate([candidate.columns[e.name][:, :WRENCH] for e in flights])
-        if np.any(X):
-            found.append(Columns(candidate.identifiers[0], X))
-    return found
-
-
-def wind_columns(flights: Sequence[FlightResiduals], vehicle: Vehicle) -> Columns:
-    """Return a constant force in W, one a newton along each axis: a steady wind through a drag."""
-    X = np.zeros((sum(len(e.t) for e in flights), WRENCH, 3))
-    X[:, :3] = np.concatenate([e.R_WB.transpose(0, 2, 1) for e in flights])
-    return Columns("constant_wind", X, ("x", "y", "z"))
-
-
-def drag_columns(flights: Sequence[FlightResiduals], vehicle: Vehicle) -> Columns:
-    """Return the force of `linear_drag` by coefficient of each body axis [N per N s/m]."""
-    parts = []
-    for e in flights:
-        thrust = np.repeat(0.25 * e.nominal[:, 2:3], 4, axis=1)
-        x = np.stack([np.interp(e.t, e.rows.t, column) for column in e.rows.x.T], axis=1)
-        x[:, 3:7] = e.q
-        motion = Motion(e.t, x, thrust)
-        forces = [LinearDrag(*row).wrench(vehicle, motion)[:, :3] for row in np.eye(3).tolist()]
-        parts.append(np.stack([np.einsum("nji,nj->ni", e.R_WB, f) for f in forces], axis=-1))
-    force = np.concatenate(parts)
-    return Columns(
-        "linear_drag", np.concatenate([force, np.zeros_like(force)], axis=1), ("d_x", "d_y", "d_z")
-    )
-
-
-def payload_columns(
-    flights: Sequence[FlightResiduals],
-    vehicle: Vehicle,
-    lengths: np.ndarray,
-    starts: np.ndarray | None = None,
-) -> list[Columns]:
-    """Return, for every tether length, the force of a payload per mass and its change with the start of every flight.
-
-    Linear about starts that hang still, or about `starts` (lengths, flights, 4): offsets and rates to the side, over
-    length and over length times natural rate [1].
-    """
-    starts = np.zeros((len(lengths), len(flights), 4)) if starts is None else starts
-    rows = [len(e.t) for e in flights]
-    X = np.zeros((len(lengths), sum(rows), WRENCH, 1 + 4 * len(flights)))
-    moves = np.concatenate([np.zeros((1, 4)), SMALL * np.eye(4)])
-    for i, e in enumerate(flights):
-        here = slice(sum(rows[:i]), sum(rows[: i + 1]))
-        pull = pulls(e, vehicle, np.repeat(lengths, 5), (starts[:, i, None] + moves).reshape(-1, 4))
-        force = np.einsum("nji,nkj->kni", e.R_WB, pull).reshape(len(lengths), 5, -1, 3)
-        X[:, here, :3, 0] = force[:, 0]
-        X[:, here, :3, 1 + 4 * i : 5 + 4 * i] = np.moveaxis(force[:, 1:] - force[:, :1], 1, -1)
-    X[..., 1:] *= SHARE * vehicle.mass  # start states count in products with the mass
-    return [
-        Columns("suspended_payload", own, ("mass",), {"length": float(length)})
-        for own, length in zip(X, lengths, strict=True)
-    ]
-
-
-def pulls(e: FlightResiduals, vehicle: Vehicle, lengths: np.ndarray, states: np.ndarray) -> np.ndarray:
-    """Return the pull on the vehicle per mass of m payloads on the grid, (rows, m, 3) in W [m/s²].
-
-    The hook is at Bo.   Args: lengths: (m,) [m].   states: (m, 4) at the start, over length and natural rate [1].
-    """
-    motion = np.concatenate([e.rows.a, e.rows.x[:, V]], axis=1)
-    on_grid = np.stack([np.interp(e.t, e.rows.t, column) for column in motion.T], axis=1)
-    rate = np.sqrt(vehicle.gravity / lengths)
-    scale = np.stack([lengths, lengths, lengths * rate, lengths * rate], axis=1)
-    r, r_rate = hanging((scale * states)[:, :2], (scale * states)[:, 2:], lengths)
-    between = 0.5 * (on_grid[1:] + on_grid[:-1])
-    a, v = between[:, :3], between[:, 3:]
-    steps = swing_many(lengths, r, r_rate, a, e.grid.step, vehicle.gravity, damping=DAMPING, v_hook=v)
-    return np.concatenate([steps[:1], 0.5 * (steps[1:] + steps[:-1]), steps[-1:]])
-
-
-def told_payload(flights: Sequence[FlightResiduals], vehicle: Vehicle) -> dict[str, Any]:
+def told_payload(flights: Sequence[FlightResiduals]) -> dict[str, dict[str, Any]]:
     """Return mass and length with 95 % intervals: least squares of a payload alone on the force.
 
     The length is that of the least misfit on a grid that closes in; its interval is where minus twice the log
@@ -222,10 +127,7 @@ def told_payload(flights: Sequence[FlightResiduals], vehicle: Vehicle) -> dict[s
     lengths = LENGTHS
     tried: dict[float, Fit] = {}
     for _ in range(ROUNDS):
-        tried |= {
-            float(length): own
-            for length, own in zip(lengths, _payload_fits(flights, vehicle, y, lengths), strict=True)
-        }
+        tried |= dict(zip(lengths.tolist(), _payload_fits(flights, y, lengths), strict=True))
         best = min(tried, key=lambda length: tried[length].bic)
         ratio = lengths[1] / lengths[0]
         lengths = best * np.geomspace(1 / ratio, ratio, 7)
@@ -234,45 +136,33 @@ def told_payload(flights: Sequence[FlightResiduals], vehicle: Vehicle) -> dict[s
     half = best * math.sqrt(3.84 / curvature) if curvature > 0 else math.inf
     own = tried[best]
     return {
-        "mass": estimate(float(own.c[0]), 1.96 * math.sqrt(own.covariance[0, 0]), "kg"),
-        "length": estimate(best, half, "m"),
+        "mass": _estimate(float(own.c[0]), 1.96 * math.sqrt(own.covariance[0, 0]), "kg"),
+        "length": _estimate(best, half, "m"),
     }
 
 
-def _payload_fits(
-    flights: Sequence[FlightResiduals], vehicle: Vehicle, y: np.ndarray, lengths: np.ndarray
-) -> list[Fit]:
+def _payload_fits(flights: Sequence[FlightResiduals], y: np.ndarray, lengths: np.ndarray) -> list[Fit]:
     """Return the fit at every length, linear about the start states of a first fit."""
-    first = [fit(y, [columns]).c for columns in payload_columns(flights, vehicle, lengths)]
-    starts = [
-        SHARE * vehicle.mass * SMALL * c[1:].reshape(-1, 4) / max(float(c[0]), 0.2 * SHARE * vehicle.mass)
-        for c in first
-    ]
+    first = [fit(y, [columns]).c for columns in payload_columns(flights, lengths)]
+    unit = SHARE * flights[0].vehicle.mass
+    starts = [unit * SMALL * c[1:].reshape(-1, 4) / max(float(c[0]), 0.2 * unit) for c in first]
     about = np.clip(np.array(starts), -0.6, 0.6)
-    return [fit(y, [columns]) for columns in payload_columns(flights, vehicle, lengths, about)]
+    return [fit(y, [columns]) for columns in payload_columns(flights, lengths, about)]
 
 
-def told_wind(flights: Sequence[FlightResiduals], vehicle: Vehicle) -> dict[str, dict[str, Any]]:
-    """Return drag, wind and mean force of the wind with 95 % intervals: least squares of drag and wind alone.
+def told_wind(flights: Sequence[FlightResiduals]) -> tuple[LinearDrag, ConstantWind, np.ndarray]:
+    """Return drag, wind, and mean force of the wind (3,) in W [N]: least squares of drag and wind alone.
 
     The wind is force over drag along each axis; across the flown line, where the drag does not show, so is it of the
-    drag along x.
+    drag along x. Upwards it trades against the thrust scale, and is none.
     """
     y = stacked(flights)
     y[:, 3:] = 0.0
-    own = fit(y, [drag_columns(flights, vehicle), wind_columns(flights, vehicle)])
-    half = 1.96 * np.sqrt(np.diag(own.covariance))
-    drags = {f"d_{a}": estimate(float(own.c[i]), float(half[i]), "N·s/m") for i, a in enumerate("xyz")}
-    winds = {}
-    for i, axis in ((0, "x"), (1, "y")):
-        relative = math.hypot(half[3 + i] / own.c[3 + i], half[0] / own.c[0])
-        speed = float(own.c[3 + i] / own.c[0])
-        winds[axis] = estimate(speed, abs(speed) * relative, "m/s")
-    winds["z"] = estimate(0.0, math.inf, "m/s")  # it trades against the thrust scale
-    force = {"value": own.c[3:6].tolist(), "unit": "N", "ci95": [None, None]}
-    return {"linear_drag": drags, "constant_wind": winds, "wind force": {"xyz": force}}
+    c = fit(y, [drag_columns(flights), wind_columns(flights)]).c
+    drag, force = LinearDrag(*c[:3].tolist()), c[3:6]
+    return drag, ConstantWind(float(force[0] / c[0]), float(force[1] / c[0]), 0.0), force
 
 
-def estimate(value: float, half: float, unit: str) -> dict[str, Any]:
+def _estimate(value: float, half: float, unit: str) -> dict[str, Any]:
     """Return a value with its interval, in the form of `diagnosis.json`."""
     return {"value": value, "unit": unit, "ci95": [value - half, value + half]}

@@ -8,6 +8,7 @@ from scipy.optimize import minimize_scalar
 from np_drake.flight_log import FlightLog
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats import crazyflie
+from np_drake.logs.importing.interpolation import linear
 
 MILLIMETRE = 1e-3  # [m]
 PAYLOAD = tuple(f"stateEstimateZ.p{axis}" for axis in "xyz")  # [mm]
@@ -19,6 +20,10 @@ def logged_payload(path: Path, flight: FlightLog) -> tuple[np.ndarray, np.ndarra
 
     Repeated values are left out: the log holds a slower stream on faster rows. The clock of the flight starts at
     take-off, at the time where its positions are those of the log.
+
+    Args:
+        path: log of a Crazyflie.
+        flight: flight that was read from it.
     Raises: LogError: if the log holds no payload, or the flight is not of this log.
     """
     event = next(
@@ -39,7 +44,7 @@ def _begin(t: np.ndarray, p_WB: np.ndarray, flight: FlightLog) -> float:
     rows = slice(0, len(flight), max(1, len(flight) // 400))
 
     def off(begin: float) -> float:
-        there = np.stack([np.interp(begin + flight.t[rows], t, column) for column in p_WB.T], axis=1)
+        there = linear(t, p_WB, begin + flight.t[rows])
         return float(np.mean(np.sum((there - flight.p[rows]) ** 2, axis=1)))
 
     tries = np.arange(t[0], max(t[-1] - flight.t[-1], t[0]) + 0.02, 0.01)

@@ -1,17 +1,22 @@
 """Position of a payload on a held-out flight, from its diagnosed tether and the vehicle's measured motion."""
 
 import dataclasses as dc
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 
 import numpy as np
 from scipy.optimize import least_squares
 
+from diagrams.challenge.real.logged_payload import logged_payload
 from np_drake import attitude
+from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals
 from np_drake.diagnosis.residuals.make_flight_residuals import make_flight_residuals
-from np_drake.effects.base import Motion, WrenchEffect
-from np_drake.effects.combine import total_wrench
-from np_drake.effects.pendulum import Path, Payload, hanging, hook_velocity, path_many
+from np_drake.effects.base import Effect, Motion, WrenchEffect
+from np_drake.effects.combine import split_effects, total_wrench
+from np_drake.effects.pendulum import Path as Swing
+from np_drake.effects.pendulum import Payload, hanging, hook_velocity, path_many
 from np_drake.flight_log import FlightLog
+from np_drake.logs.importing.interpolation import linear
 from np_drake.vehicle import Vehicle
 
 START = 2.0  # of the flight, to which the start state is fitted [s]
@@ -21,7 +26,6 @@ SWING_NOISE = 0.5  # of the payload's acceleration in the filter [m/s² per root
 OFFSET_NOISE = 0.05  # drift of the force offset over the payload's weight [1 per root s]
 FORCE_NOISE = 0.3  # of the residual force over the payload's weight [1]
 FORCE_MEMORY = 0.1  # over which its errors go together [s]
-EVERY = slice(None)  # of the steps
 
 
 @dc.dataclass(frozen=True)
@@ -44,41 +48,73 @@ class Drive:
         return float(np.median(np.diff(self.t)))
 
 
+Predictor = Callable[[Drive, Payload, float], np.ndarray]  # (drive, payload, gravity) -> p_WPo (m, 3) [m]
+
+
+def plumb(drive: Drive, payload: Payload, gravity: float) -> np.ndarray:
+    """Return p_WPo of a payload at rest below its hook, (m, 3) [m].
+
+    Args:
+        drive: path of the hook.
+        payload: tether.
+        gravity: of no matter here [m/s²].
+    """
+    return drive.p_hook - [0.0, 0.0, payload.length]
+
+
 def make_drive(
     log: FlightLog, vehicle: Vehicle, payload: Payload, others: Sequence[WrenchEffect] = ()
 ) -> Drive:
     """Return what drives a payload under the vehicle of a log.
 
-    The acceleration of the hook is that of velocity and position: over a step it is the difference of the velocity,
-    which has no offset that grows. The residual force is that of the diagnosis; effects named beside the payload are
-    subtracted from it.
-
-    Args: others: wrench effects beside the payload.
+    Args:
+        log: the flight.
+        vehicle: nominal vehicle.
+        payload: the payload, for its hook.
+        others: wrench effects beside the payload, which are subtracted from the residual force.
     """
     e = make_flight_residuals(log, vehicle)
     t = e.t
-    v_hook = _on(t, log.t, hook_velocity(payload.hook, log.x))
-    p_hook = _on(t, log.t, log.p + attitude.rotate(log.q, np.broadcast_to(payload.hook, log.p.shape)))
+    v_hook = linear(log.t, hook_velocity(payload.hook, log.x), t)
+    p_hook = linear(log.t, log.p + attitude.rotate(log.q, np.broadcast_to(payload.hook, log.p.shape)), t)
+    # Over a step the difference of the velocity is the mean acceleration: no offset grows, as that of an accelerometer.
     a_hook = np.diff(v_hook, axis=0) / np.diff(t)[:, None]
-    force = (e.R_WB @ e.y[:, :3, None])[..., 0]
+    force = residual_force(e)
     force -= wrench_of(log, vehicle, others, t)[:, :3]
     return Drive(t, a_hook, 0.5 * (v_hook[1:] + v_hook[:-1]), p_hook, force[:, :2])
 
 
+def residual_force(e: FlightResiduals) -> np.ndarray:
+    """Return the force that the nominal model leaves on the grid of a flight, (m, 3) in W [N]."""
+    return (e.R_WB @ e.y[:, :3, None])[..., 0]
+
+
 def wrench_of(log: FlightLog, vehicle: Vehicle, effects: Sequence[WrenchEffect], t: np.ndarray) -> np.ndarray:
-    """Return chi of wrench effects at the times t (m,) of a flight, (m, 6) [N, N·m]; rotors share the thrust."""
+    """Return chi of wrench effects, (m, 6) [N, N·m]; the rotors share the thrust.
+
+    Args:
+        log: the flight.
+        vehicle: nominal vehicle.
+        effects: what acts.
+        t: (m,) times on the clock of the log [s].
+    """
     if not effects:
         return np.zeros((len(t), 6))
-    x = _on(t, log.t, log.x)
+    x = linear(log.t, log.x, t)
     x[:, 3:7] /= np.linalg.norm(x[:, 3:7], axis=1, keepdims=True)
-    thrust = np.repeat(0.25 * _on(t, log.t, log.u[:, :1]), 4, axis=1)
+    thrust = np.repeat(0.25 * linear(log.t, log.u[:, :1], t), 4, axis=1)
     return total_wrench(vehicle, effects, Motion(t, x, thrust))
 
 
-def swung(
-    drive: Drive, payload: Payload, gravity: float, r: np.ndarray, r_rate: np.ndarray, some: slice = EVERY
-) -> Path:
-    """Return the motion over some of the steps from starts r, r_rate (m, 3) [m, m/s]."""
+def _swung(
+    drive: Drive,
+    payload: Payload,
+    gravity: float,
+    start: tuple[np.ndarray, np.ndarray],
+    some: slice = slice(None),
+) -> Swing:
+    """Return the motion over some of the steps from starts r, r_rate, (m, 3) each [m, m/s]."""
+    r, r_rate = start
     lengths, a, v = np.full(len(r), payload.length), drive.a_hook[some], drive.v_hook[some]
     return path_many(lengths, r, r_rate, a, drive.step, gravity, damping=payload.damping, v_hook=v)
 
@@ -88,15 +124,22 @@ def open_loop(drive: Drive, payload: Payload, gravity: float) -> np.ndarray:
 
     Nothing after `START` corrects the swing. A constant force to the side is fitted beside the state: a tilt of the
     attitude makes one.
+
+    Args:
+        drive: what drives the payload.
+        payload: tether, mass and damping.
+        gravity: [m/s²].
     """
     count = min(len(drive.t) - 1, int(START / drive.step))
     measured = 0.5 * (drive.force[1 : count + 1] + drive.force[:count])
     scale = payload.length * np.array([1.0, 1.0, *[np.sqrt(gravity / payload.length)] * 2])
     natural = payload.mass * gravity
 
+    def start(states: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return hanging(scale[:2] * states[:, :2], scale[2:] * states[:, 2:], payload.length)
+
     def pulls(states: np.ndarray) -> np.ndarray:
-        r, r_rate = hanging(scale[:2] * states[:, :2], scale[2:] * states[:, 2:], payload.length)
-        return payload.mass * swung(drive, payload, gravity, r, r_rate, slice(count)).pull[..., :2]
+        return payload.mass * _swung(drive, payload, gravity, start(states), slice(count)).pull[..., :2]
 
     def misfit(state: np.ndarray) -> np.ndarray:
         left = measured - pulls(state[None])[:, 0]
@@ -114,16 +157,19 @@ def open_loop(drive: Drive, payload: Payload, gravity: float) -> np.ndarray:
     near = starts[np.argsort(np.var(left, axis=0).sum(axis=-1))[:REFINED]]
     fits = [least_squares(misfit, s, jac=slope, bounds=(-0.95, 0.95), max_nfev=40) for s in near]  # type: ignore[call-overload]
     best = min(fits, key=lambda fit: float(fit.cost)).x
-    r, r_rate = hanging(scale[:2] * best[None, :2], scale[2:] * best[None, 2:], payload.length)
-    return drive.p_hook + swung(drive, payload, gravity, r, r_rate).r[:, 0]
+    return drive.p_hook + _swung(drive, payload, gravity, start(best[None])).r[:, 0]
 
 
 def observed(drive: Drive, payload: Payload, gravity: float) -> np.ndarray:
     """Return p_WPo of the payload (m, 3) [m] from an extended Kalman filter that the residual force corrects.
 
     State: offset and rate of the payload to the side [m, m/s], and a force offset to the side [N]. Causal: the position
-    at an instant uses nothing after it.   Source: Kalman filter; the noises are own choices, in units of the payload's
-    weight.
+    at an instant uses nothing after it. The noises are own choices, in units of the payload's weight.
+
+    Args:
+        drive: what drives the payload.
+        payload: tether, mass and damping.
+        gravity: [m/s²].
     """
     weight, rate = payload.mass * gravity, np.sqrt(gravity / payload.length)
     s = np.zeros(6)
@@ -136,10 +182,11 @@ def observed(drive: Drive, payload: Payload, gravity: float) -> np.ndarray:
     at = [s[:2]]
     for k in range(len(drive.a_hook)):
         moved = np.concatenate([s[None], s + small])
-        r, r_rate = hanging(moved[:, :2], moved[:, 2:4], payload.length)
-        after = swung(drive, payload, gravity, r, r_rate, slice(k, k + 1))
+        start = hanging(moved[:, :2], moved[:, 2:4], payload.length)
+        after = _swung(drive, payload, gravity, start, slice(k, k + 1))
         ahead = np.concatenate([after.r[1, :, :2], after.r_rate[:, :2], moved[:, 4:]], axis=1)
         said = payload.mass * after.pull[0, :, :2] + moved[:, 4:]
+        # Jacobians of motion and measurement, by forward differences.
         F, H = (ahead[1:] - ahead[0]).T / 1e-5, (said[1:] - said[0]).T / 1e-5
         # The pull is that of the step, whose state at its begin is corrected before it moves on.
         K = np.linalg.solve(H @ P @ H.T + R, H @ P).T
@@ -155,15 +202,45 @@ def observed(drive: Drive, payload: Payload, gravity: float) -> np.ndarray:
     return drive.p_hook + r
 
 
-def error(
-    p: np.ndarray, t: np.ndarray, p_logged: np.ndarray, t_logged: np.ndarray, *, since: float = 0.0
-) -> float:
-    """Return the RMSE of a position (m, 3) at t (m,) against a logged one (n, 3) at t_logged (n,) [m]."""
-    inside = (t >= max(since, t_logged[0])) & (t <= t_logged[-1])
-    off = p[inside] - _on(t[inside], t_logged, p_logged)
+def error(p: np.ndarray, t: np.ndarray, p_logged: np.ndarray, t_logged: np.ndarray) -> float:
+    """Return the RMSE of a position against a logged one, where both are there [m].
+
+    Args:
+        p: (m, 3) position [m].
+        t: (m,) its times [s].
+        p_logged: (n, 3) logged position [m].
+        t_logged: (n,) its times, on the same clock [s].
+    """
+    inside = (t >= t_logged[0]) & (t <= t_logged[-1])
+    off = p[inside] - linear(t_logged, p_logged, t[inside])
     return float(np.sqrt(np.mean(np.sum(off**2, axis=1))))
 
 
-def _on(t: np.ndarray, t_given: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Return values (n, k) interpolated linearly to t (m,), (m, k)."""
-    return np.stack([np.interp(t, t_given, column) for column in values.T], axis=1)
+def position_errors(
+    path: Path,
+    logs: Sequence[FlightLog],
+    vehicle: Vehicle,
+    effects: Sequence[Effect],
+    predictors: Mapping[str, Predictor],
+) -> dict[str, float]:
+    """Return the RMSE of the payload's position by predictor [m]; empty where no payload is among the effects.
+
+    Args:
+        path: log that holds the payload's position.
+        logs: its flights.
+        vehicle: nominal vehicle.
+        effects: payload and what acts beside it.
+        predictors: by name.
+    Raises: LogError: if the log holds no payload.
+    """
+    acting = split_effects(effects)
+    if acting.payload is None or acting.payload.mass <= 0:
+        return {}
+    payload = acting.payload.payload
+    found: dict[str, list[float]] = {name: [] for name in predictors}
+    for log in logs:
+        t, p = logged_payload(path, log)
+        drive = make_drive(log, vehicle, payload, acting.wrench)
+        for name, predict in predictors.items():
+            found[name].append(error(predict(drive, payload, vehicle.gravity), drive.t, p, t))
+    return {name: float(np.sqrt(np.mean(np.square(errors)))) for name, errors in found.items()}

@@ -2,8 +2,7 @@
 
 import dataclasses as dc
 import math
-from collections.abc import Sequence
-from pathlib import Path
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -12,16 +11,12 @@ from diagrams.batch.columns import MISSING, tabulate
 from diagrams.batch.options import Group, Neurobem, RealFlights, required
 from diagrams.batch.run import Report, Run, Table
 from diagrams.batch.workers import failures, require_result
-from diagrams.challenge.real.cases import GROUPS, Case, cases_by_name, make_cases
+from diagrams.challenge.real.cases import GROUPS, Case, OfNamedCase, make_cases
 from diagrams.challenge.real.flights import open_case, require_logs
-from diagrams.challenge.real.logged_payload import logged_payload
-from diagrams.challenge.real.payload_position import error, make_drive, open_loop
+from diagrams.challenge.real.payload_position import open_loop, plumb, position_errors
 from diagrams.gap.drake_replay import DrakeReplay
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.diagnosis.result import Diagnosis, ReplayGap
-from np_drake.effects.base import WrenchEffect
-from np_drake.effects.pendulum import Payload
-from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.flight_log import FlightLog
 from np_drake.logs.errors import LogError
 from np_drake.vehicle import Vehicle
@@ -29,35 +24,26 @@ from np_drake.vehicle import Vehicle
 QUANTITIES = ("position", "velocity", "attitude")
 EARLY, LATE = 1, -1  # of the horizons
 SIMULATORS = ("nominal", "corrected")
+PREDICTORS = {"below": plumb, "swinging": open_loop}  # of the payload's position
 
 
-@dc.dataclass(frozen=True)
-class RealReplay:
-    """Work of a case {"group", "name"} -> errors of replay and payload in both simulators."""
+def replay_case(case: Case) -> dict[str, Any]:
+    """Return verdict, horizons [s], median errors by simulator and quantity, and the payload's [m, m/s, deg].
 
-    folder: Path
-    neurobem: Path | None
-
-    def __call__(self, record: dict[str, Any]) -> dict[str, Any]:
-        """Return verdict, horizons [s], median errors by simulator and quantity, and the payload's [m, m/s, deg].
-
-        Nothing is fitted to the flight that is replayed; it starts from its logged states.
-        """
-        case = cases_by_name(self.folder, self.neurobem)[record["group"], record["name"]]
-        vehicle, train, held_out = open_case(case)
-        found = diagnose(vehicle, train, held_out, DrakeReplay(vehicle), adaptive_split=False)
-        gaps = dict(
-            zip(
-                SIMULATORS, (found.gap_reduction.replay_before, found.gap_reduction.replay_after), strict=True
-            )
-        )
-        return {
-            "verdict": list(found.verdict),
-            "horizon": None if gaps["nominal"] is None else gaps["nominal"].horizon,
-            "errors": {name: None if gap is None else _medians(gap) for name, gap in gaps.items()},
-            "payload": _payload_errors(case, vehicle, held_out, found),
-            "warnings": list(found.warnings),
-        }
+    Nothing is fitted to the flight that is replayed; it starts from its logged states.
+    """
+    vehicle, train, held_out = open_case(case)
+    found = diagnose(vehicle, train, held_out, DrakeReplay(vehicle), adaptive_split=False)
+    gaps = dict(
+        zip(SIMULATORS, (found.gap_reduction.replay_before, found.gap_reduction.replay_after), strict=True)
+    )
+    return {
+        "verdict": list(found.verdict),
+        "horizon": None if gaps["nominal"] is None else gaps["nominal"].horizon,
+        "errors": {name: None if gap is None else _medians(gap) for name, gap in gaps.items()},
+        "payload": _payload_errors(case, vehicle, held_out, found),
+        "warnings": list(found.warnings),
+    }
 
 
 def _medians(gap: ReplayGap) -> dict[str, list[float]]:
@@ -71,22 +57,13 @@ def _payload_errors(
 
     None where the log holds no payload, or none is diagnosed.
     """
-    effects = [cause.effect for cause in found.causes if cause.effect is not None]
-    hung = next((e for e in effects if isinstance(e, SuspendedPayload)), None)
-    if "payload" not in case.group or hung is None or hung.mass <= 0:
+    if "payload" not in case.group:
         return None
-    others = [e for e in effects if isinstance(e, WrenchEffect) and e is not hung]
-    below, swung = [], []
-    for log in held_out:
-        try:
-            t, p = logged_payload(case.held_out, log)
-        except LogError:
-            return None
-        payload: Payload = hung.payload
-        drive = make_drive(log, vehicle, payload, others)
-        below.append(error(drive.p_hook - [0.0, 0.0, payload.length], drive.t, p, t))
-        swung.append(error(open_loop(drive, payload, vehicle.gravity), drive.t, p, t))
-    return {"below": float(np.mean(below)), "swinging": float(np.mean(swung))}
+    effects = [cause.effect for cause in found.causes if cause.effect is not None]
+    try:
+        return position_errors(case.held_out, held_out, vehicle, effects, PREDICTORS) or None
+    except LogError:
+        return None
 
 
 def lines(results: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
@@ -94,32 +71,28 @@ def lines(results: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
 
     `early`: of the position at the horizon `EARLY`.
 
-    Args: results: of `RealReplay`, each with its "group".
+    Args: results: of `replay_case`, each with its "group".
     """
     found = []
     for group in [g for g in GROUPS if any(r["group"] == g for r in results)]:
         own = [r for r in results if r["group"] == group]
-        flown = [r for r in own if all(r["errors"][name] is not None for name in SIMULATORS)]
+        flown = [r["errors"] for r in own if all(r["errors"][name] is not None for name in SIMULATORS)]
         line: dict[str, Any] = {"group": group, "cases": len(own), "replayed": len(flown)}
-        for quantity in QUANTITIES:
-            for name in SIMULATORS:
-                line[f"{quantity} {name}"] = _median([r["errors"][name][quantity][LATE] for r in flown])
         for name in SIMULATORS:
-            line[f"early {name}"] = _median([r["errors"][name]["position"][EARLY] for r in flown])
-        line["better"] = sum(_at_end(r, "corrected") < _at_end(r, "nominal") for r in flown)
-        paths = [r["payload"] for r in own if r["payload"] is not None]
-        for kind in ("below", "swinging"):
-            line[kind] = _median([path[kind] for path in paths])
+            for quantity in QUANTITIES:
+                line[f"{quantity} {name}"] = _median(errors[name][quantity][LATE] for errors in flown)
+            line[f"early {name}"] = _median(errors[name]["position"][EARLY] for errors in flown)
+        nominal, corrected = ([errors[name]["position"][LATE] for errors in flown] for name in SIMULATORS)
+        line["better"] = sum(after < before for before, after in zip(nominal, corrected, strict=True))
+        for kind in PREDICTORS:
+            line[kind] = _median(r["payload"][kind] for r in own if r["payload"] is not None)
         found.append(line)
     return found
 
 
-def _at_end(result: dict[str, Any], simulator: str) -> float:
-    return float(result["errors"][simulator]["position"][LATE])
-
-
-def _median(values: Sequence[float]) -> float:
-    return float(np.median(values)) if values else float("nan")
+def _median(values: Iterable[float]) -> float:
+    known = list(values)
+    return float(np.median(known)) if known else math.nan
 
 
 @dc.dataclass(frozen=True)
@@ -134,7 +107,6 @@ class Options:
 def run(run: Run, options: Options) -> Report:
     """Real flights replayed open loop, nominal and corrected simulator. --out DIR: cases to resume from."""
     folder = required(options.folder, "replay: give the folder of the real flights as DIR or NP_DRAKE_REAL.")
-
     chosen = make_cases(folder, options.neurobem, options.only or ())
     require_logs(run, chosen)
     cases = [{"group": case.group, "name": case.name} for case in chosen]
@@ -143,7 +115,7 @@ def run(run: Run, options: Options) -> Report:
         "neurobem": options.neurobem and options.neurobem.name,
         "only": options.only,
     }
-    work = RealReplay(folder.resolve(), options.neurobem and options.neurobem.resolve())
+    work = OfNamedCase(replay_case, folder.resolve(), options.neurobem and options.neurobem.resolve())
     records = run.cases("replaying", "cases", work, cases, config=config)
     require_result(records)
     results = [{**r["case"], **r["result"]} for r in records if "result" in r]

@@ -1,21 +1,17 @@
 """Study `real`: the diagnosis on real flights whose cause is known."""
 
 import dataclasses as dc
-from pathlib import Path
-from typing import Annotated, Any
-
-from typer import Option
+from typing import Any
 
 from diagrams.batch.failed_run import FailedRun
 from diagrams.batch.options import Group, Neurobem, RealFlights, required
 from diagrams.batch.run import Report, Run
 from diagrams.batch.workers import failures
-from diagrams.challenge.real.answers import require_checkout
-from diagrams.challenge.real.calibration import bins, calibration_figure, simulated_names
-from diagrams.challenge.real.cases import RULE, make_cases
+from diagrams.challenge.real.calibration import bins, calibration_figure
+from diagrams.challenge.real.cases import RULE, OfNamedCase, make_cases
 from diagrams.challenge.real.flights import require_logs
-from diagrams.challenge.real.score import Scoring, Settings
-from diagrams.challenge.real.summary import judged_names, naming
+from diagrams.challenge.real.score import score_case
+from diagrams.challenge.real.summary import NAMING, judged_names
 from diagrams.challenge.real.tables import tables
 
 
@@ -26,51 +22,20 @@ class Options:
     folder: RealFlights = None
     neurobem: Neurobem = None
     only: Group = None
-    beside: Annotated[
-        Path | None,
-        Option("--beside", metavar="CHECKOUT", help="Another checkout, whose diagnosis answers as well."),
-    ] = None
-    answers: Annotated[
-        Path | None,
-        Option("--answers", metavar="DIR", help="Answers of the simulated benchmark, for the figure."),
-    ] = None
-    truth: Annotated[Path | None, Option("--truth", metavar="DIR", help="Truth of that benchmark.")] = None
 
 
 def run(run: Run, options: Options) -> Report:
-    """The diagnosis on real flights with known causes. Beside least squares, and another version of itself."""
+    """The diagnosis on real flights with known causes, beside least squares."""
     folder = required(options.folder, "real: give the folder of the real flights as DIR or NP_DRAKE_REAL.")
-    if (options.answers is None) != (options.truth is None):
-        raise ValueError("real: give --answers and --truth together, or neither.")
-
     cases = make_cases(folder, options.neurobem, options.only or ())
-    other = None if options.beside is None else require_checkout(options.beside)
-    simulated = simulated_names(options.answers, options.truth) if options.answers and options.truth else []
     require_logs(run, cases)
-    kept = None if run.out is None else run.folder / "answers"
-    if kept is not None:
-        kept.mkdir(exist_ok=True)
-    config: dict[str, Any] = {
-        "folder": folder,
-        "neurobem": options.neurobem,
-        "only": options.only,
-        "beside": options.beside,
-    }
-    scoring = Scoring(
-        folder.resolve(),
-        options.neurobem and options.neurobem.resolve(),
-        Settings(other, kept and kept.resolve()),
-    )
-    settings = {
-        "folder": folder.name,
-        "neurobem": options.neurobem and options.neurobem.name,
-        "beside": options.beside,
-    }
+    config: dict[str, Any] = {"folder": folder, "neurobem": options.neurobem, "only": options.only}
+    scoring = OfNamedCase(score_case, folder.resolve(), options.neurobem and options.neurobem.resolve())
+    settings = {"folder": folder.name, "neurobem": options.neurobem and options.neurobem.name}
     named = [{"group": case.group, "name": case.name} for case in cases]
     finished = run.cases("diagnosing", "cases", scoring, named, config=settings)
     failed, records = failures(finished), [r["result"] for r in finished if "result" in r]
-    series = {f"real flights, {name}": judged_names(records, name) for name in naming(records)}
-    series |= {"simulated benchmark": simulated} if simulated else {}
+    series = {f"real flights, {method}": judged_names(records, method) for method in NAMING}
     failure = FailedRun(f"{failed[0]} ({len(failed)} of {len(cases)} cases failed)") if failed else None
     return Report(
         tables(records),

@@ -1,140 +1,121 @@
 """Tables of the real flights with known causes, within the width of a page."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from diagrams.challenge.real.score import BESIDE, BIC, METHODS, THIS, TOLD
-from diagrams.challenge.real.summary import PAYLOADS, Record, asked_figures
-from diagrams.challenge.real.truth import NAMED, TRUTHS
+from diagrams.batch.columns import MISSING, Column, tabulate
+from diagrams.batch.run import Table
+from diagrams.challenge.real.score import METHODS, THIS, TOLD
+from diagrams.challenge.real.summary import NAMING, PAYLOADS, Answer, Record, answers, asked_figures
+from diagrams.challenge.real.truth import NAMED, TRUTHS, WINDS
 
-Table = tuple[str, list[str], list[tuple]]
-HEADERS = {THIS: "this", BESIDE: "beside", BIC: "BIC", TOLD: "told"}
 TOP = 5  # names that are shown of a method
 
 
 def tables(records: Sequence[Record]) -> list[Table]:
     """Return all tables that the cases give: what is asked, payloads, winds, and names of every case."""
-    found = [asked_table(records), payload_table(records), wind_table(records), name_table(records)]
+    found = [_asked_table(records), _payload_table(records), _wind_table(records), _name_table(records)]
     return [table for table in found if table[2]]
 
 
-def asked_table(records: Sequence[Record]) -> Table:
+def _asked_table(records: Sequence[Record]) -> Table:
     """Return what is asked beside what every method gives."""
     lines = asked_figures(records)
-    used = [m for m in METHODS if any(line.get(m) is not None for line in lines)]
-    rows = [
-        (line["what"], line["wanted"], *(line.get(m) or "–" for m in used))
-        for line in lines
-        if any(line.get(m) is not None for m in used)
+    used = [method for method in METHODS if any(method in line for line in lines)]
+    columns: list[Column] = [
+        ("asked", "what"),
+        ("wanted", "wanted"),
+        *((method, _of_method(method)) for method in used),
     ]
     title = "asked of the diagnosis; BIC: forward selection; told: least squares of the known effect alone"
-    return title, ["asked", "wanted", *(HEADERS[m] for m in used)], rows
+    return tabulate(title, lines, columns)
 
 
-def payload_table(records: Sequence[Record]) -> Table:
+def _of_method(method: str) -> Callable[[Mapping[str, Any]], str]:
+    return lambda line: line.get(method, MISSING)
+
+
+def _payload_table(records: Sequence[Record]) -> Table:
     """Return mass, length and position of the payload by case and method, with 95 % intervals."""
-    rows = []
-    for record in _of(records, PAYLOADS):
-        for name, method in record["methods"].items():
-            own = method["parameters"].get("suspended_payload")
-            if own is None and name == BIC:
-                continue
-            p = method["causes"].get("suspended_payload")
-            at, cut = method.get("position", {}), method.get("cut", {})
-            rows.append(
-                (
-                    record["case"] + (" (command)" if record["group"] == PAYLOADS[1] else ""),
-                    HEADERS[name],
-                    "–" if p is None else f"{p:.2f}",
-                    _interval(own, "mass", 1e3, 1),
-                    _interval(own, "length", 1.0, 3),
-                    _fixed(at.get("observed"), 1, 100.0),
-                    _fixed(at.get("open"), 1, 100.0),
-                    " / ".join(_fixed(cut.get(k), 0, 100.0) for k in ("lateral", "vertical", "torque")),
-                )
-            )
-    mass, length = (TRUTHS["payload"].parameters[k].value for k in ("mass", "length"))
+    mass, length = (TRUTHS["payload"].parameters[name].value for name in ("mass", "length"))
     title = (
         f"payload: {1e3 * mass:g} g, {length:g} m; position: RMSE observed and open loop; cut: held-out residual, "
         "lateral / vertical / torque"
     )
-    return title, ["case", "by", "p", "mass [g]", "length [m]", "obs. [cm]", "open", "cut [%]"], rows
+    columns = (
+        ("case", lambda a: a["case"] + (" (command)" if a["group"] == PAYLOADS[1] else "")),
+        ("by", "by"),
+        ("p", lambda a: _fixed(a["causes"].get("suspended_payload"), 2)),
+        ("mass [g]", lambda a: _interval(a, "mass", 1e3, 1)),
+        ("length [m]", lambda a: _interval(a, "length", 1.0, 3)),
+        ("obs. [cm]", lambda a: _fixed(a.get("position", {}).get("observed"), 1, 100.0)),
+        ("open", lambda a: _fixed(a.get("position", {}).get("open"), 1, 100.0)),
+        ("cut [%]", lambda a: _cut(a, "lateral", "vertical", "torque")),
+    )
+    return tabulate(title, answers(records, PAYLOADS, (THIS, TOLD)), columns)
 
 
-def wind_table(records: Sequence[Record]) -> Table:
+def _wind_table(records: Sequence[Record]) -> Table:
     """Return direction, force and speed of the wind by case and method."""
-    rows = []
-    for record in _of(records, ["wind"]):
-        for name, method in record["methods"].items():
-            own = method.get("wind") or {}
-            if not own and name == BIC:
-                continue
-            p = max((method["causes"].get(w, 0.0) for w in ("constant_wind", "gusty_wind")), default=0.0)
-            cut = method.get("cut", {})
-            rows.append(
-                (
-                    record["case"],
-                    HEADERS[name],
-                    "–" if name == TOLD else f"{p:.2f}",
-                    f"{record['wind']:.1f}",
-                    _fixed(own.get("angle"), 0),
-                    _fixed(own.get("force"), 2),
-                    _fixed(own.get("speed"), 2),
-                    _fixed(own.get("up"), 1),
-                    " / ".join(_fixed(cut.get(k), 0, 100.0) for k in ("lateral", "vertical")),
-                )
-            )
+
+    def figure(name: str, digits: int):
+        return lambda a: _fixed(a.get("wind", {}).get(name), digits)
+
+    def probability(answer: Answer) -> str:
+        if answer["by"] == TOLD:
+            return MISSING
+        return f"{max(answer['causes'].get(wind, 0.0) for wind in WINDS):.2f}"
+
+    columns = (
+        ("case", "case"),
+        ("by", "by"),
+        ("p", probability),
+        ("fans [m/s]", lambda a: f"{a['fans']:.1f}"),
+        ("off [deg]", figure("angle", 0)),
+        ("force", figure("force", 2)),
+        ("speed", figure("speed", 2)),
+        ("up [m/s]", figure("up", 1)),
+        ("cut [%]", lambda a: _cut(a, "lateral", "vertical")),
+    )
     title = "wind along -x; force over that measured against still air, speed over that of the fans [1]"
-    header = ["case", "by", "p", "fans [m/s]", "off [deg]", "force", "speed", "up [m/s]", "cut [%]"]
-    return title, header, rows
+    return tabulate(title, answers(records, ["wind"], (THIS, TOLD)), columns)
 
 
-def name_table(records: Sequence[Record]) -> Table:
+def _name_table(records: Sequence[Record]) -> Table:
     """Return the most probable names of every case and method; wrong ones in capitals."""
-    rows = []
-    for record in records:
-        for name, method in record["methods"].items():
-            if name == TOLD:
-                continue
-            said = "yes" if method.get("right") else "no"
-            rows.append(
-                (
-                    f"{record['group']}: {record['case']}",
-                    HEADERS[name],
-                    said,
-                    _names(record, method),
-                    _last(method),
-                )
-            )
+    columns = (
+        ("case", lambda a: f"{a['group']}: {a['case']}"),
+        ("by", "by"),
+        ("right", lambda a: "yes" if a["right"] else "no"),
+        ("names", _names),
+        ("s", lambda a: _fixed(a.get("seconds"), 0)),
+    )
     title = f"names and probabilities, the first {TOP}; WRONG ones in capitals, those above {NAMED:g} count"
-    return title, ["case", "by", "right", "names", "s"], rows
+    return tabulate(title, answers(records, methods=NAMING), columns)
 
 
-def _names(record: Record, method: dict[str, Any]) -> str:
-    truth = TRUTHS[record["group"]]
-    found = sorted(method["causes"].items(), key=lambda pair: -pair[1])
+def _names(answer: Answer) -> str:
+    truth = TRUTHS[answer["group"]]
+    found = sorted(answer["causes"].items(), key=lambda pair: -pair[1])
     parts = [f"{n.upper() if truth.holds(n) is False else n} {p:.2f}" for n, p in found[:TOP]]
     more = [f"and {len(found) - TOP} more"] if len(found) > TOP else []
-    hint = ["says what is new"] if method.get("new_condition") else []
+    hint = ["says what is new"] if answer.get("new_condition") else []
     return ", ".join([*parts, *more, *hint]) or "nothing"
 
 
-def _last(method: dict[str, Any]) -> str:
-    return _fixed(method.get("seconds"), 0)
+def _cut(answer: Answer, *groups: str) -> str:
+    """Return by how much the held-out residual is reduced, in per cent, by group of channels."""
+    return " / ".join(_fixed(answer.get("cut", {}).get(group), 0, 100.0) for group in groups)
 
 
-def _of(records: Sequence[Record], groups: Iterable[str]) -> list[Record]:
-    return [record for record in records if record["group"] in set(groups)]
-
-
-def _interval(own: dict[str, Any] | None, name: str, factor: float, digits: int) -> str:
-    """Return `4.1 [3.6, 4.5]`."""
-    if not own or name not in own:
-        return "–"
-    low, high = own[name]["ci95"]
-    value, low, high = (factor * v for v in (own[name]["value"], low, high))
-    return f"{value:.{digits}f} [{low:.{digits}f}, {high:.{digits}f}]"
+def _interval(answer: Answer, name: str, factor: float, digits: int) -> str:
+    """Return a parameter of the payload as `4.1 [3.6, 4.5]`."""
+    own: dict[str, Any] | None = answer["parameters"].get("suspended_payload", {}).get(name)
+    if own is None:
+        return MISSING
+    value, low, high = (f"{factor * number:.{digits}f}" for number in (own["value"], *own["ci95"]))
+    return f"{value} [{low}, {high}]"
 
 
 def _fixed(value: float | None, digits: int, factor: float = 1.0) -> str:
-    return "–" if value is None or value != value else f"{factor * value:.{digits}f}"
+    return MISSING if value is None or value != value else f"{factor * value:.{digits}f}"

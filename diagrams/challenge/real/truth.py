@@ -11,78 +11,86 @@ SURE = 0.9  # probability at which a name is claimed [1]
 
 @dc.dataclass(frozen=True)
 class Known:
-    """Value of a parameter in its unit, and the relative error that is asked for [1]."""
+    """Value of a parameter [SI], and the relative error that is asked for [1]."""
 
     value: float
-    unit: str
     within: float
 
 
 @dc.dataclass(frozen=True)
 class Truth:
-    """Causes of a group of flights.
+    """Causes of a group of flights; drag is real in all of them.
 
-    present: one of these names is the known cause; empty: nothing is attached and no wind blows.
-    real: effects that are there as well.   false: effects that are not there.   All others are not known, and are
-    neither right nor wrong: trim, calibration and aerodynamics of these vehicles were not measured.
+    false: effects that are not there.   present: one of these names is the known cause; empty: nothing is attached and
+    no wind blows.   All others are not known, and are neither right nor wrong: trim, calibration and aerodynamics of
+    these vehicles were not measured.
     """
 
-    present: tuple[str, ...]
-    real: tuple[str, ...]
+    source: str
     false: tuple[str, ...]
+    present: tuple[str, ...] = ()
     parameters: Mapping[str, Known] = dc.field(default_factory=dict)
-    source: str = ""
 
     def holds(self, name: str) -> bool | None:
         """Return whether an effect is there; None where it is not known."""
-        if name in self.present or name in self.real:
+        if name == DRAG or name in self.present:
             return True
         return False if name in self.false else None
 
+    def right(self, causes: Mapping[str, float]) -> bool:
+        """Return whether the known cause is named, where there is one, and none is that is not there."""
+        found = not self.present or any(name in self.present for name in named(causes))
+        return found and not self.wrong(causes)
 
-NO_WIND = (*WINDS, "ground_effect", "command_delay")
+    def wrong(self, causes: Mapping[str, float]) -> list[str]:
+        """Return the named causes that are not there."""
+        return [name for name in named(causes) if self.holds(name) is False]
+
+    def judged(self, causes: Mapping[str, float]) -> list[tuple[float, bool]]:
+        """Return probability and truth of every cause of which it is known whether it is there."""
+        return [(p, bool(self.holds(name))) for name, p in causes.items() if self.holds(name) is not None]
+
+
+def named(causes: Mapping[str, float]) -> list[str]:
+    """Return the names of causes with a probability above one half, from probabilities [1] by name."""
+    return [name for name, p in causes.items() if p > NAMED]
+
+
+NOT_BEFORE_FANS = (
+    "suspended_payload",
+    "ground_effect",
+    "mass_error",
+    "clock_offset",
+)  # not there
 PAYLOAD = Truth(
+    "IMRCLab crazyflie-data-collection: 4.7 g on a string. Length: the logged path of the payload, driven by the "
+    "motion of the vehicle, is that of a pendulum of 0.493 to 0.501 m; straight from hook to payload it is "
+    "0.514 to 0.521 m. Indoors, no fan.",
+    false=(*WINDS, "ground_effect", "command_delay"),
     present=("suspended_payload",),
-    real=(DRAG,),
-    false=NO_WIND,
-    parameters={"mass": Known(0.0047, "kg", 0.10), "length": Known(0.497, "m", 0.04)},
-    source="IMRCLab crazyflie-data-collection: 4.7 g on a string. Length: the logged path of the payload, driven by "
-    "the motion of the vehicle, is that of a pendulum of 0.493 to 0.501 m; straight from hook to payload it is 0.514 "
-    "to 0.521 m. Indoors, no fan.",
+    parameters={"mass": Known(0.0047, 0.10), "length": Known(0.497, 0.04)},
 )
 TRUTHS: dict[str, Truth] = {
     "payload": PAYLOAD,
     "payload-command": dc.replace(PAYLOAD, false=(*WINDS, "ground_effect")),  # commands do act later
     "bare": Truth(
-        present=(),
-        real=(DRAG,),
-        false=("suspended_payload", *NO_WIND),
-        source="IMRCLab crazyflie-data-collection: nothing attached, indoors, no fan; drag is real.",
+        "IMRCLab crazyflie-data-collection: nothing attached, indoors, no fan; drag is real.",
+        false=("suspended_payload", *WINDS, "ground_effect", "command_delay"),
     ),
     "wind": Truth(
-        present=WINDS,
-        real=(DRAG,),
-        false=("suspended_payload", "ground_effect", "mass_error", "clock_offset"),
-        source="Neural-Fly: fan array along -x at the vehicle; the file name tells the wind, 100wind = 12.1 m/s. Mean "
+        "Neural-Fly: fan array along -x at the vehicle; the file name tells the wind, 100wind = 12.1 m/s. Mean "
         "force of the wind: mean residual force less that of still air with the same controllers.",
+        false=NOT_BEFORE_FANS,
+        present=WINDS,
     ),
-    "still": Truth(
-        present=(),
-        real=(DRAG,),
-        false=("suspended_payload", "ground_effect", "mass_error", "clock_offset", *WINDS),
-        source="Neural-Fly: fans off (nowind).",
-    ),
+    "still": Truth("Neural-Fly: fans off (nowind).", false=(*NOT_BEFORE_FANS, *WINDS)),
     "new-wind": Truth(
-        present=(),
-        real=(DRAG,),
-        false=("suspended_payload", "ground_effect", "mass_error", "clock_offset", *WINDS),
-        source="Neural-Fly: the flights that are fitted have no wind; that which judges has.",
+        "Neural-Fly: the flights that are fitted have no wind; that which judges has.",
+        false=(*NOT_BEFORE_FANS, *WINDS),
     ),
     "neurobem": Truth(
-        present=(),
-        real=(DRAG,),
+        "NeuroBEM: indoors, nothing attached; drag is real, other causes are not known.",
         false=("suspended_payload", *WINDS, "ground_effect"),
-        source="NeuroBEM: indoors, nothing attached; drag is real, other causes are not known.",
     ),
 }
 
@@ -93,25 +101,3 @@ WITHIN_SPEED = 0.30  # of its speed [1]
 LINEAR_UP_TO = 6.0  # wind to which linear drag holds, and the speed is asked for [m/s]
 WITHIN_POSITION = 0.06  # RMSE of the payload's position [m]
 EXCLUDED_BESIDE_WIND = ("mass_error", "clock_offset")
-
-
-def named(causes: Mapping[str, float], least: float = NAMED) -> list[str]:
-    """Return the names of causes with a probability of at least `least`, or above it where that is one half."""
-    return [name for name, p in causes.items() if p > NAMED and p >= least]
-
-
-def right(truth: Truth, causes: Mapping[str, float]) -> bool:
-    """Return whether the known cause is named, where there is one, and none is that is not there."""
-    names = named(causes)
-    found = not truth.present or any(name in truth.present for name in names)
-    return found and not wrong(truth, causes)
-
-
-def wrong(truth: Truth, causes: Mapping[str, float], least: float = NAMED) -> list[str]:
-    """Return the named causes that are not there."""
-    return [name for name in named(causes, least) if truth.holds(name) is False]
-
-
-def judged(truth: Truth, causes: Mapping[str, float]) -> list[tuple[float, bool]]:
-    """Return probability and truth of every cause of which it is known whether it is there."""
-    return [(p, bool(truth.holds(name))) for name, p in causes.items() if truth.holds(name) is not None]

@@ -1,75 +1,92 @@
-"""Mean force of a wind on a flight: as measured against still air, and as a diagnosis tells."""
+"""Direction, mean force and speed of a wind on a flight: as measured against still air, and as a diagnosis tells."""
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from diagrams.challenge.real.flights import open_flights
-from diagrams.challenge.real.payload_position import wrench_of
+from diagrams.challenge.real.payload_position import residual_force, wrench_of
+from diagrams.challenge.real.truth import DIRECTION, WINDS
 from np_drake.diagnosis.residuals.make_flight_residuals import make_flight_residuals
-from np_drake.effects.base import WrenchEffect
-from np_drake.effects.constant_wind import ConstantWind
-from np_drake.effects.library import LIBRARY
+from np_drake.effects.base import Effect, WrenchEffect
+from np_drake.effects.combine import split_effects
 from np_drake.flight_log import FlightLog
 from np_drake.vehicle import Vehicle
 
-Values = Mapping[str, float]
-
-
-def mean_residual_force(log: FlightLog, vehicle: Vehicle) -> np.ndarray:
-    """Return the mean force that the nominal model leaves, (3,) in W [N]."""
-    e = make_flight_residuals(log, vehicle)
-    return np.mean((e.R_WB @ e.y[:, :3, None])[..., 0], axis=0)
+STEP = 0.02  # between the instants at which a force is averaged [s]
 
 
 def measured_wind_force(windy: Sequence[Path], still: Sequence[Path], vehicle: Vehicle) -> np.ndarray:
-    """Return the mean residual force of flights in wind less that of flights in still air, (3,) in W [N]."""
-    means = [
-        np.mean(
-            [mean_residual_force(log, vehicle) for path in paths for log in open_flights(path, vehicle)],
-            axis=0,
-        )
-        for paths in (windy, still)
-    ]
-    return means[0] - means[1]
+    """Return the mean residual force of flights in wind less that of flights in still air, (3,) in W [N].
 
-
-def steady_wind(causes: Mapping[str, Values]) -> np.ndarray | None:
-    """Return the mean velocity (3,) in W of the wind among causes [m/s]; None where there is none."""
-    found = [np.array([causes["constant_wind"][i] for i in "xyz"])] if "constant_wind" in causes else []
-    if "gusty_wind" in causes:
-        found.append(np.array([causes["gusty_wind"][f"mean_{i}"] for i in "xyz"]))
-    return sum(found[1:], found[0]) if found else None
-
-
-def told_wind_force(
-    causes: Mapping[str, Values], flights: Sequence[FlightLog], vehicle: Vehicle
-) -> np.ndarray:
-    """Return the mean force of the wind among causes on flights, (3,) in W [N]: drags in wind less drags in still air.
-
-    Args: causes: parameters by name of effect; a wind without a drag has no force.
+    Args:
+        windy: logs of flights in wind.
+        still: logs of flights in still air.
+        vehicle: nominal vehicle.
     """
-    wind = steady_wind(causes)
-    if wind is None:
-        return np.zeros(3)
-    drags = wrench_effects(
-        {name: values for name, values in causes.items() if name not in ("constant_wind", "gusty_wind")}
-    )
-    blown = [*drags, ConstantWind(*wind.tolist())]
-    means = []
-    for log in flights:
-        t = log.t[:: max(1, int(0.02 / log.step))]
-        change = wrench_of(log, vehicle, blown, t) - wrench_of(log, vehicle, drags, t)
-        means.append(change[:, :3].mean(axis=0))
-    return np.mean(means, axis=0)
+
+    def mean(paths: Sequence[Path]) -> np.ndarray:
+        flights = [log for path in paths for log in open_flights(path, vehicle)]
+        forces = [residual_force(make_flight_residuals(log, vehicle)) for log in flights]
+        return np.mean([force.mean(axis=0) for force in forces], axis=0)
+
+    return mean(windy) - mean(still)
 
 
-def wrench_effects(causes: Mapping[str, Values]) -> list[WrenchEffect]:
-    """Return the wrench effects among causes, without payload and wind."""
-    kinds = {name: LIBRARY.get(name) for name in causes}
-    return [
-        kind.of({p.name: causes[name][p.name] for p in kind.parameters if p.name in causes[name]})  # type: ignore[misc]
-        for name, kind in kinds.items()
-        if kind is not None and issubclass(kind, WrenchEffect) and name != "suspended_payload"
-    ]
+def wind_figures(
+    effects: Sequence[Effect],
+    flights: Sequence[FlightLog],
+    vehicle: Vehicle,
+    measured: np.ndarray,
+    speed: float,
+    force: np.ndarray | None = None,
+) -> dict[str, float]:
+    """Return direction error [deg], mean force over that measured [1] and speed over that of the fans [1] of a wind.
+
+    Empty where no wind is among the effects.
+
+    Args:
+        effects: wind, drags and what else acts.
+        flights: flights in the wind, over which its force is averaged.
+        vehicle: nominal vehicle.
+        measured: (3,) mean force of the wind in W [N].
+        speed: of the fans [m/s].
+        force: (3,) mean force of the wind in W, where it is known [N]; None: that of the effects.
+    """
+    acting = split_effects(effects).wrench
+    winds: list[Any] = [effect.predicted for effect in acting if effect.identifier in WINDS]
+    if not winds:
+        return {}
+    if force is None:
+        drags = [effect for effect in acting if effect.identifier not in WINDS]
+        force = np.mean([_wind_force(log, vehicle, drags, winds) for log in flights], axis=0)
+    wind = sum((w.air_velocity(0.0) for w in winds), np.zeros(3))
+    return {
+        "angle": angle(wind[:2], np.array(DIRECTION)),
+        "force": float(force[:2] @ DIRECTION / (measured[:2] @ DIRECTION)),
+        "speed": float(np.linalg.norm(wind[:2]) / speed),
+        "up": float(wind[2]),
+    }
+
+
+def _wind_force(
+    log: FlightLog, vehicle: Vehicle, drags: Sequence[WrenchEffect], winds: Sequence[WrenchEffect]
+) -> np.ndarray:
+    """Return the mean force of drags in wind less that of drags in still air, (3,) in W [N]."""
+    t = log.t[:: max(1, int(STEP / log.step))]
+    change = wrench_of(log, vehicle, [*drags, *winds], t) - wrench_of(log, vehicle, drags, t)
+    return change[:, :3].mean(axis=0)
+
+
+def angle(a: np.ndarray, b: np.ndarray) -> float:
+    """Return the angle between two vectors [deg]; NaN where one is zero.
+
+    Args:
+        a: vector.
+        b: vector of the same size.
+    """
+    size = float(np.linalg.norm(a) * np.linalg.norm(b))
+    return math.degrees(math.acos(np.clip(float(a @ b) / size, -1, 1))) if size > 0 else math.nan

@@ -15,7 +15,7 @@ FLOORS = (  # from the ground up
     ("generate",),
     ("score",),
     ("solve",),
-    ("closing", "real"),
+    ("transfer", "real"),
 )
 LEVEL = {room: level for level, rooms in enumerate(FLOORS) for room in rooms}
 FILES = sorted(

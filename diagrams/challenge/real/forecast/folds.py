@@ -12,13 +12,9 @@ from diagrams.challenge.real.logged_payload import logged_payload
 from diagrams.challenge.real.truth import TRUTHS
 from np_drake.effects.pendulum import Payload
 from np_drake.flight_log import FlightLog
+from np_drake.labels import LabelConfig
 from np_drake.payload_filter.payload_estimate import Estimate, PayloadEstimate
-from np_drake.skill.oracle_pendulum import (
-    OraclePendulum,
-    Rest,
-    oracle_pendulum,
-    remaining_drag,
-)
+from np_drake.skill.oracle_pendulum import OraclePendulum, Rest, oracle_pendulum, remaining_drag
 from np_drake.training_data.sampled_flight import SampledFlight, sampled_flight
 from np_drake.vehicle import Vehicle
 
@@ -39,9 +35,19 @@ class PayloadFlight:
     t: np.ndarray
     p: np.ndarray
 
-    def sampled(self, step: float) -> SampledFlight:
-        """Return the flight at a step [s]."""
-        return sampled_flight(self.log, self.vehicle, step=step)
+    @property
+    def opened(self) -> tuple[FlightLog, Vehicle]:
+        """Log and vehicle."""
+        return self.log, self.vehicle
+
+    def sampled(self, step: float, label: LabelConfig | None = None) -> SampledFlight:
+        """Return the flight at a step.
+
+        Args:
+            step: between samples [s].
+            label: low-pass of the labels; None: their mean over a step.
+        """
+        return sampled_flight(self.log, self.vehicle, step=step, label=label)
 
 
 def true_payload() -> Payload:
@@ -78,11 +84,22 @@ def open_campaign(folder: Path) -> list[PayloadFlight]:
 
 
 def told(flight: PayloadFlight, step: float, rest: Rest | None = None) -> OraclePendulum:
-    """Return the pendulum that is told the payload of a flight, sampled at a step [s]."""
+    """Return the oracle pendulum of a flight, which is told the payload and its path.
+
+    Args:
+        flight: flight that it forecasts.
+        step: between samples [s].
+        rest: what acts beside the tether; None: nothing.
+    """
     path = (flight.t - flight.log.t[0], flight.p)
     return oracle_pendulum(flight.sampled(step), flight.vehicle, true_payload(), path, rest)
 
 
 def drag_beside(flights: Sequence[PayloadFlight], step: float) -> Rest:
-    """Return what acts beside the tether on these flights: the drag that oracle pendulums leave."""
+    """Return the drag that oracle pendulums leave, which acts beside the tether.
+
+    Args:
+        flights: flights that it is fitted to.
+        step: between samples [s].
+    """
     return Rest(remaining_drag((flight.sampled(step), told(flight, step)) for flight in flights))

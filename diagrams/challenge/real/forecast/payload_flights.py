@@ -8,10 +8,15 @@ from typer import Option
 from diagrams.batch.options import RealFlights, required
 from diagrams.batch.run import Report, Run
 from diagrams.challenge.real.forecast.figure import ratio_figure
-from diagrams.challenge.real.forecast.folds import DAMPINGS, open_campaign, true_estimate, true_payload
+from diagrams.challenge.real.forecast.folds import DAMPINGS, open_campaign, true_estimate
 from diagrams.challenge.real.forecast.rows import choose
-from diagrams.challenge.real.forecast.study import persistence_rmse, run_study
-from diagrams.challenge.real.forecast.tables import model_table, payload_table, ratio_tables
+from diagrams.challenge.real.forecast.study import run_study
+from diagrams.challenge.real.forecast.tables import (
+    divergence_table,
+    payload_table,
+    persistence_rmse,
+    ratio_tables,
+)
 
 
 @dc.dataclass(frozen=True)
@@ -30,16 +35,13 @@ class Options:
 
 def run(run: Run, options: Options) -> Report:
     """Forecast of force and torque on real flights with a payload, one manoeuvre left out. --out DIR: figure."""
-    folder = required(
-        options.folder, "payload-flights: give the folder of the real flights as DIR or NP_DRAKE_REAL."
-    )
-
-    names = choose(options.only or ())
-
-    flights = open_campaign(folder)
+    missing = "payload-flights: give the folder of the real flights as DIR or NP_DRAKE_REAL."
+    folder = required(options.folder, missing)
+    names, flights = choose(options.only or ()), open_campaign(folder)
     with run.counting("training and scoring", "folds of a row") as on_progress:
         study = run_study(
-            *(flights, names),
+            flights,
+            names,
             step=options.step,
             folder=folder.name,
             workers=run.workers,
@@ -52,8 +54,8 @@ def run(run: Run, options: Options) -> Report:
         f"m{'N·m' if kind == 'torque' else 'N'}"
         for kind, values in persistence_rmse(lines).items()
     ]
-    slow = {model["row"]: sum(model["training"]) for model in models}
-    tables = [*ratio_tables(lines), model_table(models, DAMPINGS, true_payload().length)]
+    walls = {row: sum(each) for row, each in study.walls.items()}
+    tables = [*ratio_tables(lines), divergence_table(models)]
     if study.payloads:
         tables.append(payload_table(study.payloads, true_estimate(), DAMPINGS))
     return Report(
@@ -71,6 +73,6 @@ def run(run: Run, options: Options) -> Report:
             "*: told the payload and its position: an upper limit, no predictor",
             *rmse,
         ],
-        notes=[f"{row}: trained in {wall:.0f} s" for row, wall in slow.items() if wall > 1],
+        notes=[f"{row}: trained in {wall:.0f} s" for row, wall in walls.items() if wall > 1],
         figures={"payload_flights.png": lambda: ratio_figure(lines)},
     )  # fmt: skip

@@ -30,67 +30,58 @@ HOLD_BANDWIDTH = (4.0, 1.0)  # of force and torque, those of the labels in fligh
 HISTORY = 0.6  # of labels that every window holds, and before the first origin [s]
 LONGEST = 1.0  # forecast [s]
 DELAYS = 10  # of delay DMDc [samples]
+RIDGE = RidgeConfig(span=HISTORY, horizon=LONGEST)
 
 
-def sampled(flights: Sequence[Opened], step: float) -> list[SampledFlight]:
-    """Return the flights at a step [s]."""
+def _sampled(flights: Sequence[Opened], step: float) -> list[SampledFlight]:
     return [sampled_flight(log, vehicle, step=step) for log, vehicle in flights]
 
 
-def segments_of(flights: Sequence[Opened], step: float) -> list[Segment]:
+def _segments(flights: Sequence[Opened], step: float) -> list[Segment]:
     """Return the flights as training input, with labels averaged over a step [s]."""
-    return [flight.segment for flight in sampled(flights, step)]
+    return [flight.segment for flight in _sampled(flights, step)]
 
 
-def train_mean(flights: Sequence[Opened], step: float) -> Constant:
-    """Return the mean of all labels."""
-    chi = np.concatenate([segment.chi for segment in segments_of(flights, step)])
+def _mean(flights: Sequence[Opened], step: float) -> Constant:
+    chi = np.concatenate([segment.chi for segment in _segments(flights, step)])
     return Constant(chi.mean(axis=0), step=step, name="training mean")
 
 
-def train_ridge(flights: Sequence[Opened], step: float) -> ResidualModel:
-    """Return the ridge for every horizon."""
-    return fit_force_ridge(segments_of(flights, step), RidgeConfig(span=HISTORY, horizon=LONGEST))
+def _hold(flights: Sequence[Opened], step: float) -> Hold:
+    return Hold(step=step, force_bandwidth=HOLD_BANDWIDTH[0], torque_bandwidth=HOLD_BANDWIDTH[1])
 
 
-def train_gp(flights: Sequence[Opened], step: float) -> MotionModel:
-    """Return the Gaussian process with its usual settings."""
-    return MotionModel(GP, fit_gaussian_process(segments_of(flights, step)), step)
-
-
-def train_knode(flights: Sequence[Opened], step: float) -> MotionModel:
-    """Return the KNODE with its usual settings, on states and commands at the step."""
-    pieces = [Piece(f.x, np.vstack([f.u[1:], f.u[-1:]]), step) for f in sampled(flights, step)]
+def _knode(flights: Sequence[Opened], step: float) -> MotionModel:
+    """Return the KNODE, trained on states and the commands that follow them."""
+    pieces = [Piece(f.x, np.vstack([f.u[1:], f.u[-1:]]), step) for f in _sampled(flights, step)]
     return MotionModel(KNODE, fit_knode(pieces, flights[0][1])[0], step)
 
 
-def train_paper(flights: Sequence[Opened], step: float) -> NeuralPredictor:
+def _paper(flights: Sequence[Opened], step: float) -> NeuralPredictor:
     """Return `paper` with its usual settings, but for a window of `HISTORY`."""
     config = make_config(PAPER, window=round(HISTORY / step))
-    model = train(segments_of(flights, step), config).model
+    model = train(_segments(flights, step), config).model
     return NeuralPredictor(model, PredictorOptions(torque="predict"))
 
 
-def train_delay_modal(flights: Sequence[Opened], step: float) -> NeuralPredictor:
+def _delay_modal(flights: Sequence[Opened], step: float) -> NeuralPredictor:
     """Return `delay-modal` with its usual settings, but for torque, a window of `HISTORY` and a loss over `LONGEST`."""
     config = make_config(DELAY_MODAL, torque=True, delay=round(HISTORY / step), horizon=round(LONGEST / step))
-    model = train(segments_of(flights, step), config).model
+    model = train(_segments(flights, step), config).model
     return NeuralPredictor(model, PredictorOptions(torque="predict"))
 
 
 ROWS: Mapping[str, Trainer] = {
     PERSISTENCE: lambda flights, step: Hold(step=step),
-    "training mean": train_mean,
-    "hold": lambda flights, step: Hold(
-        step=step, force_bandwidth=HOLD_BANDWIDTH[0], torque_bandwidth=HOLD_BANDWIDTH[1]
-    ),
+    "training mean": _mean,
+    "hold": _hold,
     "linear": lambda flights, step: LinearExtrapolation(step=step),
-    "delay DMDc": lambda flights, step: fit_dmdc(segments_of(flights, step), delays=DELAYS),
-    "ridge": train_ridge,
-    GP: train_gp,
-    KNODE: train_knode,
-    PAPER: train_paper,
-    DELAY_MODAL: train_delay_modal,
+    "delay DMDc": lambda flights, step: fit_dmdc(_segments(flights, step), delays=DELAYS),
+    "ridge": lambda flights, step: fit_force_ridge(_segments(flights, step), RIDGE),
+    GP: lambda flights, step: MotionModel(GP, fit_gaussian_process(_segments(flights, step)), step),
+    KNODE: _knode,
+    PAPER: _paper,
+    DELAY_MODAL: _delay_modal,
     PAYLOAD_FILTER: lambda flights, step: PayloadFilter(train_payload_filter(flights, step=step)),
 }
 TOLD, TOLD_WITH_DRAG = "oracle pendulum", "told + drag"  # not predictors: they are told the truth

@@ -20,7 +20,6 @@ KINDS = {
     "force": slice(0, 3),
     "torque": slice(3, 6),
 }  # channels of chi
-UNITS = {"lateral force": "N", "force": "N", "torque": "N·m"}
 DRAWS = 2000  # of the flights, for the interval [1]
 
 
@@ -57,7 +56,13 @@ def score(
 
     Every origin from `first` on counts whose target, the label averaged over a step, is there. A model that reads
     labels of its own low-pass gets these; the targets stay.
-    Args: horizons: ascending [steps].   first: sample [1].
+
+    Args:
+        row: name of the model.
+        model: trained.
+        opened: log and vehicle.
+        horizons: ascending [steps].
+        first: sample [1].
     Raises: ValueError: if the flight holds no origin.
     """
     flight = sampled_flight(*opened, step=model.step)
@@ -94,7 +99,12 @@ def pooled(scores: Sequence[Score], horizons: list[int], step: float) -> list[di
     """Return a line for every row, coming motion, kind and horizon: RMSE, its ratio to persistence and its interval.
 
     Pooled: root of all flights' squared errors over those of persistence. Interval: 95 %, from flights drawn with
-    replacement.
+    replacement (bootstrap).
+
+    Args:
+        scores: of every row on every flight.
+        horizons: as of the scores [steps].
+        step: [s].
     """
     names = list(dict.fromkeys(s.row for s in scores))
     flights = list(dict.fromkeys(s.flight for s in scores))
@@ -124,5 +134,11 @@ def pooled(scores: Sequence[Score], horizons: list[int], step: float) -> list[di
 
 
 def diverged(scores: Sequence[Score], row: str, motion: str) -> list[str]:
-    """Return the flights on which a row diverges."""
+    """Return the flights on which a row diverges.
+
+    Args:
+        scores: of rows on flights.
+        row: name of the row.
+        motion: coming motion, one of `MOTIONS`.
+    """
     return [s.flight for s in scores if s.row == row and s.motion == motion and s.diverged]

@@ -5,12 +5,13 @@ from typing import Any
 
 import numpy as np
 
-from diagrams.challenge.real.forecast.rows import TOLD_ROWS
+from diagrams.batch.run import Table
+from diagrams.challenge.real.forecast.rows import PERSISTENCE, TOLD_ROWS
 from diagrams.challenge.real.forecast.scores import KINDS
 from diagrams.challenge.real.forecast.study import FlownPayload
 from np_drake.payload_filter.payload_estimate import Estimate, PayloadEstimate
+from np_drake.skill.flight_walk import MOTIONS
 
-Table = tuple[str, list[str], list[tuple]]
 # Ratio of the lateral force that is asked for, by horizon [s].
 ASKED = {0.1: 0.50, 0.2: 0.42, 0.4: 0.45, 0.8: 0.48}
 ASKED_KIND = "lateral force"
@@ -54,21 +55,19 @@ def _cell(line: Mapping[str, Any]) -> str:
     return f"{ratio:.{digits}f}" + (f"±{half:.{digits}f}" if half < 10 else "")
 
 
-def model_table(models: Sequence[Mapping[str, Any]], damping: tuple[float, float], length: float) -> Table:
-    """Return a table of each row's divergent flights, and of its tether beside the truth.
+def divergence_table(models: Sequence[Mapping[str, Any]]) -> Table:
+    """Return a table of each row's divergent flights, by coming motion.
 
-    Args: models: row, diverged (by coming motion, numbers of flights), length and damping (of every fold), flights.
-    damping, length: of the true pendulum [1/s, m].
+    Args: models: of `Study.models`.
     """
-    rows: list[tuple] = []
-    for model in models:
-        lost = model["diverged"]
-        counts = [f"{len(lost[motion])} of {model['flights']}" for motion in lost] or ["", ""]
-        rows.append((marked(model["row"]), *counts, _range(model["length"]), _range(model["damping"])))
-    rows.append(("truth", "", "", f"{length:.3f}", f"{damping[0]:.2f}–{damping[1]:.2f}"))
-    header = ["row", "diverge, known", "held", "tether [m]", "damping [1/s]"]
-    title = "divergent flights; tether by modes: mean (range) of folds; pendulum: of flights"
-    return title, header, rows
+    rows = [
+        (
+            marked(model["row"]),
+            *(f"{len(lost)} of {model['flights']}" for lost in model["diverged"].values()),
+        )
+        for model in models
+    ]
+    return "divergent flights", ["row", "diverge, known", "held"], rows
 
 
 def payload_table(
@@ -76,15 +75,21 @@ def payload_table(
 ) -> Table:
     """Return a table of the payload as estimated at the end of the flights, manoeuvre by manoeuvre.
 
-    Mean over flights of the posterior mean, and of the ends of its 95 % interval; below, in how many flights the
-    interval holds the truth (of damping: meets its range).
-    Args: true: length, mass share and damping, of which the means count.   damping: its range [1/s].
+    Mean over flights of the posterior mean, and of the ends of its 95 % interval; below, mean and range over all
+    flights, and in how many the interval holds the truth (of damping: meets its range).
+
+    Args:
+        payloads: estimates at the end of the flights.
+        true: length, mass share and damping, of which the means count.
+        damping: range of the true one [1/s].
     """
     rows: list[tuple] = []
     for manoeuvre in dict.fromkeys(flown.manoeuvre for flown in payloads):
         estimates = [flown.estimate for flown in payloads if flown.manoeuvre == manoeuvre]
         cells = [_interval([getattr(e, name) for e in estimates]) for name in PayloadEstimate._fields]
         rows.append((manoeuvre, *cells))
+    means = [[getattr(flown.estimate, name).mean for flown in payloads] for name in PayloadEstimate._fields]
+    rows.append(("mean (range)", *(_range(values) for values in means)))
     ends = ((true.length.mean,) * 2, (true.mass.mean,) * 2, damping)
     held = [
         sum(e.low <= high and low <= e.high for e in (getattr(f.estimate, name) for f in payloads))
@@ -103,8 +108,10 @@ def _interval(estimates: Sequence[Estimate]) -> str:
 
 
 def _range(values: Sequence[float]) -> str:
-    if not values:
-        return "–"
-    if np.ptp(values) < 1e-9:
-        return f"{values[0]:.3g}"
     return f"{np.mean(values):.3g} ({min(values):.3g}–{max(values):.3g})"
+
+
+def persistence_rmse(lines: Sequence[Mapping[str, Any]]) -> dict[str, list[float]]:
+    """Return the RMSE of persistence by kind, over the horizons [N, N·m]."""
+    own = [line for line in lines if line["row"] == PERSISTENCE and line["motion"] == MOTIONS[0]]
+    return {kind: [float(line["rmse"]) for line in own if line["kind"] == kind] for kind in KINDS}

@@ -20,7 +20,7 @@ def record(mass: float = 0.0047, length: float = 0.497, p: float = 0.95, wrong: 
     truth, cut = TRUTHS["payload"], {"lateral": 0.9, "vertical": 0.8, "torque": None}
     causes = {"suspended_payload": p, "constant_wind": wrong}
     this = {**verdict(causes, truth), "parameters": own, "position": {"open": 0.09, "observed": 0.04}}
-    this |= {"cut": cut, "seconds": 12.0, "processor": 11.0, "new_condition": ""}
+    this |= {"cut": cut, "seconds": 12.0, "new_condition": ""}
     bic = {**verdict({"suspended_payload": 1.0, "ground_effect": 1.0}, truth), "parameters": {}}
     told = {"causes": {}, "parameters": own}
     return {"group": "payload", "case": "06-10 -> 17-21", "methods": {THIS: this, BIC: bic, TOLD: told}}

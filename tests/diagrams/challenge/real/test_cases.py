@@ -7,6 +7,7 @@ import pytest
 from diagrams.challenge.real.campaigns import block_name, flown_in_wind, numbered_blocks, wind_speed
 from diagrams.challenge.real.cases import (
     GROUPS,
+    OfNamedCase,
     across_blocks,
     block_pairs,
     into_wind,
@@ -105,6 +106,12 @@ def test_no_flight_judges_what_was_fitted_to_it_and_names_differ(folder):
     assert {case.group for case in cases} == {"payload", "payload-command", "wind", "still", "new-wind"}
     assert all(case.held_out not in case.train for case in cases)
     assert len({(case.group, case.name) for case in cases}) == len(cases)
+
+
+def test_a_record_leads_to_the_case_of_its_name(folder):
+    case = make_cases(folder)[3]
+    found = OfNamedCase(lambda case: {"held_out": case.held_out}, folder, None)
+    assert found({"group": case.group, "name": case.name}) == {"held_out": case.held_out}
 
 
 def test_only_some_groups_are_made_where_they_are_named(folder):

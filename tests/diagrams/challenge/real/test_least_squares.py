@@ -3,22 +3,18 @@
 import numpy as np
 import pytest
 
-from diagrams.challenge.real.least_squares import (
+from diagrams.challenge.real.effect_columns import (
     DAMPING,
     LENGTHS,
     Columns,
     drag_columns,
-    fit,
     library_columns,
     payload_columns,
-    probability,
-    residuals_of,
-    select_by_bic,
     stacked,
-    told_payload,
-    told_wind,
     wind_columns,
 )
+from diagrams.challenge.real.least_squares import fit, probability, select_by_bic, told_payload, told_wind
+from np_drake.diagnosis.residuals.make_flight_residuals import make_flight_residuals
 from np_drake.effects.pendulum import hanging, swing_many
 from np_drake.vehicle import Vehicle
 
@@ -28,7 +24,7 @@ WIND = np.array([-3.0, 1.0, 0.0])  # m/s
 
 @pytest.fixture(scope="module")
 def dragged(make_flight):
-    return residuals_of([make_flight(1, lambda t, p, v, a: -DRAG * v)], Vehicle())
+    return [make_flight_residuals(make_flight(1, lambda t, p, v, a: -DRAG * v), Vehicle())]
 
 
 def test_a_better_bic_is_a_probability_above_one_half():
@@ -38,7 +34,7 @@ def test_a_better_bic_is_a_probability_above_one_half():
 
 
 def test_a_planted_drag_is_found_first_and_for_sure(dragged):
-    found = select_by_bic(dragged, [*library_columns(dragged), wind_columns(dragged, Vehicle())])
+    found = select_by_bic(dragged, [*library_columns(dragged), wind_columns(dragged)])
     assert next(iter(found)) in ("linear_drag", "quadratic_drag")
     assert found.get("linear_drag", 0.0) > 0.99
 
@@ -56,15 +52,15 @@ def test_columns_of_noise_are_not_chosen():
 
 
 def test_the_columns_of_drag_are_in_units_of_its_coefficient(dragged):
-    own = fit(stacked(dragged), [drag_columns(dragged, Vehicle())])
+    own = fit(stacked(dragged), [drag_columns(dragged)])
     assert own.c == pytest.approx(np.full(3, DRAG), rel=0.05)  # rotor speed enters the drag
 
 
 def test_told_drag_and_wind_gives_their_force_and_speed(make_flight):
-    flights = residuals_of([make_flight(2, lambda t, p, v, a: -DRAG * (v - WIND))], Vehicle())
-    found = told_wind(flights, Vehicle())
-    assert found["wind force"]["xyz"]["value"][:2] == pytest.approx(DRAG * WIND[:2], abs=0.05)  # N
-    assert found["constant_wind"]["x"]["value"] == pytest.approx(WIND[0], rel=0.1)
+    log = make_flight(2, lambda t, p, v, a: -DRAG * (v - WIND))
+    _, wind, force = told_wind([make_flight_residuals(log, Vehicle())])
+    assert force[:2] == pytest.approx(DRAG * WIND[:2], abs=0.05)  # N
+    assert wind.x == pytest.approx(WIND[0], rel=0.1)
 
 
 def test_told_a_payload_gives_its_mass_and_length(make_flight):
@@ -77,9 +73,9 @@ def test_told_a_payload_gives_its_mass_and_length(make_flight):
         pulls = swing_many(np.array([length]), *start, a, t[1] - t[0], 9.81, **how)[:, 0]
         return mass * np.concatenate([pulls[:1], 0.5 * (pulls[1:] + pulls[:-1]), pulls[-1:]])
 
-    flights = residuals_of([make_flight(4, pull)], Vehicle())
-    found = told_payload(flights, Vehicle())
+    flights = [make_flight_residuals(make_flight(4, pull), Vehicle())]
+    found = told_payload(flights)
     assert found["mass"]["value"] == pytest.approx(mass, rel=0.02)
     assert found["length"]["value"] == pytest.approx(length, rel=0.02)
-    names = select_by_bic(flights, [*library_columns(flights), *payload_columns(flights, Vehicle(), LENGTHS)])
+    names = select_by_bic(flights, [*library_columns(flights), *payload_columns(flights, LENGTHS)])
     assert names.get("suspended_payload", 0.0) > 0.99

@@ -38,20 +38,5 @@ def test_a_log_that_cannot_be_read_is_named_and_nothing_is_left(capfd, tmp_path)
     assert not list(tmp_path.glob("out/**/*.json"))
 
 
-@pytest.mark.parametrize(
-    "arguments, word",
-    [
-        (["--only", "storm"], "--only"),
-        (["--answers", "a"], "--truth"),
-    ],
-)
-def test_options_that_do_not_go_together_are_said(capfd, tmp_path, arguments, word):
-    assert word in refused(capfd, str(tmp_path), *arguments)
-
-
-def test_a_checkout_without_the_package_is_refused(capfd, tmp_path):
-    place = tmp_path / "imrc" / "bare"
-    place.mkdir(parents=True)
-    for number in (1, 2, 11):
-        (place / f"flight{number:02}").touch()
-    assert "must be a checkout" in refused(capfd, str(tmp_path), "--beside", str(tmp_path))
+def test_an_unknown_group_is_said(capfd, tmp_path):
+    assert "--only" in refused(capfd, str(tmp_path), "--only", "storm")

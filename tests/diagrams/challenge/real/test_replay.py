@@ -50,7 +50,7 @@ def test_without_a_folder_it_says_what_to_give(monkeypatch, capsys):
 
 def test_a_real_payload_flight_is_nearer_to_the_corrected_simulator(real_flights):
     case = next(c for c in make_cases(real_flights, None, ["payload"]))
-    found = replay.RealReplay(real_flights, None)({"group": case.group, "name": case.name})
+    found = replay.replay_case(case)
     assert "suspended_payload" in found["verdict"]
     for quantity in ("position", "velocity"):
         errors = [found["errors"][name][quantity][-1] for name in replay.SIMULATORS]
@@ -61,5 +61,5 @@ def test_a_real_payload_flight_is_nearer_to_the_corrected_simulator(real_flights
 @pytest.mark.parametrize("simulator", replay.SIMULATORS)
 def test_errors_grow_with_the_horizon(real_flights, simulator):
     case = next(c for c in make_cases(real_flights, None, ["bare"]))
-    found = replay.RealReplay(real_flights, None)({"group": case.group, "name": case.name})
+    found = replay.replay_case(case)
     assert found["errors"][simulator]["position"] == sorted(found["errors"][simulator]["position"])

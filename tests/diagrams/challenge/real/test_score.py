@@ -5,19 +5,14 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from diagrams.challenge.real import worker
-from diagrams.challenge.real.answers import HERE, answers, require_checkout
 from diagrams.challenge.real.cases import make_cases
-from diagrams.challenge.real.score import (
-    Settings,
-    angle,
-    held_out_cut,
-    says_new_condition,
-    score_case,
-    scored,
-    wind_figures,
-)
+from diagrams.challenge.real.flights import open_case
+from diagrams.challenge.real.score import held_out_cut, says_new_condition, score_case, scored
 from diagrams.challenge.real.truth import TRUTHS
+from diagrams.challenge.real.wind_force import angle, wind_figures
+from np_drake.diagnosis.diagnose import diagnose
+from np_drake.effects.constant_wind import ConstantWind
+from np_drake.effects.linear_drag import LinearDrag
 from np_drake.vehicle import Vehicle
 
 FORCE = {"x": {"rms": 3.0, "after": 0.3}, "y": {"rms": 4.0, "after": 0.4}, "z": {"rms": 2.0, "after": 1.0}}
@@ -35,7 +30,7 @@ def cause(effect: str, probability: float, absent_from: tuple[str, ...] = (), **
 
 
 def answer(*causes: dict, **more) -> dict:
-    return {"causes": list(causes), "gap": {"force": FORCE, "torque": NO_TORQUE}, "seconds": 3.0, **more}
+    return {"causes": list(causes), "gap": {"force": FORCE, "torque": NO_TORQUE}, "wall": 3.0, **more}
 
 
 def test_the_held_out_figures_are_those_of_the_norm_and_an_unknown_torque_has_none():
@@ -85,46 +80,21 @@ def test_the_mean_force_of_a_told_wind_is_that_of_its_drag(make_flight):
     log = dc.replace(
         log, v=log.v + [3.0, 0.0, 0.0]
     )  # drag in still air has a mean of its own, which is no wind's
-    drag = {k: {"value": 0.5} for k in ("d_x", "d_y", "d_z")}
-    wind = {"x": {"value": -4.0}, "y": {"value": 0.0}, "z": {"value": 0.0}}
+    drag, wind = LinearDrag(0.5, 0.5, 0.5), ConstantWind(-4.0, 0.0, 0.0)
     measured = np.array([-2.0, 0.0, 0.0])
-    dut = wind_figures({"linear_drag": drag, "constant_wind": wind}, [log], vehicle, measured, 4.0)
+    dut = wind_figures([drag, wind], [log], vehicle, measured, 4.0)
     assert dut["force"] == pytest.approx(1.0, rel=0.05)  # rotor speed enters the drag
     assert (dut["angle"], dut["speed"]) == (pytest.approx(0.0), pytest.approx(1.0))
-    assert wind_figures({"constant_wind": wind}, [log], vehicle, measured, 4.0)["force"] == 0.0
-    assert wind_figures({"linear_drag": drag}, [log], vehicle, measured, 4.0) == {}
+    assert wind_figures([wind], [log], vehicle, measured, 4.0)["force"] == 0.0
+    assert wind_figures([drag], [log], vehicle, measured, 4.0) == {}
 
 
-def test_flights_reach_another_process_unchanged(make_flight, tmp_path):
-    logs = [make_flight(seed, lambda t, p, v, a: 0 * v, 4.0) for seed in (1, 2, 3)]
-    logs[0].notes.append("a note")
-    vehicle = dc.replace(Vehicle(), mass=1.7)
-    worker.pack(tmp_path / "flights.npz", vehicle, logs[:2], logs[2:])
-    same, train, held_out = worker.unpack(tmp_path / "flights.npz")
-    assert same == vehicle
-    assert [log.name for log in train + held_out] == [log.name for log in logs]
-    for a, b in zip(train + held_out, logs, strict=True):
-        for field in dc.fields(a):
-            assert np.array_equal(getattr(a, field.name), getattr(b, field.name)), field.name
-
-
-def test_a_folder_without_the_package_is_no_checkout(tmp_path):
-    assert require_checkout(HERE) == HERE
-    with pytest.raises(ValueError, match="must be a checkout"):
-        require_checkout(tmp_path)
-
-
-def test_a_real_bare_flight_is_scored_and_a_kept_answer_is_taken_again(real_flights, tmp_path):
+def test_a_real_bare_flight_is_scored(real_flights):
     case = next(case for case in make_cases(real_flights, only=["bare"]) if case.name.startswith("22-26 ->"))
-    (direct,) = answers(case, [HERE])
-    (tmp_path / "answers").mkdir()
-    settings = Settings(kept=tmp_path / "answers", opponents=False)
-    (file,) = [tmp_path / "answers" / f"{name}.json" for name in ["bare_22_26_00_04"]]
-    first = score_case(case, settings)
-    assert file.is_file()
-    again = score_case(case, settings)
-    assert again == first
-    dut = first["methods"]["this"]
-    assert dut["causes"] == {c["effect"]: c["probability"] for c in direct["causes"]}
-    assert dut["cut"]["lateral"] > 0
-    assert dut["seconds"] > 0
+    vehicle, train, held_out = open_case(case)
+    direct = diagnose(vehicle, train, held_out, adaptive_split=False)
+    methods = score_case(case)["methods"]
+    assert list(methods) == ["this", "BIC"]
+    assert methods["this"]["causes"] == {c.identifier: c.probability for c in direct.causes}
+    assert methods["this"]["cut"]["lateral"] > 0
+    assert methods["this"]["seconds"] > 0

@@ -6,9 +6,12 @@ import pytest
 from diagrams.challenge.real.forecast import folds, study
 from diagrams.challenge.real.forecast.folds import open_campaign
 from diagrams.challenge.real.forecast.rows import PERSISTENCE, TOLD, TOLD_WITH_DRAG, choose
-from diagrams.challenge.real.forecast.study import run_study, steps_of
+from diagrams.challenge.real.forecast.study import estimate_at_end, run_study, steps_of
 from np_drake.files.atomic_file import plain
+from np_drake.payload_filter.model_file import PayloadFilterModel
+from np_drake.payload_filter.predictor import PayloadFilter
 from np_drake.residual_models.hold import Hold
+from np_drake.scaling import scales
 
 
 class Here:
@@ -49,6 +52,17 @@ def test_no_row_is_trained_on_the_manoeuvre_that_it_is_scored_on(cones, monkeypa
     assert seen == [[n for n in everything if n not in fold] for fold in held_out for _ in range(2)]
     scored = [s.flight for s in found.scores if (s.row, s.motion) == ("mine", "known")]
     assert scored == everything
+
+
+def test_the_filters_tell_the_payload_at_the_end_of_a_flight(cones, payload):
+    flight = cones[-1]
+    arm = scales(flight.vehicle).length
+    model = PayloadFilterModel(
+        0.02, flight.vehicle.mass, 9.81, 0.0, 0.0, 0.01, 0.0, 0.02, np.zeros(3), arm=arm
+    )
+    found = estimate_at_end(PayloadFilter(model), flight)
+    assert found.mass.low < payload.mass / flight.vehicle.mass < found.mass.high
+    assert found.length.low < payload.length < found.length.high
 
 
 def test_horizons_are_whole_steps():

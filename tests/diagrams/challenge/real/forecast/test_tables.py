@@ -5,7 +5,7 @@ import numpy as np
 from diagrams.challenge.real.forecast.figure import ratio_figure
 from diagrams.challenge.real.forecast.rows import choose
 from diagrams.challenge.real.forecast.study import HORIZONS, FlownPayload
-from diagrams.challenge.real.forecast.tables import model_table, payload_table, ratio_tables
+from diagrams.challenge.real.forecast.tables import divergence_table, payload_table, ratio_tables
 from diagrams.cli.output import WIDTH, print_table
 from np_drake.payload_filter.payload_estimate import Estimate, PayloadEstimate
 
@@ -19,12 +19,11 @@ LINES = [
 
 
 def test_every_table_fits_the_width_without_a_folded_cell(capsys):
-    swing = {"length": [0.411, 0.444], "damping": [0.123, 2.34]}
     lost = {"known": ["a"], "held": []}
-    models = [{"row": row, "flights": 25, "diverged": lost, **swing} for row in choose([])]
+    models = [{"row": row, "flights": 25, "diverged": lost} for row in choose([])]
     flown = [payload("06-10", 0.111, 0.222)]
     held = payload_table(flown, flown[0].estimate, (0.09, 0.17))
-    for table in [*ratio_tables(LINES), model_table(models, (0.09, 0.17), 0.497), held]:
+    for table in [*ratio_tables(LINES), divergence_table(models), held]:
         print_table(*table)
         text = capsys.readouterr().out.splitlines()
         assert max(map(len, text)) <= WIDTH
@@ -61,8 +60,9 @@ def test_the_payload_is_shown_by_manoeuvre_and_counted_where_the_truth_lies_insi
     _, header, rows = payload_table(payloads, true, (0.26, 0.28))
     assert rows[0] == ("one", *["0.300 [0.200, 0.400]"] * 3)
     assert rows[1] == ("two", *["0.200 [0.150, 0.250]"] * 3)
-    assert rows[2] == ("interval holds the truth", "2 of 3", "1 of 3", "1 of 3")
-    assert rows[3] == ("truth", "0.200", "0.400", "0.26–0.28")
+    assert rows[2] == ("mean (range)", *["0.267 (0.2–0.4)"] * 3)
+    assert rows[3] == ("interval holds the truth", "2 of 3", "1 of 3", "1 of 3")
+    assert rows[4] == ("truth", "0.200", "0.400", "0.26–0.28")
     assert len(header) == 4
 
 

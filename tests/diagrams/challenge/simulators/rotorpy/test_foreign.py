@@ -7,12 +7,13 @@ import pytest
 
 pytest.importorskip("rotorpy", reason="rotorpy is not installed: pip install 'np_drake[challenge]'")
 
-from diagrams.challenge.closing.reality import WITHHELD, nominal_reality
 from diagrams.challenge.generate.magnitudes import draw_effect
 from diagrams.challenge.simulators.rotorpy.rotorpy_vehicle import ForeignVehicle, foreign_effects
+from diagrams.challenge.transfer.reality import WITHHELD
 from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight_diagram import make_flight_diagram
 from diagrams.loop.flight_result import fly
+from diagrams.loop.reality import RealityConfig
 from np_drake.effects.disturbance import DisturbanceConfig
 from np_drake.effects.effect_entry import EffectEntry
 from np_drake.vehicle import MeasurementNoise, Vehicle
@@ -28,7 +29,7 @@ SAME, SAME_ON_A_CABLE = 5e-6, 1e-3
 
 
 def reality_of(*entries, noise=SILENT, **changes):
-    return dc.replace(nominal_reality(), noise=noise, effects=list(entries), **changes)
+    return dc.replace(RealityConfig().nominal(), noise=noise, effects=list(entries), **changes)
 
 
 def drawn(name):
@@ -86,7 +87,9 @@ def test_the_oracle_knows_the_foreign_vehicle_with_payload_and_lag():
 
 
 def test_the_fields_of_a_reality_act_as_its_effects_do():
-    own = dc.replace(nominal_reality(), rotor_drag=0.2, motor_lag=0.03, thrust_scale=0.9, command_delay=0.02)
+    own = dc.replace(
+        RealityConfig().nominal(), rotor_drag=0.2, motor_lag=0.03, thrust_scale=0.9, command_delay=0.02
+    )
     own = dc.replace(own, thrust_loss=0.01, wind=[1.0, 0.0, 0.0], payload=PayloadConfig(mass=0.2))
     found = {effect.identifier: effect.values for effect in foreign_effects(own)}
     assert found["linear_drag"] == {"d_x": 0.2, "d_y": 0.2, "d_z": 0.2}

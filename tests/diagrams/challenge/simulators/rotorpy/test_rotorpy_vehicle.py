@@ -7,7 +7,6 @@ pytest.importorskip("rotorpy", reason="rotorpy is not installed: pip install 'np
 
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 
-from diagrams.challenge.closing.reality import nominal_reality
 from diagrams.challenge.simulators.rotorpy.rotorpy_vehicle import (
     OUTPUTS,
     RotorPyVehicle,
@@ -15,6 +14,7 @@ from diagrams.challenge.simulators.rotorpy.rotorpy_vehicle import (
 )
 from diagrams.challenge.simulators.rotorpy.vehicle import own_physics
 from diagrams.loop.real_vehicle import make_real_vehicle
+from diagrams.loop.reality import RealityConfig
 from np_drake.effects.library import LIBRARY
 from np_drake.vehicle import Vehicle
 
@@ -62,7 +62,7 @@ def test_at_rest_in_hover_nothing_accelerates(acting):
 
 def test_its_ports_are_those_of_the_other_vehicle():
     dut = make_rotorpy_vehicle(VEHICLE, [DELAY])
-    other = make_real_vehicle(VEHICLE, nominal_reality())
+    other = make_real_vehicle(VEHICLE, RealityConfig().nominal())
     assert dut.GetInputPort("u").size() == 4
     assert [dut.GetOutputPort(n).size() for n in OUTPUTS] == [other.GetOutputPort(n).size() for n in OUTPUTS]
 
@@ -76,7 +76,7 @@ def test_the_payload_stands_in_the_plant_state():
 
 def test_the_nominal_vehicle_moves_open_loop_as_the_other():
     u = VEHICLE.hover_input * 1.1 + [0.0, 0.01, -0.02, 0.005]  # tumbles
-    dut, other = make_rotorpy_vehicle(VEHICLE, []), make_real_vehicle(VEHICLE, nominal_reality())
+    dut, other = make_rotorpy_vehicle(VEHICLE, []), make_real_vehicle(VEHICLE, RealityConfig().nominal())
     found, expected = (port(system, advanced(system, u, 2.0), "x") for system in (dut, other))
     assert np.abs(expected[10:]).max() > 0.5  # [rad/s]
     np.testing.assert_allclose(found, expected, atol=1e-8)  # runge_kutta3 at 1 ms

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from diagrams.challenge.closing.reality import experiment
+from diagrams.challenge.transfer.reality import FLOWN_WITH, experiment
 from diagrams.loop.flight import FlightConfig
 from diagrams.loop.flight_result import LostVehicle, fly
 from diagrams.loop.real_vehicle import DRAKE, RealVehicle
@@ -24,9 +24,8 @@ from np_drake.vehicle import Vehicle
 
 TRACK, SCORED = "circle", 15.0  # flight that is scored, and its length after the ramp [s]
 LEARNED_ON = ("training_circle", 60.0)  # flight that is trained on in a simulator, and its length [s]
-FLOWN_WITH = "hold"  # controller of the training flight, which needs no model
 UNTRAINED = ("nominal", "hold", "observer")
-TRAINED = {"np": DELAY_MODAL, PAYLOAD_FILTER: PAYLOAD_FILTER}  # configuration by kind of controller
+TRAINED = ("np", PAYLOAD_FILTER)  # controllers with a predictor
 STEP = 0.02  # of the predictors [s]
 Errors = tuple[float, float]  # level and vertical RMS error [m]
 LOST: Errors = (np.inf, np.inf)
@@ -36,22 +35,22 @@ LOST: Errors = (np.inf, np.inf)
 class Design:
     """Controller that can be flown.
 
-    kind: see `ControllerConfig`.   configuration: of its predictor, and model: the file; empty without one.
+    kind: see `ControllerConfig`.   model: file of its predictor; empty without one.
     delay: of commands that it is told [s]; None: it estimates the delay in flight.
     """
 
     kind: str
-    configuration: str = ""
     model: str = ""
     delay: float | None = 0.0
 
-    @property
-    def name(self) -> str:
-        """Name in tables."""
-        return self.kind
-
     def config(self, world: RealityConfig, vehicle: Vehicle, solver: str) -> FlightConfig:
-        """Return the scored flight in a world."""
+        """Return the scored flight in a world.
+
+        Args:
+            world: effects that act, and noise.
+            vehicle: nominal vehicle.
+            solver: of the MPC.
+        """
         config = experiment(TRACK, world, vehicle, solver=solver, seconds=SCORED)
         controller = config.controller
         controller.kind, controller.predictor = self.kind, self.model
@@ -75,7 +74,12 @@ def chosen_in(
 
     The best has the least mean over the worlds of the error in space. Every design is told the worlds' mean delay.
 
-    Args: seed: of the noise.   folder: for the model files.
+    Args:
+        worlds: simulators, by what acts in them.
+        vehicle: nominal vehicle.
+        solver: of the MPC.
+        seed: of the noise.
+        folder: for the model files.
     """
     delay = float(np.mean([world.dead_time for world in worlds]))
     logs = _training_logs(worlds, vehicle, solver, seed)
@@ -90,14 +94,20 @@ def chosen_in(
 def learned(
     logs: Sequence[FlightLog], vehicle: Vehicle, seed: int, folder: Path, *, delay: float | None = 0.0
 ) -> list[Design]:
-    """Return `np` with a predictor of each configuration, trained on logs, whose files are written to `folder`."""
-    designs = []
-    for kind, configuration in TRAINED.items():
-        path = folder / f"{configuration}.safetensors"
-        train = _train_payload_filter if kind == PAYLOAD_FILTER else _train_lifted
-        train(logs, vehicle, seed, path)
-        designs.append(Design(kind, configuration, str(path), delay))
-    return designs
+    """Return the controllers with predictors that are trained on logs.
+
+    Args:
+        logs: training flights.
+        vehicle: nominal vehicle.
+        seed: of the training.
+        folder: for the model files.
+        delay: of commands that they are told [s]; None: they estimate it in flight.
+    """
+    flights = [Flight(log, vehicle) for log in logs]
+    lifted, filters = (folder / f"{kind}.safetensors" for kind in TRAINED)
+    save_model(train_on_flights(flights, make_config(DELAY_MODAL, seed=seed), step=STEP).model, lifted)
+    train_payload_filter(opened_logs(flights), step=STEP).save(filters)
+    return [Design(kind, str(path), delay) for kind, path in zip(TRAINED, (lifted, filters), strict=True)]
 
 
 def flown(
@@ -111,7 +121,13 @@ def flown(
 ) -> Errors:
     """Return the errors of a design in a world; infinite where the vehicle is lost.
 
-    Args: real: makes the vehicle that flies.
+    Args:
+        design: the controller.
+        world: effects that act, and noise.
+        vehicle: nominal vehicle.
+        solver: of the MPC.
+        seed: of the noise.
+        real: makes the vehicle that flies.
     """
     try:
         metrics = fly(design.config(world, vehicle, solver).check(), seed=seed, real=real).metrics()
@@ -139,12 +155,3 @@ def _training_logs(
         config.controller.kind = FLOWN_WITH
         logs.append(dc.replace(fly(config, seed=seed + k).log(), name=f"{name}_{k}"))
     return logs
-
-
-def _train_payload_filter(logs: Sequence[FlightLog], vehicle: Vehicle, seed: int, path: Path) -> None:
-    train_payload_filter(opened_logs([Flight(log, vehicle) for log in logs]), step=STEP).save(path)
-
-
-def _train_lifted(logs: Sequence[FlightLog], vehicle: Vehicle, seed: int, path: Path) -> None:
-    flights = [Flight(log, vehicle) for log in logs]
-    save_model(train_on_flights(flights, make_config(DELAY_MODAL, seed=seed), step=STEP).model, path)

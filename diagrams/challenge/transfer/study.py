@@ -18,12 +18,17 @@ from diagrams.batch.flown import FlownOptions, FlownRun
 from diagrams.batch.options import Seeds
 from diagrams.batch.run import Report, Run, Table
 from diagrams.batch.workers import failures, results
-from diagrams.challenge.closing import designs, reality
-from diagrams.challenge.closing.designs import Chosen, Design, Errors, chosen_in, flown, learned
-from diagrams.challenge.closing.reality import diagnosed_flights, nominal_reality, withheld_reality
-from diagrams.challenge.closing.simulators import real_vehicle, simulator_settings
+from diagrams.challenge.transfer import designs, reality
+from diagrams.challenge.transfer.designs import Chosen, Design, Errors, chosen_in, flown, learned
+from diagrams.challenge.transfer.reality import (
+    diagnosed_flights,
+    real_vehicle,
+    simulator_settings,
+    withheld_reality,
+)
 from diagrams.gap.corrected import corrected_simulator, drawn
 from diagrams.loop.flight import FlightConfig
+from diagrams.loop.reality import RealityConfig
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.mpc.solvers import require_solver
 from np_drake.vehicle import Vehicle
@@ -33,13 +38,13 @@ NOMINAL, CORRECTED, SAMPLED = "nominal simulator", "corrected simulator", "poste
 MADE_IN = (NOMINAL, CORRECTED, SAMPLED)  # where a controller is made
 ORACLE = "oracle"
 PLAIN = ("nominal", "hold", "observer", ORACLE)  # controllers that nobody makes
-REAL = tuple(f"np: {configuration}, real flights" for configuration in designs.TRAINED)
+REAL = tuple(f"np: {kind}, real flights" for kind in designs.TRAINED)
 ROWS = (*PLAIN, *MADE_IN, *REAL)
 NOMINAL_SEED = 0  # of the noise in the nominal simulator, the same for all vehicles
 
 
 @dc.dataclass(frozen=True)
-class Closing:
+class Transfer:
     """Work of a case {"seed"} -> errors of every row on the real vehicle, and as its own simulator foretold.
 
     solver: of the MPC.   simulator: in which the real vehicle flies; controllers are made in Drake's.
@@ -59,6 +64,7 @@ class Closing:
         found = diagnose(vehicle, train, held_out, adaptive_split=False)
         corrected = corrected_simulator(found, vehicle)
         samples = [config.reality for config in _drawn(corrected, seed)]
+        fly = functools.partial(flown, solver=self.solver, seed=1000 + seed, real=real)
         with tempfile.TemporaryDirectory() as scratch:
             make = functools.partial(chosen_in, vehicle=vehicle, solver=self.solver, seed=20_000 + 10 * seed)
             made = {
@@ -69,18 +75,13 @@ class Closing:
             taught = learned(train, vehicle, seed, _folder(scratch, "real"), delay=None)
             all_designs = [*map(Design, PLAIN), *(c.design for c in made.values()), *taught]
             designs_of = dict(zip(ROWS, all_designs, strict=True))
-            errors = {
-                row: flown(
-                    designs_of[row], withheld, vehicle, solver=self.solver, seed=1000 + seed, real=real
-                )
-                for row in rows_of(self.simulator)
-            }
+            errors = {row: fly(designs_of[row], withheld, vehicle) for row in rows_of(self.simulator)}
         return {
             "withheld": [entry.effect for entry in withheld.effects],
             "verdict": list(found.verdict),
             "errors": errors,
             "foretold": {row: choice.foretold for row, choice in made.items()},
-            "chosen": {row: choice.design.name for row, choice in made.items()},
+            "chosen": {row: choice.design.kind for row, choice in made.items()},
         }
 
 
@@ -105,7 +106,7 @@ def _scratch() -> tempfile.TemporaryDirectory:
 def _made_in_nominal(solver: str) -> Chosen:
     """Return the controller of the nominal simulator, which is the same for all vehicles."""
     folder = _folder(_scratch().name, solver)
-    return chosen_in([nominal_reality()], Vehicle(), solver=solver, seed=NOMINAL_SEED, folder=folder)
+    return chosen_in([RealityConfig().nominal()], Vehicle(), solver=solver, seed=NOMINAL_SEED, folder=folder)
 
 
 def _drawn(corrected: FlightConfig, seed: int) -> list[FlightConfig]:
@@ -117,6 +118,9 @@ def _drawn(corrected: FlightConfig, seed: int) -> list[FlightConfig]:
 def settings(solver: str, simulator: str = "drake") -> dict[str, Any]:
     """Return all that the results depend on other than the seed.
 
+    Args:
+        solver: of the MPC.
+        simulator: in which the real vehicle flies.
     Raises: ValueError: where the simulator is unknown or not installed.
     """
     return {
@@ -138,15 +142,10 @@ def table(results: Sequence[dict]) -> list[dict]:
         errors = np.array([_errors(r["errors"][row]) for r in results])
         lower, median, upper = np.quantile(errors[:, 0], [0.25, 0.5, 0.75], method="nearest").tolist()
         names = Counter(r["chosen"][row] for r in results if row in r["chosen"])
-        line = {
-            "row": row,
-            "lower": lower,
-            "median": median,
-            "upper": upper,
-            "E_z": float(np.median(errors[:, 1])),
-        }
+        line = {"row": row, "lower": lower, "median": median, "upper": upper}
         chosen = ", ".join(f"{name} {count}" for name, count in names.most_common())
-        lines.append(line | {"lost": int(np.isinf(errors[:, 0]).sum()), "chosen": chosen})
+        lost, E_z = int(np.isinf(errors[:, 0]).sum()), float(np.median(errors[:, 1]))
+        lines.append(line | {"E_z": E_z, "lost": lost, "chosen": chosen})
     return lines
 
 
@@ -218,20 +217,20 @@ def run(run: Run, options: Options) -> Report:
     require_solver(run.solver)
     config = settings(run.solver, options.simulator)
     cases = [{"seed": seed} for seed in run.seeds]
-    flown = Closing(run.solver, options.simulator)
+    flown = Transfer(run.solver, options.simulator)
     records = run.cases("closing", "vehicles", flown, cases, config=config)
     found = results(records)
     lines, gains = table(found), gained(found)
     seeds = f"seeds {run.seeds[0]} … {run.seeds[-1]}"
     return Report(
-        closing_printed(lines, gains, f"{len(found)} vehicles in {options.simulator}, {seeds}, {run.solver}"),
+        _printed(lines, gains, f"{len(found)} vehicles in {options.simulator}, {seeds}, {run.solver}"),
         config=config | {"seeds": run.seeds},
         metrics={"table": lines, "gains": gains, "runs": records},
         notes=failures(records),
     )
 
 
-def closing_printed(lines: Sequence[dict], gains: dict[str, float], title: str) -> list[Table]:
+def _printed(lines: Sequence[dict], gains: dict[str, float], title: str) -> list[Table]:
     """Return the table of rows [cm], and that of the gains."""
 
     def centimetres(key: str):

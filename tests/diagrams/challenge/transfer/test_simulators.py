@@ -1,4 +1,4 @@
-"""Laws of the simulators in which the real vehicle of the closing study flies."""
+"""Laws of the simulators in which the real vehicle flies."""
 
 import json
 from importlib.util import find_spec
@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from diagrams.batch.campaign import run_campaign
-from diagrams.challenge.closing import designs, reality, simulators, study
-from diagrams.challenge.closing.reality import nominal_reality
-from diagrams.challenge.closing.study import MADE_IN, ORACLE, ROWS, Closing, rows_of, settings, table
 from diagrams.challenge.simulators.rotorpy import optional_import
+from diagrams.challenge.transfer import designs, reality, study
+from diagrams.challenge.transfer.study import MADE_IN, ORACLE, ROWS, Transfer, rows_of, settings, table
 from diagrams.cli.main import run
 from diagrams.loop.real_vehicle import DRAKE
+from diagrams.loop.reality import RealityConfig
 from np_drake.vehicle import Vehicle
 
 VEHICLE = Vehicle()
@@ -29,7 +29,7 @@ def fly_one(monkeypatch, simulator):
 
     found = type("Found", (), {"verdict": []})()
     chosen = study.Chosen(design, (0.1, 0.2))
-    corrected = type("Corrected", (), {"reality": nominal_reality()})()
+    corrected = type("Corrected", (), {"reality": RealityConfig().nominal()})()
     monkeypatch.setattr(study, "diagnosed_flights", lambda *a, **how: fly(*a, real_errors=([], []), **how))
     monkeypatch.setattr(study, "diagnose", lambda *_, **__: found)
     monkeypatch.setattr(study, "corrected_simulator", lambda *_: corrected)
@@ -37,7 +37,7 @@ def fly_one(monkeypatch, simulator):
     monkeypatch.setattr(study, "chosen_in", lambda *_, **__: chosen)
     monkeypatch.setattr(study, "learned", lambda *_, **__: [design, design])
     monkeypatch.setattr(study, "flown", fly)
-    return Closing("sqp", simulator)({"seed": 1}), real
+    return Transfer("sqp", simulator)({"seed": 1}), real
 
 
 def test_in_drake_every_flight_is_drakes_and_an_oracle_flies(monkeypatch):
@@ -63,7 +63,7 @@ SAME = 1e-5  # of two simulators of the same equations [m]; seen are 6e-7 of the
 def test_a_design_flies_on_the_vehicle_it_is_given(monkeypatch):
     monkeypatch.setattr(designs, "SCORED", 1.0)
     plain, own = (optional_import.foreign_vehicle(own=own) for own in (False, True))
-    design, world = designs.Design("hold"), nominal_reality()
+    design, world = designs.Design("hold"), RealityConfig().nominal()
     ours, same, other = (
         np.array(designs.flown(design, world, VEHICLE, solver="sqp", seed=0, real=real))
         for real in (DRAKE, plain, own)
@@ -80,7 +80,9 @@ def test_the_diagnosed_flights_are_of_the_vehicle_that_is_given(monkeypatch):
     ours, same, other = (
         [
             log
-            for logs in reality.diagnosed_flights(nominal_reality(), VEHICLE, solver="sqp", seed=1, real=real)
+            for logs in reality.diagnosed_flights(
+                RealityConfig().nominal(), VEHICLE, solver="sqp", seed=1, real=real
+            )
             for log in logs
         ]
         for real in (DRAKE, plain, own)
@@ -92,7 +94,7 @@ def test_the_diagnosed_flights_are_of_the_vehicle_that_is_given(monkeypatch):
 
 
 def test_rows_that_a_simulator_makes_exist_everywhere():
-    for name in simulators.SIMULATORS:
+    for name in reality.SIMULATORS:
         assert set(MADE_IN) < set(rows_of(name))
 
 
@@ -132,7 +134,7 @@ def test_a_simulator_that_there_is_not_is_one_line_before_any_flight(
 def test_the_printed_table_and_its_file_name_the_simulator(monkeypatch, tmp_path, capsys):
     result, _ = fly_one(monkeypatch, "rotorpy")
     record = {"case": {"seed": 4}, "result": result, "seconds": 1.0}
-    monkeypatch.setattr("diagrams.batch.campaign.run_campaign", lambda *_, **__: [record])
+    monkeypatch.setattr("diagrams.batch.workers.run_campaign", lambda *_, **__: [record])
     out = tmp_path / "table.json"
     arguments = ["--seeds", "1", "--seed", "3", "--simulator", "rotorpy", "--json", str(out)]
     assert run(["reproduce", "closing", *arguments]) == 0

@@ -1,13 +1,14 @@
-"""Laws of the study of the closed-loop gap."""
+"""Laws of the transfer of the controller from the corrected simulator."""
 
 import dataclasses as dc
 
 import numpy as np
 import pytest
 
-from diagrams.challenge.closing import designs
-from diagrams.challenge.closing.reality import MOST, nominal_reality, withheld_reality
-from diagrams.challenge.closing.study import (
+from diagrams.challenge.generate.composition import compatible
+from diagrams.challenge.transfer import designs
+from diagrams.challenge.transfer.reality import MOST, withheld_reality
+from diagrams.challenge.transfer.study import (
     CORRECTED,
     MADE_IN,
     NOMINAL,
@@ -18,7 +19,7 @@ from diagrams.challenge.closing.study import (
     gained,
     table,
 )
-from diagrams.challenge.generate.composition import compatible
+from diagrams.loop.reality import RealityConfig
 from np_drake.effects.command_delay import CommandDelay
 from np_drake.effects.effect_entry import EffectEntry
 from np_drake.vehicle import Vehicle
@@ -37,8 +38,7 @@ def test_withheld_effects_can_be_told_apart_and_fly(seed):
 
 
 def test_the_nominal_simulator_has_no_effects():
-    reality = nominal_reality()
-    assert reality.everything() == []
+    assert RealityConfig().nominal().everything() == []
 
 
 def result(nominal, corrected, real, foretold_nominal, foretold_corrected):
@@ -95,15 +95,15 @@ def test_the_table_has_quartiles_and_counts_what_was_lost_and_chosen():
 def test_the_design_with_the_least_mean_error_in_space_is_chosen(monkeypatch, tmp_path):
     errors = {"nominal": (0.1, 0.9), "hold": (0.4, 0.4), "observer": (0.6, 0.3), "np": (0.5, 0.5)}
     monkeypatch.setattr(designs, "_training_logs", lambda *_: [])
-    monkeypatch.setattr(designs, "learned", lambda *_: [designs.Design("np", "x", "x.safetensors")])
-    monkeypatch.setattr(designs, "flown", lambda design, *_, **__: errors[design.name])
-    world = nominal_reality()
+    monkeypatch.setattr(designs, "learned", lambda *_: [designs.Design("np", "x.safetensors")])
+    monkeypatch.setattr(designs, "flown", lambda design, *_, **__: errors[design.kind])
+    world = RealityConfig().nominal()
     found = designs.chosen_in([world, world], VEHICLE, solver="sqp", seed=0, folder=tmp_path)
-    assert (found.design.name, found.foretold) == ("hold", (0.4, 0.4))
+    assert (found.design.kind, found.foretold) == ("hold", (0.4, 0.4))
 
 
 def test_a_design_is_told_the_delay_of_its_simulator_or_estimates_it():
-    late = dc.replace(nominal_reality(), effects=[EffectEntry.of(CommandDelay(0.03))])
+    late = dc.replace(RealityConfig().nominal(), effects=[EffectEntry.of(CommandDelay(0.03))])
     told = designs.Design("hold", delay=late.dead_time).config(late, VEHICLE, "sqp").controller
     assert (told.command_delay, told.track_delay) == (0.03, False)
     estimating = designs.Design("np", delay=None).config(late, VEHICLE, "sqp").controller
@@ -111,5 +111,5 @@ def test_a_design_is_told_the_delay_of_its_simulator_or_estimates_it():
 
 
 def test_a_lost_vehicle_has_infinite_errors():
-    heavy = dc.replace(nominal_reality(), effects=[EffectEntry.of(CommandDelay(0.25))])
+    heavy = dc.replace(RealityConfig().nominal(), effects=[EffectEntry.of(CommandDelay(0.25))])
     assert designs.flown(designs.Design("nominal"), heavy, VEHICLE, solver="sqp", seed=0) == designs.LOST

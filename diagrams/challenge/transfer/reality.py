@@ -1,11 +1,14 @@
-"""Vehicles with withheld effects, and the flights that are diagnosed."""
+"""Vehicles with withheld effects, the simulators that they fly in, and the flights that are diagnosed."""
 
 import dataclasses as dc
+from importlib.metadata import version
+from typing import Any
 
 import numpy as np
 
 from diagrams.challenge.generate.composition import compatible
 from diagrams.challenge.generate.magnitudes import draw_effect
+from diagrams.challenge.simulators.rotorpy import optional_import
 from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight import FlightConfig
 from diagrams.loop.flight_result import fly
@@ -17,15 +20,15 @@ from np_drake.vehicle import Vehicle
 
 # Effects that a controller feels and that a flight of 20 s can hold; sensor errors are left to the challenge.
 WITHHELD = (
+    *("suspended_payload", "mass_error", "thrust_scale", "thrust_drift", "weak_rotor"),
     *(
-        "suspended_payload",
-        "mass_error",
-        "thrust_scale",
-        "thrust_drift",
-        "weak_rotor",
         "center_of_mass_offset",
+        "motor_lag",
+        "command_delay",
+        "linear_drag",
+        "quadratic_drag",
+        "constant_wind",
     ),
-    *("motor_lag", "command_delay", "linear_drag", "quadratic_drag", "constant_wind"),
 )
 MOST = 3  # effects of a vehicle [1]
 TRAINING = (("training_circle", 20.0), ("lemniscate", 20.0))  # flights for the fit, and their scored time [s]
@@ -34,13 +37,34 @@ DITHER = [0.08, 0.08, 0.04]  # RMS on every flight that is diagnosed, as on the 
 FLOWN_WITH = "hold"  # controller that needs no model, so that a vehicle as it came can be flown
 
 
-def nominal_reality() -> RealityConfig:
-    """Return the reality of the nominal simulator: the vehicle file and the sensors' noise."""
-    return RealityConfig().nominal()
+SIMULATORS = ("drake", "rotorpy")
+
+
+def real_vehicle(simulator: str) -> RealVehicle:
+    """Return the maker of the real vehicle, in rotorpy with that simulator's own physics."""
+    return optional_import.foreign_vehicle(own=True) if simulator == "rotorpy" else DRAKE
+
+
+def simulator_settings(simulator: str) -> dict[str, Any]:
+    """Return all of the simulator that results depend on.
+
+    Raises: ValueError: where it is unknown, or its package is not installed.
+    """
+    if simulator not in SIMULATORS:
+        raise ValueError(f"closing: simulator must be one of {', '.join(SIMULATORS)}; got {simulator!r}.")
+    if simulator == "drake":
+        return {"name": simulator}
+    physics = optional_import.own_physics()  # first, for it says what to install
+    return {"name": simulator, "version": version("rotorpy"), "own_physics": physics}
 
 
 def withheld_reality(seed: int, vehicle: Vehicle) -> RealityConfig:
-    """Draw one to `MOST` effects that act at different places and can be told apart."""
+    """Draw one to `MOST` effects that act at different places and can be told apart.
+
+    Args:
+        seed: of the draw.
+        vehicle: nominal vehicle, in whose units sizes are drawn.
+    """
     rng = np.random.default_rng([seed, 40])
     count = int(rng.integers(1, MOST + 1))
     while True:
@@ -48,13 +72,21 @@ def withheld_reality(seed: int, vehicle: Vehicle) -> RealityConfig:
         if count == 1 or compatible(names):
             break
     effects = [effect for name in names for effect in draw_effect(name, rng, vehicle, sum(TRAINING[0][1:]))]
-    return dc.replace(nominal_reality(), effects=[EffectEntry.of(effect) for effect in effects])
+    return dc.replace(RealityConfig().nominal(), effects=[EffectEntry.of(effect) for effect in effects])
 
 
 def experiment(
     name: str, reality: RealityConfig, vehicle: Vehicle, *, solver: str, seconds: float
 ) -> FlightConfig:
-    """Return an experiment of the package in another reality."""
+    """Return an experiment of the package in another reality.
+
+    Args:
+        name: of the experiment.
+        reality: effects that act, and noise.
+        vehicle: nominal vehicle.
+        solver: of the MPC.
+        seconds: length of the flight after the ramp [s].
+    """
     config = load_experiment(name, vehicle)
     config.controller.solver = solver
     return dc.replace(config, reality=reality, duration=seconds).check_and_step()
@@ -65,7 +97,12 @@ def diagnosed_flights(
 ) -> tuple[list[FlightLog], list[FlightLog]]:
     """Fly training and held-out flights, and return their logs.
 
-    Args: real: makes the vehicle that flies.
+    Args:
+        reality: effects that act, and noise.
+        vehicle: nominal vehicle.
+        solver: of the MPC.
+        seed: of the noise.
+        real: makes the vehicle that flies.
     Raises: LostVehicle: if one fails.
     """
     logs = []

@@ -1,0 +1,1 @@
+"""Transfer of the controller from the corrected simulator: what a diagnosis gains a controller made in a simulator."""
