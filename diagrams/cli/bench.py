@@ -8,7 +8,7 @@ from typer import Option
 
 from diagrams.batch.columns import tabulate
 from diagrams.cli.output import Table, progress, say
-from diagrams.cli.runner import Report, Run, counting, reports
+from diagrams.cli.runner import Report, Run, reports
 
 if TYPE_CHECKING:
     from diagrams.performance.solver_bench import SolverReport
@@ -44,7 +44,7 @@ def bench(
         _, refit = measure.record_problems(problems, seed=run.seed, predictor=paper)
         advance(1.0, "")
     mpc = config.controller.mpc
-    with counting("solvers") as on_progress:
+    with run.counting("solvers") as on_progress:
         found = suite(
             config.vehicle,
             mpc,

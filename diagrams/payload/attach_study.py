@@ -25,18 +25,15 @@ class Options(FlownOptions):
 
 
 def run(run: Run, options: Options) -> Report:
-    """The payload changes in flight: attached, cut off, taut. --out DIR: model, and the responses as a figure."""
+    """The payload changes in flight: attached, cut off, taut. --out DIR: model, and the responses as a figure.
+
+    Args:
+        run: seed, folders, workers and progress.
+        options: of the study.
+    """
     run = FlownRun.of(run, options)
-    with run.counting("attach", "flights") as on_progress:
-        models = experiment.train_rows(run.workers, run.folder, seed=run.seed, solver=run.solver)
-        runs = experiment.run_attach(
-            models,
-            seeds=run.seeds,
-            training_seed=run.seed,
-            solver=run.solver,
-            workers=run.workers,
-            on_progress=on_progress,
-        )
+    models = experiment.train_rows(run)
+    runs = experiment.run_attach(run, models)
     row = next(row for row in experiment.ROWS if key_of(row) in models)
     file = str(run.folder / file_name(key_of(row)))
     config = experiment.attach_config(row, solver=run.solver, model=file)
@@ -46,7 +43,7 @@ def run(run: Run, options: Options) -> Report:
     title = run.title(f"flights a row (release, snap: {min(run.count, experiment.BESIDE)})")
     of_figure = f"seeds from {run.seeds[0]}"
     return Report(
-        [attach_printed(lines, title)],
+        [_printed(lines, title)],
         config={**run.settings, "controller": controller},
         metrics={"table": lines, "notes": notes},
         notes=[*notes, *failures(run.workers.finished), f"controller: {controller}"],
@@ -84,7 +81,7 @@ def _attach_notes(lines: list[dict], config: FlightConfig) -> list[str]:
     return said
 
 
-def attach_printed(lines: list[dict], title: str) -> Table:
+def _printed(lines: list[dict], title: str) -> Table:
     """Return the table of the steps among the lines that `attach_table` gives; N, s, cm."""
     columns = (
         ("event", "event"),

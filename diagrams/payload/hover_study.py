@@ -19,10 +19,15 @@ class Options(FlownOptions):
 
 
 def run(run: Run, options: Options) -> Report:
-    """Hover while the payload swings. --out DIR: models, and the payload's distance as a figure."""
+    """Hover while the payload swings. --out DIR: models, and the payload's distance as a figure.
+
+    Args:
+        run: seed, folders, workers and progress.
+        options: of the study.
+    """
     run = FlownRun.of(run, options)
     rows = choose_rows(hover_swing.ROWS, options.only)
-    runs = run.fly("hover", hover_swing.run_hover, rows)
+    runs = hover_swing.run_hover(run, rows)
     lines = hover_swing.hover_table(runs)
     verdict = hover_swing.verdict(lines)
     named = {row.name: f"trained on {row.training}" if row.training else "" for row in rows}
@@ -48,7 +53,12 @@ def run(run: Run, options: Options) -> Report:
 
 
 def hover_printed(lines: list[dict], title: str) -> Table:
-    """Return the table of the lines that `hover_table` gives; errors in cm."""
+    """Return the table of the lines; errors in cm.
+
+    Args:
+        lines: of `hover_table`.
+        title: what was flown.
+    """
 
     def paper(line: dict) -> str:
         return f"{100 * PAPER[line['row']]:.1f}" if line["row"] in PAPER else MISSING

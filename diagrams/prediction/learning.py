@@ -28,6 +28,12 @@ def train_predictor(
 ) -> TrainingResult:
     """Train on the flight's log after the ramp and write the model file.
 
+    Args:
+        flight: to train on.
+        path: of the model file.
+        configuration: of the predictor.
+        seed: of the training.
+        on_epoch: called with epochs done, all, and the loss [1].
     Raises: ValueError: on an unknown configuration.
     """
     controller = flight.config.controller
@@ -43,8 +49,13 @@ def train_predictor(
 
 
 def train_reaction(flight: FlightResult, path: Path, *, name: str, seed: int = 0) -> MotionModel:
-    """Train a model without memory, gp or knode, on the flight's log after the ramp and write the model file.
+    """Train a model without memory on the flight's log after the ramp and write the model file.
 
+    Args:
+        flight: to train on.
+        path: of the model file.
+        name: gp | knode.
+        seed: of the training.
     Raises: ValueError: on another name.
     """
     controller = flight.config.controller
@@ -61,7 +72,12 @@ def train_reaction(flight: FlightResult, path: Path, *, name: str, seed: int = 0
 
 
 def train_payload_filter_model(flight: FlightResult, path: Path) -> PayloadFilterModel:
-    """Train a payload filter on the flight's log after the ramp and write the model file."""
+    """Train a payload filter on the flight's log after the ramp and write the model file.
+
+    Args:
+        flight: to train on.
+        path: of the model file.
+    """
     config = flight.config
     model = train_payload_filter([(_scored(flight), config.vehicle)], step=config.controller.period)
     model.save(path)

@@ -25,7 +25,12 @@ class Cells:
             self._records.setdefault((case["row"], frozenset(setting.items())), []).append(record)
 
     def flights(self, row: str, setting: Setting) -> list[Record]:
-        """Return the records of a cell, one a seed."""
+        """Return the records of a cell, one a seed.
+
+        Args:
+            row: name of the controller.
+            setting: all of a case but row, model and seed.
+        """
         return self._records.get((row, frozenset(setting.items())), [])
 
 
@@ -35,7 +40,12 @@ def lost(record: Record) -> bool:
 
 
 def lost_line(record: Record, head: str) -> str | None:
-    """Return a line that begins with `head` on a lost or failed flight; None on any other."""
+    """Return a line on a lost or failed flight; None on any other.
+
+    Args:
+        record: of the flight.
+        head: what the line begins with.
+    """
     result = record.get("result")
     if result is None:
         return f"{head}: failed: {record['error']}"
@@ -75,6 +85,10 @@ def compare(mine: Sequence[Record], theirs: Sequence[Record], key: str = "E_xy")
 
     It shows where the 95 % interval (Student) of the mean difference of equal seeds excludes zero; fewer lost flights
     take precedence. One seed shows nothing but a loss.
+
+    Args:
+        mine, theirs: records of two cells.
+        key: of the error.
     """
     lost_mine, lost_theirs = sum(map(lost, mine)), sum(map(lost, theirs))
     if lost_mine != lost_theirs or lost_mine:

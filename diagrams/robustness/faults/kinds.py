@@ -215,7 +215,9 @@ APART = (0.0, 1.0)  # onset of the second after the first [s]
 def draw_faults(rng: np.random.Generator, places: tuple[str, ...]) -> list[Fault]:
     """Return one fault or, with the same probability, two of different kinds, each kind equally likely.
 
-    Args: places: of kinds that can reach the controller.
+    Args:
+        rng: source of the draw.
+        places: of kinds that can reach the controller.
     """
     kinds = [kind for kind in KINDS if kind.place in places]
     count, onset, faults = 1 + int(rng.integers(2)), float(rng.uniform(*FIRST)), []

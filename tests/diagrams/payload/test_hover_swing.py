@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from diagrams.batch.failed_run import FailedRun
+from diagrams.batch.flown import FlownRun
 from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight_result import fly
 from diagrams.payload import hover_swing
@@ -57,7 +58,7 @@ def test_a_lost_vehicle_is_an_infinite_error_and_loses_no_other_flight(
         raise FailedRun("hover: nominal lost the vehicle before 6.0 s.")
 
     monkeypatch.setattr(hover_swing, "fly_hover", lose)
-    runs = hover_swing.run_hover(tmp_path, seeds=[1, 2], training_seed=0, rows=hover_swing.ROWS[:1])
+    runs = hover_swing.run_hover(FlownRun(0, tmp_path, count=2), hover_swing.ROWS[:1])
     assert [run["metrics"]["position_rmse"] for run in runs] == [np.inf, np.inf]
     assert "lost the vehicle" in runs[0]["lost"]
     assert hover_swing.hover_table(runs)[0]["position_rmse"] == np.inf
