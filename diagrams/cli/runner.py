@@ -98,17 +98,13 @@ def reports(
 
 
 @contextmanager
-def held_outputs(*files: Path | None, folder: Path | None = None) -> Iterator[None]:
-    """Check the outputs of a verb without a report, and hold them for itself until the end of the block.
+def held_output(file: Path) -> Iterator[None]:
+    """Check the file that a verb without a report writes, and hold it for itself until the end of the block.
 
-    Args:
-        files: that it writes; None for one that is not asked for.
-        folder: that it writes to.
     Raises: as `output.require_outputs` and `lock_outputs`.
     """
-    output.require_outputs(*files, folder=folder)
-    named = [file for file in files if file is not None and is_regular(file)]
-    with lock_outputs([] if folder is None else [folder], named):
+    output.require_outputs(file)
+    with lock_outputs([], [file] if is_regular(file) else []):
         yield
 
 

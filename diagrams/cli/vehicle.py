@@ -8,7 +8,7 @@ import typer
 from typer import Argument, Option
 
 from diagrams.cli.output import Table, print_table, say
-from diagrams.cli.runner import held_outputs
+from diagrams.cli.runner import held_output
 
 if TYPE_CHECKING:
     from np_drake.vehicle import Vehicle
@@ -76,7 +76,7 @@ def _write_or_print(text: str, out: Path | None) -> None:
     if out is None:
         say(text.rstrip("\n"))
         return
-    with held_outputs(out):
+    with held_output(out):
         write_text(out, text)
     say(f"vehicle file: {out}")
 

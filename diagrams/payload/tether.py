@@ -14,9 +14,7 @@ LENGTHS = (0.5, 0.8, 1.2)  # [m]
 EXPERIMENTS = ("training_circle", "plain_circle")  # that are flown
 
 
-def fly_and_read(
-    experiment: str, *, length: float, seed: int, duration: float | None = None, monitor=None
-) -> Pendulum:
+def fly_and_read(experiment: str, *, length: float, seed: int, duration: float | None = None) -> Pendulum:
     """Fly the experiment on a tether of `length` [m] with the nominal MPC and identify the length from its labels.
 
     Args:
@@ -24,13 +22,12 @@ def fly_and_read(
         length: of the tether [m].
         seed: of the noise.
         duration: after the ramp; None: the experiment's [s].
-        monitor: as of `simulate`.
     """
     config = load_experiment(experiment)
     config.controller.kind, config.controller.solver = "nominal", "sqp"
     config.reality.payload.length = length
     config.duration = config.duration if duration is None else duration
-    flight = fly(config, seed=seed, monitor=monitor)
+    flight = fly(config, seed=seed)
     log, start = flight.log(), int(flight.scored.argmax())
     segments = training_segments(
         log.rows(start, len(log)), config.vehicle, config.controller.label, step=config.controller.period

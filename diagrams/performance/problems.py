@@ -55,32 +55,28 @@ def tracking_problems(
     return problems
 
 
-def cold_problems(vehicle: Vehicle, config: MpcConfig, *, count: int = 40, seed: int = 1) -> list[MpcProblem]:
+def cold_problems(vehicle: Vehicle, config: MpcConfig, count: int) -> list[MpcProblem]:
     """Return scattered starts within the sets: about 0.3 m, 0.5 m/s, 15 deg, 0.5 rad/s from the circle.
 
     Args:
         vehicle, config: of the MPC.
         count: number of problems.
-        seed: of the draws.
     """
-    rng = np.random.default_rng(seed)
-    problems = tracking_problems(vehicle, config, count=count, seed=seed)
+    rng = np.random.default_rng(1)
+    problems = tracking_problems(vehicle, config, count=count, seed=1)
     return [dc.replace(p, x0=_scatter(rng, p.x0, [0.3, 0.5, 0.25, 0.5])) for p in problems]
 
 
-def infeasible_problems(
-    vehicle: Vehicle, config: MpcConfig, *, count: int = 40, seed: int = 2
-) -> list[MpcProblem]:
+def infeasible_problems(vehicle: Vehicle, config: MpcConfig, count: int) -> list[MpcProblem]:
     """Return starts far outside every soft set: 9 m/s, 80 deg of tilt, metres away, tumbling.
 
     Args:
         vehicle, config: of the MPC.
         count: number of problems.
-        seed: of the draws.
     """
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(2)
     problems = []
-    for p in tracking_problems(vehicle, config, count=count, seed=seed):
+    for p in tracking_problems(vehicle, config, count=count, seed=2):
         x0 = _scatter(rng, p.x0, [4.0, 0.0, 0.0, 3.0])
         heading = rng.normal(size=3)
         x0[7:10] = 9.0 * heading / np.linalg.norm(heading)

@@ -171,8 +171,8 @@ def suite(
         other = dc.replace(config, horizon=n)
         generated = tracking_problems(vehicle, other, count=count, period=period, lifted=K)
         sets[growth_name(n, K)] = (other, generated, period)
-    sets["cold start"] = (config, cold_problems(vehicle, config, count=max(count // 5, 2)), None)
-    sets["infeasible start"] = (config, infeasible_problems(vehicle, config, count=max(count // 5, 2)), None)
+    sets["cold start"] = (config, cold_problems(vehicle, config, max(count // 5, 2)), None)
+    sets["infeasible start"] = (config, infeasible_problems(vehicle, config, max(count // 5, 2)), None)
     total, done = sum(len(problems) for _, problems, _ in sets.values()), 0
     reports = {}
     for name, (c, problems, pause) in sets.items():

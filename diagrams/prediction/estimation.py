@@ -35,27 +35,13 @@ class EstimationTable:
     stability: dict[str, dict[str, WindowStability]]
     origins: dict[str, int]
 
-    def at_or_below(self, row: str, method: str = "NP") -> int:
-        """Return the number of cells in which a row is at or below the published value.
+    def at_or_below(self, row: str) -> int:
+        """Return the number of cells in which a row is at or below the published NP."""
+        return sum(rows[row][c] <= rows["NP"][c] for rows in self.cells.values() for c in COLUMNS)
 
-        Args:
-            row: name of the row.
-            method: whose values are published.
-        """
-        return sum(
-            rows[row][column] <= rows[method][column] for rows in self.cells.values() for column in COLUMNS
-        )
-
-    def worst(self, row: str, method: str = "NP") -> float:
-        """Return the largest ratio of a row to the published value [1].
-
-        Args:
-            row: name of the row.
-            method: whose values are published.
-        """
-        return max(
-            rows[row][column] / rows[method][column] for rows in self.cells.values() for column in COLUMNS
-        )
+    def worst(self, row: str) -> float:
+        """Return the largest ratio of a row to the published NP [1]."""
+        return max(rows[row][c] / rows["NP"][c] for rows in self.cells.values() for c in COLUMNS)
 
     def lines(self) -> list[dict]:
         """Return one line a flight and column, as `--json` has them.

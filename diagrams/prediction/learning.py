@@ -1,6 +1,5 @@
 """Training on a simulated flight, up to the model file."""
 
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +23,6 @@ def train_predictor(
     *,
     configuration: str = DELAY_MODAL,
     seed: int = 0,
-    on_epoch: Callable[[int, int, float], None] = lambda *_: None,
 ) -> TrainingResult:
     """Train on the flight's log after the ramp and write the model file.
 
@@ -33,7 +31,6 @@ def train_predictor(
         path: of the model file.
         configuration: of the predictor.
         seed: of the training.
-        on_epoch: called with epochs done, all, and the loss [1].
     Raises: ValueError: on an unknown configuration.
     """
     controller = flight.config.controller
@@ -42,7 +39,6 @@ def train_predictor(
         make_config(configuration, seed=seed),
         step=controller.period,
         label=controller.label,
-        on_epoch=on_epoch,
     )
     save_model(result.model, path)
     return result

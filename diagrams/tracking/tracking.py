@@ -119,7 +119,6 @@ def training_flight(
     solver: str,
     vehicle: Vehicle | None = None,
     reality: Path | None = None,
-    monitor=None,
 ) -> FlightResult:
     """Fly the experiment that a predictor learns from with the nominal MPC: 60 s of any vehicle.
 
@@ -128,10 +127,9 @@ def training_flight(
         seed: of the noise.
         solver: of the MPC.
         vehicle, reality: as of `configure`.
-        monitor: as of `simulate`.
     """
     config = training_config(experiment, solver=solver, vehicle=vehicle, reality=reality)
-    return fly(config, seed=seed, monitor=monitor)
+    return fly(config, seed=seed)
 
 
 def training_config(
