@@ -78,12 +78,7 @@ class Run:
             yield counted(advance, what)
 
     def cases(
-        self,
-        title: str,
-        what: str,
-        work: "Callable[[Case], dict]",
-        cases: "Sequence[Case]",
-        **more: Any,
+        self, title: str, what: str, work: "Callable[[Case], dict]", cases: "Sequence[Case]", **more: Any
     ) -> "list[Record]":
         """Return the records of the cases, worked on behind a progress bar; without any, nothing is shown.
 

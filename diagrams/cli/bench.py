@@ -95,11 +95,7 @@ def _solver_tables(found: "dict[str, list[SolverReport]]") -> list[Table]:
         ("largest violation", lambda line: f"{line['violation_max']:.1e}"),
     )
     return [
-        tabulate(
-            "NP-MPC solvers; to …: ratio of medians in this run; gap: median",
-            lines,
-            times,
-        ),
+        tabulate("NP-MPC solvers; to …: ratio of medians in this run; gap: median", lines, times),
         tabulate("NP-MPC solvers, answers; feedback: phase after the measurement, median", lines, answers),
     ]
 

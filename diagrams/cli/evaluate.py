@@ -11,14 +11,7 @@ from diagrams.batch.failed_run import FailedRun
 from diagrams.cli import options
 from diagrams.cli.output import say
 from diagrams.cli.runner import Report, Run, reports
-from diagrams.cli.train import (
-    LOG_HELP,
-    PAYLOAD_FILTER,
-    Force,
-    behind_bar,
-    configuration_for,
-    train_reaction,
-)
+from diagrams.cli.train import LOG_HELP, PAYLOAD_FILTER, Force, behind_bar, configuration_for, train_reaction
 
 if TYPE_CHECKING:
     from np_drake.residual_model import ResidualModel

@@ -20,8 +20,7 @@ MassUncertainty = Annotated[
     Option(help="Standard deviation of the mass over the mass; default: 0.01, or the preset's [1]."),
 ]
 ThrustUncertainty = Annotated[
-    float | None,
-    Option(help="Standard deviation of thrust over thrust; default: 0.4, or the preset's [1]."),
+    float | None, Option(help="Standard deviation of thrust over thrust; default: 0.4, or the preset's [1].")
 ]
 
 

@@ -49,12 +49,7 @@ class AcadosSolver:
     name = "acados"
 
     def __init__(
-        self,
-        vehicle: Vehicle,
-        config: MpcConfig,
-        *,
-        steps: int = 1,
-        options: Mapping[str, Any] | None = None,
+        self, vehicle: Vehicle, config: MpcConfig, *, steps: int = 1, options: Mapping[str, Any] | None = None
     ):
         """Find acados and a compiler; a problem is compiled when the first of its size comes.
 

@@ -18,11 +18,7 @@ from np_drake.training_data.training_segments import Flight
 
 
 def train_predictor(
-    flight: FlightResult,
-    path: Path,
-    *,
-    configuration: str = DELAY_MODAL,
-    seed: int = 0,
+    flight: FlightResult, path: Path, *, configuration: str = DELAY_MODAL, seed: int = 0
 ) -> TrainingResult:
     """Train on the flight's log after the ramp and write the model file.
 

@@ -20,12 +20,7 @@ from np_drake.estimation.moving_horizon import MheRun, run_mhe
 from np_drake.estimation.moving_horizon_program import ProgramWindow
 from np_drake.estimation.wrench_table import COLUMNS, PUBLISHED, column_rmse
 from np_drake.logs.errors import LogError
-from np_drake.logs.formats.neurobem import (
-    TESTS,
-    TRAINING,
-    published_vehicle,
-    read_wrenches,
-)
+from np_drake.logs.formats.neurobem import TESTS, TRAINING, published_vehicle, read_wrenches
 from np_drake.logs.opening import open_flights
 from np_drake.training_data.segments import WrenchSequence
 

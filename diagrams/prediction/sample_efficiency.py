@@ -65,12 +65,7 @@ def pieces(segment: Segment, samples: int) -> list[Segment]:
 
 
 def sample_efficiency(
-    run: Run,
-    training: Flight,
-    test: Flight,
-    configs: dict[str, Config],
-    *,
-    sizes: Sequence[int] = SIZES,
+    run: Run, training: Flight, test: Flight, configs: dict[str, Config], *, sizes: Sequence[int] = SIZES
 ) -> list[Point]:
     """Train and test every kind of model at every size.
 

@@ -198,9 +198,6 @@ def run(run: Run, options: Options) -> Report:
         [printed(lines)],
         config=settings,
         metrics={"table": lines},
-        lines=[
-            f"seed {run.seed}, trained on {flights[0].name}; {horizon}",
-            *assumption_lines(lines),
-        ],
+        lines=[f"seed {run.seed}, trained on {flights[0].name}; {horizon}", *assumption_lines(lines)],
         notes=failures(run.workers.finished),
     )

@@ -113,12 +113,7 @@ def configure(
 
 
 def training_flight(
-    experiment: str,
-    *,
-    seed: int,
-    solver: str,
-    vehicle: Vehicle | None = None,
-    reality: Path | None = None,
+    experiment: str, *, seed: int, solver: str, vehicle: Vehicle | None = None, reality: Path | None = None
 ) -> FlightResult:
     """Fly the experiment that a predictor learns from with the nominal MPC: 60 s of any vehicle.
 

@@ -178,13 +178,7 @@ KINDS = (
         lambda f, c: attach(f.onset, f.values["mass"]),
         "50 to 250 g more on the 260 g",
     ),
-    Kind(
-        "cable cut",
-        "payload",
-        lambda rng: (None, {}),
-        lambda f, c: release(f.onset),
-        "the payload falls",
-    ),
+    Kind("cable cut", "payload", lambda rng: (None, {}), lambda f, c: release(f.onset), "the payload falls"),
     Kind(
         "cable snap",
         "payload",
@@ -192,13 +186,7 @@ KINDS = (
         lambda f, c: push(f.onset, [0.0, 0.0, f.values["impulse"]]),
         "payload tossed up with 0.1 to 0.4 N·s; the cable goes slack and snaps taut",
     ),
-    Kind(
-        "wind step",
-        "air",
-        _wind,
-        _effect("constant_wind"),
-        "2 to 8 m/s, horizontal, at once; lasts",
-    ),
+    Kind("wind step", "air", _wind, _effect("constant_wind"), "2 to 8 m/s, horizontal, at once; lasts"),
     Kind(
         "battery sag",
         "battery",
