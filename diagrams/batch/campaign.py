@@ -15,7 +15,7 @@ from typing import Any
 
 from diagrams.batch.cluster import on_cluster
 from diagrams.batch.failed_run import FailedRun, one_line
-from diagrams.batch.processes import DeadProcess, as_they_finish
+from diagrams.batch.processes import as_they_finish
 from np_drake.files.atomic_file import plain, write_text
 from np_drake.files.input_file import kept_json
 
@@ -127,7 +127,7 @@ def _run(
         return
     outcomes = on_cluster(guarded, cases, scheduler) if scheduler else as_they_finish(guarded, cases, jobs)
     for number, outcome in outcomes:
-        lost = isinstance(outcome, DeadProcess)
+        lost = isinstance(outcome, Exception)
         yield number, {"error": one_line(outcome), "seconds": None} if lost else _pure(outcome)
 
 
