@@ -81,9 +81,7 @@ def evaluate(
     folds = folds if leave_one_out else [(training, tests)]
     for learned, _ in folds if not force else ():
         require_motion(learned)
-    rows: list[dict] = []
-    windows: list[dict] = []
-    distances: list[dict] = []
+    rows, windows, distances = list[dict](), list[dict](), list[dict]()
     for learned, held_out in folds:
         models = loaded or _train_all(learned, names, step=step, seed=run.seed, epochs=epochs)
         known = _train_baselines(learned, steps, step, also or (), run.seed)

@@ -229,12 +229,8 @@ class FlightResult:
 
     def summary(self) -> dict:
         """Return the `fly` object of `--json` (docs/reference/files.md)."""
-        return {
-            "experiment": self.config.name,
-            "controller": self.label,
-            "seed": self.seed,
-            "metrics": self.metrics(),
-        }
+        named = {"experiment": self.config.name, "controller": self.label, "seed": self.seed}
+        return named | {"metrics": self.metrics()}
 
 
 def fly(
@@ -248,8 +244,6 @@ def fly(
     """Simulate the experiment and return its result.
 
     Args:
-        config: of the experiment.
-        seed: of the noise.
-        monitor, watch, real: as of `simulate`.
+        config, seed, monitor, watch, real: as of `simulate`.
     """
     return FlightResult(config, seed, simulate(config, seed=seed, monitor=monitor, watch=watch, real=real))

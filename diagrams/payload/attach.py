@@ -4,7 +4,6 @@ import dataclasses as dc
 from collections.abc import Callable
 
 import numpy as np
-from scipy import signal
 
 from diagrams.batch.campaign import Case
 from diagrams.batch.flown import FlownRun
@@ -24,8 +23,7 @@ from diagrams.tracking.model_files import (
 )
 from diagrams.tracking.tracking import Row, configure, named, training_config
 from np_drake import attitude
-from np_drake.labels import FORCE
-from np_drake.lifting.model.lifted_model import DELAY_MODAL, LiftedModel
+from np_drake.lifting.model.lifted_model import DELAY_MODAL
 from np_drake.metrics import half_width
 from np_drake.payload_filter.model_file import PAYLOAD_FILTER
 from systems.payload_event import PayloadEvent, push, release
@@ -73,31 +71,6 @@ def expected_step(event: str, config: FlightConfig) -> float:
     """
     change = {"attach": -config.events[0].mass, "release": config.reality.payload.mass}.get(event, 0.0)
     return change * config.vehicle.gravity / config.reality.thrust_scale
-
-
-def label_deviation(config: FlightConfig) -> float:
-    """Return the standard deviation of the label's f_z in hover, from filtered accelerometer noise [N]."""
-    sections = next(
-        s for channels, s in config.controller.label.filters(config.controller.period) if channels == FORCE
-    )
-    impulse = np.zeros(4000)
-    impulse[0] = 1.0
-    gain = np.linalg.norm(signal.sosfilt(sections, impulse))
-    return float(config.vehicle.mass * config.reality.noise.acceleration * gain)
-
-
-def encoder_step(model: LiftedModel) -> np.ndarray:
-    """Return the share of a step in the label that chi_hat (f_z) shows 0, 1, … samples later, (window + 1,) [1].
-
-    All else is at rest: this is the encoder's own part in the answer to a payload that changes, without filter, motion
-    and control loop. The step is -1 N, about the experiment's; where the encoder looks for onsets, a smaller one is
-    taken for noise for longer.
-    """
-    ages = np.arange(model.window + 1)
-    windows = np.zeros((len(ages), model.window, 12))
-    windows[:, :, 2] = -1.0 * (np.arange(model.window) >= model.window - ages[:, None])
-    f_z = (model.lift(windows) @ model.system.C.T)[:, 2]
-    return f_z[0] - f_z
 
 
 def slack_time(flight: FlightResult) -> float:

@@ -222,38 +222,6 @@ def hover_table(runs: list[dict]) -> list[dict]:
     return lines
 
 
-def _sign(line: dict) -> str:
-    """Return grows, decays or neither, by the interval of the rate."""
-    spread = np.nan_to_num(line["rate_ci95"])
-    if line["rate"] - spread > 0:
-        return "grows"
-    return "decays" if line["rate"] + spread < 0 else "neither"
-
-
 def _mean(runs: list[dict], row: str, key: str) -> float:
     values = [run["metrics"][key] for run in runs if run["row"] == row]
     return float(np.mean(values)) if values else float("nan")
-
-
-def verdict(lines: list[dict]) -> list[str]:
-    """Return the findings of the table in words: reductions, growing swings, and the effect of active damping."""
-    by = {line["row"]: line for line in lines}
-    said = []
-    if "np" in by and "nominal" in by:
-        cut, plane = by["np"]["position_rmse_cut"], by["np"]["E_xy_cut"]
-        late = by["np"]["late_cut"]
-        said.append(
-            f"np against nominal: position RMSE cut by {100 * cut:.1f} % ({100 * late:.1f} % from {EARLY:.0f} s "
-            f"after the impulse on), E_xy by {100 * plane:.1f} %."
-        )
-    signs = ", ".join(f"{name} {_sign(line)}" for name, line in by.items())
-    said.append(f"rate of the swing, interval against zero: {signs}.")
-    growing = [name for name, line in by.items() if line["rate"] - np.nan_to_num(line["rate_ci95"]) > 0]
-    said.append(f"swing grows (interval above zero) with: {', '.join(growing) or 'no controller'}.")
-    if DAMPED in by and "nominal" in by:
-        damped, nominal = by[DAMPED], by["nominal"]
-        said.append(
-            f"active damping: below {100 * metrics.SETTLED:.0f} cm after {damped['settling']:.1f} s, "
-            f"nominal after {nominal['settling']:.1f} s; position RMSE {damped['position_rmse']:.4f} m."
-        )
-    return said

@@ -9,6 +9,7 @@ from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight_result import fly
 from diagrams.payload import hover_swing
 from diagrams.payload.figures import payload_distance
+from diagrams.payload.hover_study import verdict
 
 
 def made_run(row, seed, error, rate, settling=5.0):
@@ -44,7 +45,7 @@ def test_the_table_holds_means_intervals_and_cuts():
 
 
 def test_a_swing_grows_only_where_its_interval_is_above_zero():
-    said = hover_swing.verdict(hover_swing.hover_table(made_runs()))
+    said = verdict(hover_swing.hover_table(made_runs()))
     assert "cut by 87.5 %" in said[0]
     assert f"nominal decays, hold grows, np neither, {hover_swing.DAMPED} decays." in said[1]
     assert said[2].endswith("with: hold.")
