@@ -118,7 +118,11 @@ def _fly_all(configs: "list[FlightConfig]", seed: int) -> "list[FlightResult]":
     flights, first = [], configs[0]
     with progress(f"flying {first.name} with {first.controller.kind}", len(configs) * first.end) as advance:
         for k, own in enumerate(configs):
-            flights.append(simulate(own, seed=seed, monitor=lambda t, k=k: advance(k * first.end + t)))
+
+            def tell(t: float, before: float = k * first.end) -> None:
+                advance(before + t)
+
+            flights.append(simulate(own, seed=seed, monitor=tell))
     return flights
 
 

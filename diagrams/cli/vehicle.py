@@ -106,7 +106,11 @@ def _option(key: str) -> str:
 def _copy_of(preset: str, mass: float | None, name: str | None, stated: Mapping[str, float]) -> str:
     """Return the file of a preset, with another mass and name where they are given; the inertia stays.
 
-    Args: stated: uncertainties of mass and thrust by field [1], put at the end.
+    Args:
+        preset: name of `vehicle list`.
+        mass: of the copy; None: the preset's [kg].
+        name: of the copy; None: the preset's.
+        stated: uncertainties of mass and thrust by field [1], put at the end.
     Raises: ValueError: if there is no such preset, it cannot carry that mass, or an uncertainty is impossible.
     """
     import dataclasses as dc

@@ -199,7 +199,11 @@ def _air(model: Element, c: Corrected) -> None:
 def _hydrodynamics(model: Element, link: str, terms: dict[str, float], wind: np.ndarray) -> None:
     """Add the air of a link, where a term is not zero.
 
-    Args: terms: by the plugin's names [N·s/m, N·s²/m², N·m·s/m].   wind: (3,) in W [m/s].
+    Args:
+        model: that the link is of.
+        link: its name.
+        terms: by the plugin's names [N·s/m, N·s²/m², N·m·s/m].
+        wind: (3,) in W [m/s].
     """
     there = {name: value for name, value in terms.items() if value}
     if not there:

@@ -218,7 +218,8 @@ def _printed(lines: list[dict], title: str) -> Table:
 def response_histogram(lines: Sequence[dict]) -> Figure:
     """Plot the number of periods by response, with the period as a line.
 
-    Args: lines: of `deadlines.deadline_line`.
+    Args:
+        lines: of `deadline_line`.
     """
     rates = list(dict.fromkeys(line["rate"] for line in lines))
     figure, axes = new_figure(1, len(rates), width=1.2 + 2.6 * len(rates), height=2.8, sharey="row")

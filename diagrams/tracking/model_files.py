@@ -69,9 +69,16 @@ class Training:
     def __call__(self, case: Case) -> dict:
         """Fly the training flight and train the model of the case."""
         row = Row("", "np", training=case.get("training", DITHERED), configuration=case["model"])
-        flown = {"reality": self.reality, "vehicle": self.vehicles.get(case.get("vehicle", ""))}
+        vehicle = self.vehicles.get(case.get("vehicle", ""))
         with tempfile.TemporaryDirectory() as folder:
-            files = train_models((row,), Path(folder), seed=self.seed, solver=self.solver, **flown)
+            files = train_models(
+                (row,),
+                Path(folder),
+                seed=self.seed,
+                solver=self.solver,
+                vehicle=vehicle,
+                reality=self.reality,
+            )
             return {"file": base64.b64encode(Path(*files.values()).read_bytes()).decode()}
 
 

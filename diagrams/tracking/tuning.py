@@ -22,7 +22,8 @@ LAG = 0.06  # of the motors: twice what flies, so that the loop keeps its margin
 def score(case: Case) -> dict:
     """Return error and effort of the nominal MPC on the lemniscate without payload and with slower motors.
 
-    Args: case: {"position", "torque": factors, "seed", "duration"}.
+    Args:
+        case: {"position", "torque": factors, "seed", "duration"}.
     """
     position, torque, seed, duration = (case[key] for key in ("position", "torque", "seed", "duration"))
     config = load_experiment("lemniscate")

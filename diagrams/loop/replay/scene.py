@@ -41,9 +41,13 @@ def arm_length(vehicle: Vehicle) -> float:
 def add_quadrotor(
     meshcat: Meshcat, vehicle: Vehicle, path: str = "quadrotor", overlay: Rgba | None = None
 ) -> None:
-    """Add body, arms and rotors at the vehicle's size under `path`, in body axes.
+    """Add body, arms and rotors at the vehicle's size, in body axes.
 
-    Args: overlay: one colour, with its transparency, of all parts; None: solid, the front pair of rotors coloured.
+    Args:
+        meshcat: the scene.
+        vehicle: whose size and rotors are shown.
+        path: of the object.
+        overlay: one colour, with its transparency, of all parts; None: solid, the front pair of rotors coloured.
     """
     size = arm_length(vehicle)
     meshcat.SetObject(f"{path}/body", Box(0.5 * size, 0.5 * size, 0.2 * size), overlay or DARK)
