@@ -19,8 +19,8 @@ class DeadProcess(FailedRun):
 def as_they_finish(work: Callable[[Any], Any], cases: Sequence[Any], jobs: int) -> Iterator[tuple[int, Any]]:
     """Yield (number of the case, what `work` returns, or DeadProcess), in the order in which they finish.
 
-    The work never runs in this process. joblib gives up all that is under way when a process dies: those cases run
-    once more, each in a process of its own, and what dies again is lost.
+    The work never runs in this process. joblib gives up all that it has taken when a process dies, at most twice as
+    many cases as there are jobs: these run once more, each in a process of its own, and what dies again is lost.
 
     Args:
         work: function of a case alone; what it raises ends all.
