@@ -174,7 +174,9 @@ class _Steps:
         share, keys = next(self._shares), list(work)
         self._on_progress(self._before, text)
         results = {}
-        for number, value in as_they_finish(_call, list(work.values()), self._jobs):
+        one_by_one = enumerate(task() for task in work.values())  # in this process
+        beside = as_they_finish(_call, list(work.values()), self._jobs)
+        for number, value in one_by_one if self._jobs == 1 else beside:
             if isinstance(value, DeadProcess):
                 raise value
             results[keys[number]] = value
