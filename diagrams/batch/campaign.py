@@ -15,7 +15,7 @@ from typing import Any
 
 from diagrams.batch.cluster import on_cluster
 from diagrams.batch.failed_run import FailedRun, one_line
-from diagrams.batch.processes import Outcome, as_they_finish
+from diagrams.batch.processes import as_they_finish
 from np_drake.files.atomic_file import plain, write_text
 from np_drake.files.input_file import kept_json
 
@@ -43,10 +43,12 @@ def run_campaign(
     are reused; cases that failed, or whose file was cut off, are run again. `seconds`: processor time of the case [s].
 
     Args:
-        work: case -> values of JSON's types; its NaN and infinities become None.   config: all else that results
-            depend on.
+        work: case -> values of JSON's types; its NaN and infinities become None.
+        cases: plain data that differ from each other.
+        config: all else that results depend on.
         folder: takes a file for every case; created where it is missing.
-        jobs: local processes, where there is no `scheduler` (address of a Dask scheduler).
+        jobs: local processes, where there is no scheduler.
+        scheduler: address of a Dask scheduler; empty for none.
         keep: called in this process with every new result; writes what a result brings along, and returns what its
             record holds.
         on_progress: called with cases done, reused ones included, and all.
@@ -90,7 +92,9 @@ def case_file(case: Case) -> str:
 def read_record(path: Path, head: dict) -> Record | None:
     """Return the record of an earlier campaign; None where there is no file, or one that was cut off.
 
-    Args: head: schema, version, configuration.
+    Args:
+        path: file of a case.
+        head: schema, version, configuration.
     Raises: ValueError: where the file is another campaign's, or none of a campaign.
     """
     content = kept_json(path)
@@ -121,19 +125,10 @@ def _run(
     guarded = Guarded(work)
     if not cases:
         return
-    outcomes = (
-        on_cluster(guarded, cases, scheduler)
-        if scheduler
-        else as_they_finish(guarded, cases, jobs=jobs, isolated=True)
-    )
+    outcomes = on_cluster(guarded, cases, scheduler) if scheduler else as_they_finish(guarded, cases, jobs)
     for number, outcome in outcomes:
-        yield number, _record(outcome)
-
-
-def _record(outcome: Outcome) -> Record:
-    if outcome.error is not None:  # work itself never raises: its process died
-        return {"error": one_line(outcome.error), "seconds": None}
-    return _pure(outcome.value)
+        lost = isinstance(outcome, Exception)
+        yield number, {"error": one_line(outcome), "seconds": None} if lost else _pure(outcome)
 
 
 class Guarded:
@@ -148,9 +143,7 @@ class Guarded:
         try:
             self._require_same_version()
             record: Record = {"result": plain(self.work(case))}
-            json.dumps(
-                record, allow_nan=False
-            )  # what JSON does not know is the case's error, not the campaign's
+            json.dumps(record, allow_nan=False)  # what JSON does not know is the error of this case alone
         except Exception as error:
             record = {"error": one_line(error)}
         return {**record, "seconds": _processor_time() - start}

@@ -8,7 +8,7 @@ from importlib.util import find_spec
 from typing import Any
 
 from diagrams.batch.failed_run import FailedRun
-from diagrams.batch.processes import DeadProcess, Outcome
+from diagrams.batch.processes import DeadProcess
 
 PATIENCE = 10.0  # until a scheduler that does not answer counts as unreachable [s]
 
@@ -63,61 +63,53 @@ async def _reach(address: str) -> None:
     await (await connect(address, timeout=PATIENCE)).close()
 
 
-def on_cluster(
-    work: Callable[[Any], Any], cases: Sequence[Any], address: str
-) -> Iterator[tuple[int, Outcome]]:
-    """Yield (number of the case, its outcome), in the order in which they finish.
+def on_cluster(work: Callable[[Any], Any], cases: Sequence[Any], address: str) -> Iterator[tuple[int, Any]]:
+    """Yield (number of the case, what `work` returns, or the error of a lost case), in the order in which they finish.
 
-    `work` travels to the scheduler once. Dask gives a case whose worker dies to another (`allowed-failures` of its
-    configuration, three times at its own default); it then runs once more alone before it counts as lost. Workers under
-    a nanny come back.
+    Dask gives a case whose worker dies to another (`allowed-failures` of its configuration, three times at its own
+    default; `retries` of `submit` counts raised errors alone). It then runs once more, alone, before it counts as lost.
+    Workers under a nanny come back.
 
+    Args:
+        work: function of a case that never raises.
+        cases: anything that can be pickled.
+        address: of the scheduler.
     Raises: ValueError: as `require_cluster`; FailedRun: where the connection to the scheduler is lost.
     """
     from distributed import as_completed
 
-    suspects: list[int] = []
-
     with client(address) as connected:
         _require_one_thread(connected)
-        shared = connected.submit(_same, work, pure=False)  # made anew where the worker that holds it dies
-        numbers = {
-            connected.submit(_call, shared, case, pure=False): number for number, case in enumerate(cases)
-        }
-        for future in as_completed(list(numbers), loop=connected.loop):
+        futures = connected.map(work, cases, key="case", pure=False)
+        numbers = {future: number for number, future in enumerate(futures)}
+        suspects: list[int] = []
+        for future in as_completed(futures, loop=connected.loop):
             number, outcome = numbers.pop(future), _outcome(future)
-            if isinstance(outcome.error, DeadProcess):
+            if isinstance(outcome, DeadProcess):
                 suspects.append(number)
             else:
                 yield number, outcome
         # Dask reports all cases of a dead worker; run alone, only the one that killed it does so again.
         for number in suspects:
-            alone = connected.submit(_call, work, cases[number], pure=False)
+            alone = connected.submit(work, cases[number], pure=False)
             alone.exception()  # waits for its end
             yield number, _outcome(alone)
 
 
-def _same(work: Callable[[Any], Any]) -> Callable[[Any], Any]:
-    return work
+def _outcome(future: Any) -> Any:
+    """Return the value of a future that has ended, or the error with which its case is lost.
 
-
-def _call(work: Callable[[Any], Any], case: Any) -> Any:
-    return work(case)
-
-
-def _outcome(future: Any) -> Outcome:
+    Raises: FailedRun: where the scheduler gave it up.
+    """
     from distributed import KilledWorker
 
-    status = future.status
-    if status == "finished":
-        return Outcome(future.result())
-    if status in ("lost", "pending"):
-        return Outcome(error=DeadProcess("lost: its worker died with the answer, twice."))
-    if status != "error":
-        raise FailedRun(f"the scheduler gave a case up ({status}); is the cluster still there?")
-    error = future.exception()
-    if isinstance(error, KilledWorker):
-        return Outcome(
-            error=DeadProcess("lost: its workers died, one after the other; is the memory exhausted?")
-        )
-    return Outcome(error=error)
+    if future.status in ("lost", "pending"):
+        return DeadProcess("lost: its worker died with the answer, twice.")
+    if future.status not in ("finished", "error"):
+        raise FailedRun(f"the scheduler gave a case up ({future.status}); is the cluster still there?")
+    try:
+        return future.result()
+    except KilledWorker:
+        return DeadProcess("lost: its workers died, one after the other; is the memory exhausted?")
+    except Exception as error:  # a worker that cannot load the work
+        return error

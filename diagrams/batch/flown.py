@@ -2,8 +2,8 @@
 
 import dataclasses as dc
 import logging
-from collections.abc import Callable, Collection
-from typing import Any
+from collections.abc import Collection
+from typing import Any, Self
 
 from diagrams.batch.options import DEFAULT_SOLVER, Seeds, Solver
 from diagrams.batch.run import Run
@@ -27,7 +27,7 @@ class FlownRun(Run):
     solver: str = DEFAULT_SOLVER
 
     @classmethod
-    def of(cls, run: Run, options: FlownOptions) -> "FlownRun":
+    def of(cls, run: Run, options: FlownOptions) -> Self:
         """Return the run with the seeds and the solver of these options.
 
         Args:
@@ -44,21 +44,8 @@ class FlownRun(Run):
 
     @property
     def settings(self) -> dict[str, Any]:
-        """Solver and seeds, as the experiments take them and as `--json` holds them."""
+        """Solver and seeds, as `--json` holds them."""
         return {"solver": self.solver, "seeds": self.seeds, "training_seed": self.seed}
-
-    def fly(self, name: str, experiment: Callable[..., list[dict]], rows: tuple, **more: Any) -> list[dict]:
-        """Fly every row with every seed behind a progress bar; return the summaries of the flights.
-
-        Args:
-            name: what stands before the bar.
-            experiment: flies, as `diagrams.tracking.campaign.run_tracking`.
-            rows: rows of the table.
-            more: further options of the experiment.
-        """
-        with self.counting(name, "flights") as on_progress:
-            more |= {"rows": rows, "workers": self.workers, "on_progress": on_progress}
-            return experiment(self.folder, **self.settings, **more)
 
     def title(self, flights: str = "flights a row", learner: str = "") -> str:
         """Return the title of a table: flights, seeds, training seed and solver.

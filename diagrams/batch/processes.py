@@ -1,11 +1,8 @@
-"""One function on many cases in several processes; a process that dies costs only the case that killed it."""
+"""Cases in processes of this machine, by joblib; a process that dies costs only the case that killed it."""
 
-import dataclasses as dc
 import re
 import warnings
-from collections import deque
 from collections.abc import Callable, Generator, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, wait
 from concurrent.futures.process import BrokenProcessPool
 from typing import Any
 
@@ -13,107 +10,69 @@ from diagrams.batch.failed_run import FailedRun
 
 # Small matrices are slower on several threads, and the processes run side by side.
 ONE_THREAD = {f"{library}_NUM_THREADS": "1" for library in ("OMP", "OPENBLAS", "MKL")}
-Numbered = tuple[int, Any]  # a case and its place in the sequence
 
 
 class DeadProcess(FailedRun):
     """Loss of a case with the process that worked on it, twice: out of memory, a fault in native code, or an exit."""
 
 
-@dc.dataclass(frozen=True)
-class Outcome:
-    """Outcome of a case: a value, or the error that it ended with."""
+def as_they_finish(work: Callable[[Any], Any], cases: Sequence[Any], jobs: int) -> Iterator[tuple[int, Any]]:
+    """Yield (number of the case, what `work` returns, or DeadProcess), in the order in which they finish.
 
-    value: Any = None
-    error: Exception | None = None
-
-    def unwrap(self) -> Any:
-        """Return the value.
-
-        Raises: the error, where the case ended with one.
-        """
-        if self.error is not None:
-            raise self.error
-        return self.value
-
-
-def in_order(
-    work: Callable[[Any], Any],
-    cases: Sequence[Any],
-    *,
-    jobs: int,
-    on_progress: Callable[[int, int], None] = lambda done, total: None,
-) -> list[Any]:
-    """Return [work(case), …] from `jobs` processes.
-
-    Raises: what `work` raises; DeadProcess: where a process died.
-    """
-    values: list[Any] = [None] * len(cases)
-    for done, (number, outcome) in enumerate(as_they_finish(work, cases, jobs=jobs), start=1):
-        values[number] = outcome.unwrap()
-        on_progress(done, len(cases))
-    return values
-
-
-def as_they_finish(
-    work: Callable[[Any], Any], cases: Sequence[Any], *, jobs: int, isolated: bool = False
-) -> Iterator[tuple[int, Outcome]]:
-    """Yield (number of the case, its outcome), in the order in which they finish.
-
-    Cases whose process dies are run once more, each in a process of its own; what dies again is lost.
+    The work never runs in this process. joblib gives up all that it has taken when a process dies, at most twice as
+    many cases as there are jobs: these run once more, each in a process of its own, and what dies again is lost.
 
     Args:
-        jobs: processes. With one, the cases run in this process, which a case can take down with it.
-        isolated: never work in this process.
+        work: function of a case alone; what it raises ends all.
+        cases: anything that can be pickled.
+        jobs: processes.
     """
-    if jobs == 1 and not isolated:
-        for number, case in enumerate(cases):
-            try:
-                yield number, Outcome(work(case))
-            except Exception as error:
-                yield number, Outcome(error=error)
-        return
-    waiting = deque(enumerate(cases))
-    while waiting:
-        suspects, _ = yield from _pool(work, waiting, jobs)
-        for suspect in suspects:  # which of them killed its process shows when each has one to itself
-            guilty, reason = yield from _pool(work, deque([suspect]), 1)
-            yield from ((number, Outcome(error=DeadProcess(reason))) for number, _ in guilty)
+    waiting = iter(enumerate(cases))
+    suspects: dict[int, Any] | None = None
+    while suspects is None or suspects:
+        suspects, _ = yield from _until_one_dies(work, waiting, jobs)
+        for suspect in sorted(suspects.items()):
+            guilty, reason = yield from _until_one_dies(work, iter([suspect]), 1)
+            yield from ((number, DeadProcess(reason)) for number in guilty)
 
 
-def _pool(
-    work: Callable[[Any], Any], waiting: deque[Numbered], jobs: int
-) -> Generator[tuple[int, Outcome], None, tuple[list[Numbered], str]]:
-    """Take cases from `waiting` until none is left or a process dies, at most as many at once as there are processes.
+def _until_one_dies(
+    work: Callable[[Any], Any], waiting: Iterator[tuple[int, Any]], jobs: int
+) -> Generator[tuple[int, Any], None, tuple[dict[int, Any], str]]:
+    """Take numbered cases from `waiting` until none is left or a process dies.
 
-    Returns: the cases that were in work when a process died, and what is known about its end.
+    Returns: the cases that were taken and have no outcome, by number, and what is known about the process's end.
     """
-    from joblib.externals.loky import ProcessPoolExecutor  # takes a while: not where one process is enough
+    from joblib import Parallel, delayed, parallel_config  # takes a while: not where nothing is run
 
-    # A process that has grown is replaced between two cases, which loses none.
-    warnings.filterwarnings("ignore", "A worker stopped while some jobs")
-    pool = ProcessPoolExecutor(max_workers=min(jobs, len(waiting)), env=ONE_THREAD)
-    running: dict[Future, Numbered] = {}
-    suspects: list[Numbered] = []
-    reason = ""
+    # Of processes that have grown and are replaced between two cases, and of a campaign that ends early.
+    warnings.filterwarnings("ignore", module="joblib")
+    taken: dict[int, Any] = {}
+
+    def tasks() -> Iterator[Any]:
+        for number, case in waiting:
+            taken[number] = case
+            yield delayed(_numbered)(work, number, case)
+
+    with parallel_config("loky", inner_max_num_threads=1):
+        parallel = Parallel(
+            max(jobs, 2),  # of which one idles where jobs is 1: Parallel(1) would work in this process
+            pre_dispatch=jobs,
+            batch_size=1,
+            max_nbytes=None,
+            return_as="generator_unordered",
+        )
     try:
-        while running or (waiting and not suspects):
-            while waiting and len(running) < jobs and not suspects:
-                number, case = waiting.popleft()
-                running[pool.submit(work, case)] = (number, case)
-            for future in wait(running, return_when=FIRST_COMPLETED).done:
-                number, case = running.pop(future)
-                error = future.exception()
-                if isinstance(error, BrokenProcessPool):
-                    suspects.append((number, case))
-                    reason = _reason(error)
-                elif isinstance(error, Exception):
-                    yield number, Outcome(error=error)
-                else:
-                    yield number, Outcome(future.result())
-        return sorted(suspects, key=lambda suspect: suspect[0]), reason
-    finally:
-        pool.shutdown(wait=True, kill_workers=bool(running or suspects))
+        for number, value in parallel(tasks()):
+            del taken[number]
+            yield number, value
+    except BrokenProcessPool as error:
+        return taken, _reason(error)
+    return {}, ""
+
+
+def _numbered(work: Callable[[Any], Any], number: int, case: Any) -> tuple[int, Any]:
+    return number, work(case)
 
 
 def _reason(error: BrokenProcessPool) -> str:

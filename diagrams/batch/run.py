@@ -78,14 +78,9 @@ class Run:
             yield counted(advance, what)
 
     def cases(
-        self,
-        title: str,
-        what: str,
-        work: "Callable[[Case], dict]",
-        cases: "Sequence[Case]",
-        **more: Any,
+        self, title: str, what: str, work: "Callable[[Case], dict]", cases: "Sequence[Case]", **more: Any
     ) -> "list[Record]":
-        """Return the records of the cases, worked on behind a progress bar.
+        """Return the records of the cases, worked on behind a progress bar; without any, nothing is shown.
 
         Args:
             title: what is worked on.
@@ -94,6 +89,8 @@ class Run:
             cases: cases, plain data that differ from each other.
             more: `config`, `part` and `keep` of `Workers.run`.
         """
+        if not cases:
+            return []
         with self.counting(title, what) as on_progress:
             return self.workers.run(work, cases, on_progress=on_progress, **more)
 

@@ -44,9 +44,12 @@ class Workers:
         keep: Callable[[Case, dict], dict] = lambda case, result: result,
         on_progress: Callable[[int, int], None] = lambda done, total: None,
     ) -> list[Record]:
-        """Return the records of the cases; see `run_campaign`.
+        """Return the records of the cases; other arguments as of `run_campaign`.
 
-        Args: part: folder inside the folder, for a campaign of another configuration.
+        Args:
+            work: case -> result.
+            cases: plain data that differ from each other.
+            part: folder inside the folder, for a campaign of another configuration.
         """
         records = run_campaign(
             work,

@@ -8,7 +8,7 @@ from typer import Option
 
 from diagrams.batch.columns import tabulate
 from diagrams.cli.output import Table, progress, say
-from diagrams.cli.runner import Report, Run, counting, reports
+from diagrams.cli.runner import Report, Run, reports
 
 if TYPE_CHECKING:
     from diagrams.performance.solver_bench import SolverReport
@@ -44,7 +44,7 @@ def bench(
         _, refit = measure.record_problems(problems, seed=run.seed, predictor=paper)
         advance(1.0, "")
     mpc = config.controller.mpc
-    with counting("solvers") as on_progress:
+    with run.counting("solvers") as on_progress:
         found = suite(
             config.vehicle,
             mpc,
@@ -95,11 +95,7 @@ def _solver_tables(found: "dict[str, list[SolverReport]]") -> list[Table]:
         ("largest violation", lambda line: f"{line['violation_max']:.1e}"),
     )
     return [
-        tabulate(
-            "NP-MPC solvers; to …: ratio of medians in this run; gap: median",
-            lines,
-            times,
-        ),
+        tabulate("NP-MPC solvers; to …: ratio of medians in this run; gap: median", lines, times),
         tabulate("NP-MPC solvers, answers; feedback: phase after the measurement, median", lines, answers),
     ]
 

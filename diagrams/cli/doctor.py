@@ -97,11 +97,7 @@ def _opened(
     for number, path in enumerate(paths):
         try:
             found, sheet = open_flights(
-                path,
-                vehicle,
-                declared,
-                repair=repair,
-                on_progress=_part(tell, number, len(paths)),
+                path, vehicle, declared, repair=repair, on_progress=_part(tell, number, len(paths))
             )
         except (LogError, OSError) as error:
             failures.append(error)

@@ -10,15 +10,8 @@ from typer import Argument, Option
 from diagrams.batch.failed_run import FailedRun
 from diagrams.cli import options
 from diagrams.cli.output import say
-from diagrams.cli.runner import Report, Run, counting, reports
-from diagrams.cli.train import (
-    LOG_HELP,
-    PAYLOAD_FILTER,
-    Force,
-    behind_bar,
-    configuration_for,
-    train_reaction,
-)
+from diagrams.cli.runner import Report, Run, reports
+from diagrams.cli.train import LOG_HELP, PAYLOAD_FILTER, Force, behind_bar, configuration_for, train_reaction
 
 if TYPE_CHECKING:
     from np_drake.residual_model import ResidualModel
@@ -65,13 +58,13 @@ def evaluate(
     Twice: with the coming motion (zeta) held at its last value, as a predictor alone would have to, and known.
     """
     steps = parse_horizons(horizons)
-    names = choose_configurations(only)
-    require_reactions(also or (), predictor)
+    names = _choose_configurations(only)
+    _require_reactions(also or (), predictor)
     if leave_one_out and (predictor or train or len(logs or ()) < 2):
         raise ValueError("--leave-one-out: give two LOG or more, and neither --predictor nor --train.")
-    train, logs = choose_flights(list(train or ()), list(logs or ()), predictor, neurobem)
+    train, logs = _choose_flights(list(train or ()), list(logs or ()), predictor, neurobem)
     if not train and not leave_one_out:
-        predictor = predictor or packaged_model()
+        predictor = predictor or _packaged_model()
     loaded = load(predictor) if predictor else {}
     from diagrams.cli.flights import open_flights, require_one_frame
 
@@ -80,41 +73,29 @@ def evaluate(
     require_one_frame([*training, *tests])
     from diagrams.cli.scoring import distance_text, stability_text, tables
     from np_drake.scaling import sampling_period
-    from np_drake.skill.flight_skill import (
-        diverged,
-        flight_stability,
-        label_distances,
-        score_flights,
-    )
+    from np_drake.skill.flight_skill import diverged, flight_stability, label_distances, score_flights
     from np_drake.training_data.training_segments import require_motion
 
     step = step or sampling_period(tests[0].vehicle)
-
     folds = [([other for other in tests if other is not test], [test]) for test in tests]
     folds = folds if leave_one_out else [(training, tests)]
     for learned, _ in folds if not force else ():
         require_motion(learned)
-    rows: list[dict] = []
-    windows: list[dict] = []
-    distances: list[dict] = []
+    rows, windows, distances = list[dict](), list[dict](), list[dict]()
     for learned, held_out in folds:
-        models = loaded or train_all(learned, step=step, seed=run.seed, epochs=epochs, names=names)
-        known = train_baselines(learned, steps, step, also or (), run.seed)
+        models = loaded or _train_all(learned, names, step=step, seed=run.seed, epochs=epochs)
+        known = _train_baselines(learned, steps, step, also or (), run.seed)
         for zeta in MOTIONS:
-            with counting(f"scoring, coming motion {zeta}") as on_model:
+            with run.counting(f"scoring, coming motion {zeta}") as on_model:
                 rows += score_flights(models, held_out, steps, zeta=zeta, on_model=on_model, **known)
         windows += flight_stability(models, held_out)
         distances += label_distances(models, held_out)
-    settings = {
-        "configurations": list(models),
-        "horizons": steps,
-        "step": step,
-        "leave_one_out": leave_one_out,
-    }
+    settings = {"configurations": list(models), "horizons": steps, "step": step}
+    settings |= {"leave_one_out": leave_one_out, "training": [flight.data.name for flight in training]}
     lost = diverged(rows) or [line["flight"] for line in windows if line["unstable"]]
     return Report(
         [table for zeta in MOTIONS for table in tables(rows, zeta, mean=leave_one_out)],
-        config=settings | {"training": [flight.data.name for flight in training]},
+        config=settings,
         metrics={"rows": rows, "stability": windows, "label_distances": distances},
         notes=[*stability_text(windows, rows), *distance_text(distances)],
         failure=FailedRun(f"a forecast diverged on {', '.join(sorted(set(lost)))}.") if lost else None,
@@ -134,7 +115,7 @@ def parse_horizons(text: str) -> list[int]:
     return sorted({int(part) for part in parts})
 
 
-def choose_flights(
+def _choose_flights(
     train: list[Path], logs: list[Path], predictor: Path | None, neurobem: Path | None
 ) -> tuple[list[Path], list[Path]]:
     """Return the flights to train on and to score; the paper's where none are given.
@@ -144,7 +125,11 @@ def choose_flights(
     if predictor and train:
         raise ValueError("--predictor is trained already; leave out --train.")
     if logs:
-        require_held_out(train, logs)
+        named = [path.resolve() for path in (*train, *logs)]
+        if twice := [path for path in (*train, *logs) if named.count(path.resolve()) > 1]:
+            raise ValueError(
+                f"{twice[0]}: must be given once; a flight to score must be held out of training."
+            )
         return train, logs
     if predictor or train:
         raise ValueError("give the flights to score: np-drake evaluate LOG….")
@@ -158,17 +143,7 @@ def choose_flights(
     return [neurobem / "npy" / f"{TRAINING}.npy"], [neurobem / "npy" / f"{RACE_TRACK}.npy"]
 
 
-def require_held_out(train: list[Path], logs: list[Path]) -> None:
-    """Check that every flight is named once, so that none is scored which is trained on.
-
-    Raises: ValueError: where one is named twice.
-    """
-    named = [path.resolve() for path in (*train, *logs)]
-    if twice := [path for path in (*train, *logs) if named.count(path.resolve()) > 1]:
-        raise ValueError(f"{twice[0]}: must be given once; a flight to score must be held out of training.")
-
-
-def choose_configurations(only: list[str] | None) -> list[str]:
+def _choose_configurations(only: list[str] | None) -> list[str]:
     """Return the configurations to train.
 
     Raises: ValueError: on an unknown name.
@@ -177,9 +152,8 @@ def choose_configurations(only: list[str] | None) -> list[str]:
 
     old = {"default": AXES_CHOOSE, "pendulum": PAYLOAD_FILTER}
     for name in set(only or ()) & set(old):
-        say(
-            f"--only: {name} is now called {old[name] or 'delay-modal (world axes) or mode-dictionary (body axes)'}."
-        )
+        present = old[name] or "delay-modal (world axes) or mode-dictionary (body axes)"
+        say(f"--only: {name} is now called {present}.")
     known = (*KNOWN, PAYLOAD_FILTER)
     unknown = set(only or ()) - {*known, *old}
     if unknown:
@@ -187,7 +161,7 @@ def choose_configurations(only: list[str] | None) -> list[str]:
     return list(dict.fromkeys(old.get(name, name) for name in only or CONFIGURATIONS))
 
 
-def require_reactions(names: Sequence[str], predictor: Path | None) -> None:
+def _require_reactions(names: Sequence[str], predictor: Path | None) -> None:
     """Check the names of `--also`.
 
     Raises: ValueError: on an unknown name, or if nothing is trained.
@@ -200,8 +174,8 @@ def require_reactions(names: Sequence[str], predictor: Path | None) -> None:
         raise ValueError("--also: gp and knode are trained beside the others; leave out --predictor.")
 
 
-def train_baselines(
-    flights: list["Flight"], horizons: list[int], step: float, also: Sequence[str] = (), seed: int = 0
+def _train_baselines(
+    flights: list["Flight"], horizons: list[int], step: float, also: Sequence[str], seed: int
 ) -> dict[str, Any]:
     """Train the baselines.
 
@@ -225,7 +199,7 @@ def train_baselines(
     return {"baselines": models, "mean": mean}
 
 
-def packaged_model() -> Path:
+def _packaged_model() -> Path:
     """Return the model file of the package.
 
     Raises: ValueError: if there is none.
@@ -251,13 +225,8 @@ def load(path: Path) -> dict[str, "Model"]:
     return {model.configuration: model}
 
 
-def train_all(
-    flights: list["Flight"],
-    *,
-    step: float,
-    seed: int,
-    epochs: int | None,
-    names: Sequence[str] = CONFIGURATIONS,
+def _train_all(
+    flights: list["Flight"], names: Sequence[str], *, step: float, seed: int, epochs: int | None
 ) -> dict[str, "Model"]:
     """Train the configurations of these names on the same flights.
 

@@ -68,8 +68,13 @@ def _is_scenario(path: Path) -> bool:
 
 
 def export_corrected(vehicle: "Vehicle", effects: Sequence[Any], to: str, out: Path) -> Report:
-    """Write vehicle and effects in the format `to`, and return the account of each effect.
+    """Write vehicle and effects, and return the account of each effect.
 
+    Args:
+        vehicle: nominal vehicle.
+        effects: that act on it.
+        to: name of the format.
+        out: file to write.
     Raises: ValueError: if the format cannot hold the vehicle.
     """
     import dataclasses as dc

@@ -21,8 +21,12 @@ SCENARIOS = (".yaml", ".yml")  # files that are flown
 def open_flights(paths: list[Path], vehicle_file: Path | None, *, repair: bool = False) -> list[Flight]:
     """Open and check every file, and print what a reader derived or repaired.
 
-    Without a vehicle file: the published one for NeuroBEM files, the paper's for flight logs. A scenario file is flown,
-    once every other file is open.
+    A scenario file is flown, once every other file is open.
+
+    Args:
+        paths: of logs, arrays and scenarios.
+        vehicle_file: of all flights; None: the published one for NeuroBEM files, the paper's for flight logs.
+        repair: whether a few bad rows of a log are mended.
     Raises: LogError, OSError: one line, at the first file that is not usable; ValueError: on a bad vehicle
     file, or if NeuroBEM arrays are mixed with logs.
     """
@@ -72,6 +76,9 @@ def _data(path: Path, vehicle: Vehicle | None, *, repair: bool) -> list[FlightLo
 def simulated(scenario: Path, config: "FlightConfig") -> Flight:
     """Fly a scenario with its own controller, and return its log.
 
+    Args:
+        scenario: its file.
+        config: its content.
     Raises: LostVehicle: if the flight fails.
     """
     from diagrams.loop.flight_result import fly

@@ -2,7 +2,6 @@
 
 import dataclasses as dc
 from collections.abc import Sequence
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -10,7 +9,7 @@ from typer import Argument, Option
 
 from diagrams.batch.columns import Column, tabulate
 from diagrams.cli import options
-from diagrams.cli.output import Advance, Table, progress, say
+from diagrams.cli.output import Table, progress, say
 from diagrams.cli.runner import Report, Run, reports
 
 if TYPE_CHECKING:
@@ -74,7 +73,7 @@ def fly(
     if controller is not None:
         config.controller.kind = controller
     elif experiment in EXPERIMENTS:
-        config.controller.kind = default_controller(config, predictor)
+        config.controller.kind = _default_controller(config, predictor)
     config.controller.solver = solver or named_solver(experiment) or options.DEFAULT_SOLVER
     if predictor is not None:
         config.controller.predictor = str(predictor)
@@ -83,17 +82,15 @@ def fly(
     if duration is not None:
         config.duration = duration
     config.check()
-    make_residual_model(
-        config.controller, config.controller.believed(config.vehicle)
-    )  # refused before any work
-    if live and sample is not None:
-        raise ValueError("give either --live, which shows one flight, or --sample.")
+    believed = config.controller.believed(config.vehicle)
+    make_residual_model(config.controller, believed)  # refused before any work
+    if sample is not None and (live or mcap is not None):
+        one = "--live, which shows" if live else "--mcap, which holds"
+        raise ValueError(f"give either {one} one flight, or --sample.")
     if mcap is not None:
-        if sample is not None:
-            raise ValueError("give either --mcap, which holds one flight, or --sample.")
-        require_mcap_output(mcap)
+        _require_mcap_output(mcap)
     configs = [config] if sample is None else drawn(config, sample, run.seed)
-    flights = [fly_live(config, run.seed)] if live else fly_all(configs, run.seed)
+    flights = [_fly_live(config, run.seed)] if live else _fly_all(configs, run.seed)
     if mcap is not None:
         from diagrams.loop.mcap_flight import write_flight_mcap
 
@@ -102,7 +99,7 @@ def fly(
 
     def write(folder: Path) -> None:
         for flight in flights:
-            write_flight(flight, folder)
+            _write_flight(flight, folder)
 
     summaries = [flight.summary() for flight in flights]
     return Report(
@@ -114,18 +111,22 @@ def fly(
     )
 
 
-def fly_all(configs: "list[FlightConfig]", seed: int) -> "list[FlightResult]":
+def _fly_all(configs: "list[FlightConfig]", seed: int) -> "list[FlightResult]":
     """Simulate scenarios that begin and end alike, one after the other, behind one progress bar."""
     from diagrams.loop.flight_result import fly as simulate
 
     flights, first = [], configs[0]
     with progress(f"flying {first.name} with {first.controller.kind}", len(configs) * first.end) as advance:
         for k, own in enumerate(configs):
-            flights.append(simulate(own, seed=seed, monitor=partial(_advanced, advance, k * first.end)))
+
+            def tell(t: float, before: float = k * first.end) -> None:
+                advance(before + t)
+
+            flights.append(simulate(own, seed=seed, monitor=tell))
     return flights
 
 
-def fly_live(config: "FlightConfig", seed: int) -> "FlightResult":
+def _fly_live(config: "FlightConfig", seed: int) -> "FlightResult":
     """Simulate in real time before a browser's eyes, until the end, `stop`, Ctrl-C or the loss of the vehicle.
 
     Raises: LostVehicle: where it was lost before anything was recorded.
@@ -155,10 +156,6 @@ def fly_live(config: "FlightConfig", seed: int) -> "FlightResult":
     return flight
 
 
-def _advanced(advance: Advance, before: float, t: float) -> None:
-    advance(before + t)
-
-
 def _delay_found(flight: "FlightResult") -> list[str]:
     """Return a line about the delay of commands with which the controller reckoned at the end, where there was one."""
     from np_drake.command_delay import LONGEST_DELAY
@@ -170,7 +167,7 @@ def _delay_found(flight: "FlightResult") -> list[str]:
     return [f"the controller takes commands to act {1e3 * flight.delay:.3g} ms late{more}"]
 
 
-def require_mcap_output(file: Path) -> None:
+def _require_mcap_output(file: Path) -> None:
     """Check before the flight that an MCAP file can be written.
 
     Raises: ValueError: if it is not so; OSError: if it cannot be written.
@@ -184,7 +181,7 @@ def require_mcap_output(file: Path) -> None:
         raise ValueError(f"--mcap: must be a file whose name ends in .mcap; got {file}.")
 
 
-def default_controller(config: "FlightConfig", predictor: Path | None) -> str:
+def _default_controller(config: "FlightConfig", predictor: Path | None) -> str:
     """Return `np` where there is a model for the vehicle, else `hold`, which needs none, and say so.
 
     The packaged model knows the paper's vehicle.
@@ -215,12 +212,10 @@ def named_solver(experiment: str) -> str | None:
 
 def as_config(config: "FlightConfig") -> dict:
     """Return the scenario as plain data, for `--json`."""
-    simulator = {k: getattr(config.simulator, k) for k in ("integration_scheme", "max_step_size", "accuracy")}
-    parts = {f.name: getattr(config, f.name) for f in dc.fields(config) if f.name != "simulator"}
-    plain = {
-        k: dc.asdict(v) if dc.is_dataclass(v) and not isinstance(v, type) else v for k, v in parts.items()
-    }
-    return {**plain, "simulator": simulator}
+    from diagrams.loop.experiments import settings_of
+
+    kept = ("integration_scheme", "max_step_size", "accuracy")
+    return settings_of(config) | {"simulator": {name: getattr(config.simulator, name) for name in kept}}
 
 
 def flights_table(flights: "Sequence[FlightResult]") -> Table:
@@ -238,7 +233,7 @@ def flights_table(flights: "Sequence[FlightResult]") -> Table:
     return tabulate(f"seed {flights[0].seed}, {flights[0].config.controller.solver}", lines, columns)
 
 
-def write_flight(flight: "FlightResult", folder: Path) -> None:
+def _write_flight(flight: "FlightResult", folder: Path) -> None:
     """Write flight log, track, errors, wrench and replay page, named by experiment and controller."""
     from diagrams.loop.replay.flight_page import write_replay
     from diagrams.tracking import figures

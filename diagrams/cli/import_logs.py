@@ -109,7 +109,11 @@ def _imported(path: Path, declared: "MapFile | None", rate: float, adopt: bool, 
 def _write(found: "Imported", folder: Path, suffix: str, before: list[str]) -> list[str]:
     """Write the flights of one log and their sheets, and return the files.
 
-    Args: before: files that this command has written of other logs.
+    Args:
+        found: flights of one log, and their sheet.
+        folder: that takes them.
+        suffix: of the flights' files.
+        before: files that this command has written of other logs.
     Raises: LogError: if a file is there already.
     """
     from np_drake.logs.errors import LogError

@@ -23,7 +23,12 @@ REPORT = "Please report it with this line and the command to the maintainers; --
 
 
 def run_app(app: typer.Typer, arguments: list[str]) -> int:
-    """Run an application and return its exit code; every failure is one line on stderr."""
+    """Run an application and return its exit code; every failure is one line on stderr.
+
+    Args:
+        app: with all verbs.
+        arguments: words of the command line.
+    """
     debug = DEBUG in arguments or bool(os.environ.get("NP_DRAKE_TRACEBACK"))
     arguments = [argument for argument in arguments if argument != DEBUG]
     empty = _empty(arguments)

@@ -43,8 +43,12 @@ def say(*lines: str) -> None:
 def progress(description: str, total: float) -> Iterator[Advance]:
     """Show a progress bar on stderr and yield `advance(done, text)`.
 
-    `done` counts up to `total`; `text` stands behind the bar. Where stderr is no terminal nothing moves: the
-    bar is printed once, at its end, and not at all where an error ends it.
+    `text` stands behind the bar. Where stderr is no terminal nothing moves: the bar is printed once, at its end, and
+    not at all where an error ends it.
+
+    Args:
+        description: what stands before the bar.
+        total: value of `done` at the end.
     """
     columns = (
         TextColumn("{task.description}"),
@@ -69,7 +73,13 @@ def progress(description: str, total: float) -> Iterator[Advance]:
 
 
 def print_table(title: str, header: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
-    """Print a table in `WIDTH` columns: text to the left, numbers to the right with three digits."""
+    """Print a table in `WIDTH` columns: text to the left, numbers to the right with three digits.
+
+    Args:
+        title: above the table.
+        header: name of each column.
+        rows: a value a column each.
+    """
     table = Grid(title=escape(title), title_justify="left", pad_edge=False)
     for column, name in enumerate(header):
         numeric = all(isinstance(row[column], float | int | None) for row in rows)
@@ -80,7 +90,13 @@ def print_table(title: str, header: Sequence[str], rows: Sequence[Sequence[Any]]
 
 
 def write_markdown(path: Path | None, *tables: Table, lines: Sequence[str] = ()) -> None:
-    """Write tables, and lines as a list below them, as a Markdown file; nothing where no file was asked for."""
+    """Write tables, and lines as a list below them, as a Markdown file.
+
+    Args:
+        path: of the file; None where none was asked for: nothing is written.
+        tables: title, header and rows.
+        lines: of the list.
+    """
     if path is None:
         return
     blocks = []
@@ -100,7 +116,15 @@ def _cell(value: Any) -> str:
 
 
 def write_metrics(path: Path | None, verb: str, *, seed: int, config: dict, **content: Any) -> None:
-    """Write the file of `--json` (docs/reference/files.md: metrics); nothing where no file was asked for."""
+    """Write the file of `--json` (docs/reference/files.md: metrics).
+
+    Args:
+        path: of the file; None where none was asked for: nothing is written.
+        verb: in the name of the schema.
+        seed: of the run.
+        config: all else that the values depend on.
+        content: the values.
+    """
     if path is None:
         return
     head = {"schema": f"np_drake.{verb}/1", "version": version("np_drake"), "seed": seed, "config": config}
@@ -109,7 +133,12 @@ def write_metrics(path: Path | None, verb: str, *, seed: int, config: dict, **co
 
 
 def save_figure(figure: "Figure", path: Path) -> None:
-    """Write a figure and print where it is."""
+    """Write a figure and print where it is.
+
+    Args:
+        figure: that is drawn.
+        path: of a PNG file.
+    """
     from np_drake.files.figure_file import save
 
     save(figure, path)
@@ -119,6 +148,9 @@ def save_figure(figure: "Figure", path: Path) -> None:
 def require_outputs(*files: Path | None, folder: Path | None = None) -> None:
     """Check before long work that files and folder can be written, and create nothing.
 
+    Args:
+        files: that are written; None for one that is not asked for.
+        folder: that is written to.
     Raises: OSError: if one cannot be written; ValueError: if two are one.
     """
     named = [path for path in files if path is not None]

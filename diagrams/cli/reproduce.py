@@ -47,7 +47,7 @@ class Study:
         ]
         run = inspect.Parameter("run", inspect.Parameter.POSITIONAL_OR_KEYWORD, annotation=Run)
         body.__signature__ = inspect.Signature([run, *own])  # type: ignore[attr-defined]
-        body.__doc__ = module.run.__doc__
+        body.__doc__ = module.run.__doc__.split("Args:")[0].rstrip()  # what `--help` says
         out = options.OutOfCases if self.many else options.Out
         return reports(VERB, seed=self.seed, out=out, many=self.many)(body)
 

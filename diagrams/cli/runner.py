@@ -40,13 +40,13 @@ def reports(
     """Return a decorator that makes a verb of a body `(run, own options) -> Report`.
 
     Args:
-        schema: Name in the head of the `--json` file.
-        seed: Default of `--seed`; None: nothing is drawn, and the option is accepted but hidden.
-        out: Annotated type of `--out`; None: the runner adds no such option.
-        folder: Default of `--out`.
-        markdown: Whether there is a `--markdown`.
-        many: Whether the verb works on many cases: adds the options of its workers.
-        holds: Further options of the body, besides `WRITTEN`, whose file or folder it writes.
+        schema: name in the head of the `--json` file.
+        seed: default of `--seed`; None: nothing is drawn, and the option is accepted but hidden.
+        out: annotated type of `--out`; None: the runner adds no such option.
+        folder: default of `--out`.
+        markdown: whether there is a `--markdown`.
+        many: whether the verb works on many cases: adds the options of its workers.
+        holds: further options of the body, besides `WRITTEN`, whose file or folder it writes.
     """
     last: list[Shared] = [
         ("seed", options.Undrawn if seed is None else options.Seed, seed or 0),
@@ -81,7 +81,9 @@ def reports(
                 _show(dc.replace(report, notes=[*report.notes, *workers.cost()]))
                 _write_folder(report, files.get("out"))
                 _require_unchanged(asked, before)
-                _write_asked(report, schema, files["seed"], **asked)
+                values = {"seed": files["seed"], "config": report.config, **report.metrics}
+                output.write_metrics(asked.get("json"), schema, **values)
+                output.write_markdown(asked.get("markdown"), *report.tables, lines=report.summary)
                 if report.failure is not None:
                     raise report.failure
 
@@ -96,14 +98,13 @@ def reports(
 
 
 @contextmanager
-def held_outputs(*files: Path | None, folder: Path | None = None) -> Iterator[None]:
-    """Check the outputs of a verb without a report, and hold them for itself until the end of the block.
+def held_output(file: Path) -> Iterator[None]:
+    """Check the file that a verb without a report writes, and hold it for itself until the end of the block.
 
     Raises: as `output.require_outputs` and `lock_outputs`.
     """
-    output.require_outputs(*files, folder=folder)
-    named = [file for file in files if file is not None and is_regular(file)]
-    with lock_outputs([] if folder is None else [folder], named):
+    output.require_outputs(file)
+    with lock_outputs([], [file] if is_regular(file) else []):
         yield
 
 
@@ -139,14 +140,6 @@ def _write_folder(report: Report, out: Path | None) -> None:
         output.save_figure(draw(), make_folder(out) / name)
     if report.write is not None:
         report.write(make_folder(out))
-
-
-def _write_asked(
-    report: Report, schema: str, seed: int, *, json: Path | None = None, markdown: Path | None = None
-) -> None:
-    """Write the metrics and the tables of a report to the files that were asked for."""
-    output.write_metrics(json, schema, **{"seed": seed, "config": report.config, **report.metrics})
-    output.write_markdown(markdown, *report.tables, lines=report.summary)
 
 
 def _versions(files: Mapping[str, Path]) -> dict[str, tuple[int, int] | None]:

@@ -15,6 +15,11 @@ def tables(rows: list[dict[str, Any]], zeta: str, *, mean: bool) -> list[Table]:
 
     A flight's hold RMSE and, in brackets, skill; the mean over flights is that of the ratio to persistence with its
     95 % interval and the worst skill.
+
+    Args:
+        rows: of `score_flights`.
+        zeta: what a forecast knows of the coming motion, held | known.
+        mean: whether all flights are taken together.
     """
     rows = [row for row in rows if row["zeta"] == zeta]
     flights = dict.fromkeys(row["flight"] for row in rows)
@@ -51,7 +56,12 @@ def _short(value: float) -> str:
 
 
 def stability_text(lines: list[dict[str, Any]], rows: list[dict[str, Any]]) -> list[str]:
-    """Return two sentences for every model: spectral radii of its windows; flights that diverge, longest forecast."""
+    """Return two sentences for every model: spectral radii of its windows; flights that diverge, longest forecast.
+
+    Args:
+        lines: of `flight_stability`.
+        rows: of `score_flights`.
+    """
     said = []
     for name in dict.fromkeys(line["model"] for line in lines):
         of = [line for line in lines if line["model"] == name]

@@ -58,7 +58,7 @@ def train(
     from np_drake.scaling import sampling_period
     from np_drake.training_data.training_segments import require_motion
 
-    name = asked_configuration(configuration)
+    name = _asked_configuration(configuration)
     if name in (PAYLOAD_FILTER, *REACTIONS) and checkpoint is not None:
         raise ValueError(f"--checkpoint: {name} has none; it trains in a minute or less.")
     flights = open_flights(logs, vehicle, repair=repair)
@@ -67,7 +67,7 @@ def train(
     step = step or sampling_period(flights[0].vehicle)
     configuration = configuration_for(name, flights[0].frame)
     if configuration == PAYLOAD_FILTER:
-        return payload_filter_report(flights, out, step=step)
+        return _payload_filter_report(flights, out, step=step)
     if configuration in REACTIONS:
         head: dict[str, Any] = {"seed": run.seed}
         head |= {"epochs": epochs} if epochs and configuration == KNODE else {}
@@ -89,10 +89,10 @@ def train(
             say(
                 f"rotors: {1e3 * lag:.0f} ms behind the command; in flight the labels of this model allow for it."
             )
-        lines, tables = [], [loss_table(summary, wall)]
+        lines, tables = [], [_loss_table(summary, wall)]
         notes = [f"model: {out}", f"loss curve: {curve}"]
     if loss or tables:
-        save(loss_figure(loss), curve)
+        save(_loss_figure(loss), curve)
     return Report(
         tables,
         config=head,
@@ -102,7 +102,7 @@ def train(
     )
 
 
-def asked_configuration(name: str | None) -> str:
+def _asked_configuration(name: str | None) -> str:
     """Return the configuration of that name; empty where the axes of the flights choose it.
 
     An old name is answered with a warning.
@@ -138,7 +138,7 @@ def configuration_for(name: str, frame: str) -> str:
     return configuration
 
 
-def payload_filter_report(flights: "Sequence[Flight]", out: Path, *, step: float) -> Report:
+def _payload_filter_report(flights: "Sequence[Flight]", out: Path, *, step: float) -> Report:
     """Train a payload filter, write its file, and return what it found of the vehicle.
 
     Raises: ValueError: if `flights` do not serve.
@@ -175,6 +175,11 @@ def train_reaction(
 ) -> "tuple[MotionModel, list[float], float]":
     """Train gp or knode.
 
+    Args:
+        name: gp | knode.
+        flights: to train on, of one vehicle.
+        step: of the model [s].
+        settings: of the training by name.
     Returns: the model, its loss, and how long the training took [s].
     Raises: ValueError: if `flights` do not serve.
     """
@@ -190,7 +195,12 @@ def train_reaction(
 
 
 def behind_bar(description: str, learn: Callable[..., T]) -> tuple[T, float]:
-    """Call `learn(on_epoch=…)` behind a progress bar; return its result and how long it took [s]."""
+    """Call `learn(on_epoch=…)` behind a progress bar; return its result and how long it took [s].
+
+    Args:
+        description: what stands before the bar.
+        learn: the training.
+    """
     start = time.perf_counter()
     with progress(description, 1.0) as advance:
         result = learn(on_epoch=lambda epoch, total, loss: advance(epoch / total, f"loss {loss:.4g}"))
@@ -198,14 +208,14 @@ def behind_bar(description: str, learn: Callable[..., T]) -> tuple[T, float]:
     return result, time.perf_counter() - start
 
 
-def loss_table(summary: dict[str, Any], wall: float) -> Table:
+def _loss_table(summary: dict[str, Any], wall: float) -> Table:
     """Return the table of a training run: the loss by block."""
     loss = summary["loss"] if isinstance(summary["loss"], dict) else {"total": summary["loss"]}
     rows: list[tuple] = [(name, float(value)) for name, value in loss.items()]
     return f"{summary['samples']} samples, {wall:.1f} s", ["block", "loss [1]"], rows
 
 
-def loss_figure(loss: list[float]) -> "Figure":
+def _loss_figure(loss: list[float]) -> "Figure":
     """Plot loss against epoch."""
     from np_drake.files.figure_file import new_figure
 

@@ -2,14 +2,13 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 from typer import Argument, Option
 
 from diagrams.cli.output import Table, print_table, say
-from diagrams.cli.runner import held_outputs
+from diagrams.cli.runner import held_output
 
 if TYPE_CHECKING:
     from np_drake.vehicle import Vehicle
@@ -21,8 +20,7 @@ MassUncertainty = Annotated[
     Option(help="Standard deviation of the mass over the mass; default: 0.01, or the preset's [1]."),
 ]
 ThrustUncertainty = Annotated[
-    float | None,
-    Option(help="Standard deviation of thrust over thrust; default: 0.4, or the preset's [1]."),
+    float | None, Option(help="Standard deviation of thrust over thrust; default: 0.4, or the preset's [1].")
 ]
 
 
@@ -56,28 +54,28 @@ def new(
     stated = {key: value for key, value in given_or_none.items() if value is not None}
     measures = {"wheelbase": wheelbase, "propeller": propeller, "hover_throttle": hover_throttle}
     if preset is not None:
-        if given := [option(key) for key, value in measures.items() if value is not None]:
+        if given := [_option(key) for key, value in measures.items() if value is not None]:
             raise ValueError(
                 f"--preset: goes with --mass, --name and uncertainties alone; got {', '.join(given)}."
             )
-        text = copy_of(preset, mass, name, stated)
+        text = _copy_of(preset, mass, name, stated)
     else:
         measures["mass"] = mass
-        if missing := [option(key) for key, value in measures.items() if value is None]:
+        if missing := [_option(key) for key, value in measures.items() if value is None]:
             raise ValueError(f"give {', '.join(sorted(missing))} as well, or --preset NAME.")
         measured = Measured(**measures, **stated, curve=throttle_curve)  # type: ignore[arg-type]
         text = commented_file(measured, name or "mine")
-    write_or_print(text, out)
+    _write_or_print(text, out)
 
 
-def write_or_print(text: str, out: Path | None) -> None:
+def _write_or_print(text: str, out: Path | None) -> None:
     """Write a vehicle file, while no other run writes it; print it where no file is named."""
     from np_drake.files.atomic_file import write_text
 
     if out is None:
         say(text.rstrip("\n"))
         return
-    with held_outputs(out):
+    with held_output(out):
         write_text(out, text)
     say(f"vehicle file: {out}")
 
@@ -85,7 +83,7 @@ def write_or_print(text: str, out: Path | None) -> None:
 @vehicle.command("list")
 def presets() -> None:
     """List the vehicles that come with the package, which --vehicle takes by name."""
-    print_table(*preset_table())
+    print_table(*_preset_table())
 
 
 @vehicle.command("show")
@@ -97,20 +95,22 @@ def show(
 
     known = load_vehicle(name)
     say(vehicle_file(name).read_text(encoding="utf-8").rstrip("\n"), "")
-    print_table(*scale_table(known))
+    print_table(*_scale_table(known))
 
 
-def option(key: str) -> str:
+def _option(key: str) -> str:
     """Return the option of a parameter."""
     return f"--{key.replace('_', '-')}"
 
 
-def copy_of(
-    preset: str, mass: float | None, name: str | None, stated: Mapping[str, float] = MappingProxyType({})
-) -> str:
+def _copy_of(preset: str, mass: float | None, name: str | None, stated: Mapping[str, float]) -> str:
     """Return the file of a preset, with another mass and name where they are given; the inertia stays.
 
-    Args: stated: uncertainties of mass and thrust by field [1], put at the end.
+    Args:
+        preset: name of `vehicle list`.
+        mass: of the copy; None: the preset's [kg].
+        name: of the copy; None: the preset's.
+        stated: uncertainties of mass and thrust by field [1], put at the end.
     Raises: ValueError: if there is no such preset, it cannot carry that mass, or an uncertainty is impossible.
     """
     import dataclasses as dc
@@ -138,7 +138,7 @@ def copy_of(
     return "\n".join([text.rstrip("\n"), *lines, ""]) if lines else text
 
 
-def preset_table() -> Table:
+def _preset_table() -> Table:
     """Return a table with a line for every preset."""
     from np_drake.scaling import numbers, scales
     from np_drake.vehicle import load_vehicle, preset_names
@@ -147,12 +147,12 @@ def preset_table() -> Table:
     for name in preset_names():
         known = load_vehicle(name)
         rows.append(
-            (name, known.mass, 100 * scales(known).length, numbers(known).thrust_to_weight, source(name))
+            (name, known.mass, 100 * scales(known).length, numbers(known).thrust_to_weight, _source(name))
         )
     return "vehicles", ["name", "mass [kg]", "arm [cm]", "thrust/weight [1]", "source"], rows
 
 
-def source(name: str) -> str:
+def _source(name: str) -> str:
     """Return the first words of a preset's source."""
     from np_drake.vehicle import vehicle_file
 
@@ -161,12 +161,12 @@ def source(name: str) -> str:
     return line.split(": ", 1)[1].split(",")[0].split(" for ")[0].split(";")[0].rstrip(".")
 
 
-def stated_uncertainty(value: float | None) -> str:
+def _stated_uncertainty(value: float | None) -> str:
     """Return what a vehicle file states of how well a figure is known."""
     return "not stated: the diagnosis' own" if value is None else f"{100 * value:.3g} % of the value"
 
 
-def scale_table(known: "Vehicle") -> Table:
+def _scale_table(known: "Vehicle") -> Table:
     """Return the scales and dimensionless numbers of a vehicle, and its default flight."""
     from diagrams.loop.experiments import load_experiment
     from np_drake.scaling import numbers, scales
@@ -182,8 +182,8 @@ def scale_table(known: "Vehicle") -> Table:
         ("inertia over m L² [1]", ", ".join(f"{value:.3g}" for value in number.inertia)),
         ("yaw torque over thrust and arm [1]", number.yaw_arm),
         ("time to turn by 1 rad over T [1]", number.turn_time),
-        ("mass, standard deviation", stated_uncertainty(known.mass_uncertainty)),
-        ("thrust, standard deviation", stated_uncertainty(known.thrust_uncertainty)),
+        ("mass, standard deviation", _stated_uncertainty(known.mass_uncertainty)),
+        ("thrust, standard deviation", _stated_uncertainty(known.thrust_uncertainty)),
         ("circle: radius [m]", reference.radius),
         ("circle: speed [m/s]", reference.speed),
         ("payload [kg]", payload.mass),

@@ -18,6 +18,9 @@ from np_drake.logs.formats.log_file import write_log
 def write_demo(demo: Demo, folder: Path) -> Path:
     """Write everything to a folder, and return the path of the page to begin with.
 
+    Args:
+        demo: the results.
+        folder: that takes the files.
     Raises: OSError: if a file cannot be written.
     """
     pictures = _pictures(demo)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from diagrams.batch.processes import in_order
+from diagrams.batch.processes import DeadProcess, as_they_finish
 from diagrams.gap.corrected import corrected_simulator
 from diagrams.gap.drake_replay import DrakeReplay
 from diagrams.gap.side_by_side import SideBySide, side_by_side
@@ -62,7 +62,12 @@ class Demo:
         return {e.identifier: e.values for e in acting if isinstance(e, Effect)}
 
     def flown(self, track: str, kind: str) -> FlightResult:
-        """Return the flight of a controller on a track."""
+        """Return the flight of a controller on a track.
+
+        Args:
+            track: name of the experiment.
+            kind: of the controller.
+        """
         return next(f for f in self.flights if f.config.name == track and f.config.controller.kind == kind)
 
     def reduction(self) -> dict[str, dict[str, float]]:
@@ -98,7 +103,14 @@ def run_demo(
     The nominal MPC flies the training circle (noise of `seed`), on which both predictors are trained. Nominal MPC,
     hold, NP-MPC and the MPC with the payload filter fly both tracks (seed + 1). The flights of the nominal MPC are
     diagnosed: training circle and circle to fit, the lemniscate to judge. Nominal and corrected simulator fly the
-    lemniscate (seed + 2). Writes the models into `folder`.
+    lemniscate (seed + 2).
+
+    Args:
+        folder: takes the model files.
+        seed: of training flight and training.
+        solver: of every controller.
+        jobs: processes.
+        on_progress: called with the share that is done [1] and what is under way.
     """
     models = {
         LEARNED.kind: folder / "predictor.safetensors",
@@ -155,17 +167,22 @@ class _Steps:
         self._shares = iter(_SHARES)
 
     def run(self, text: str, work: Mapping[Any, Callable[[], Any]]) -> dict[Any, Any]:
-        """Return the results of one round by the keys of its work."""
-        share, before = next(self._shares), self._before
-        self._on_progress(before, text)
-        results = in_order(
-            _call,
-            list(work.values()),
-            jobs=self._jobs,
-            on_progress=lambda done, total: self._on_progress(before + share * done / total, text),
-        )
+        """Return the results of one round by the keys of its work.
+
+        Raises: what the work raises; DeadProcess: where its process died.
+        """
+        share, keys = next(self._shares), list(work)
+        self._on_progress(self._before, text)
+        results = {}
+        one_by_one = enumerate(task() for task in work.values())  # in this process
+        beside = as_they_finish(_call, list(work.values()), self._jobs)
+        for number, value in one_by_one if self._jobs == 1 else beside:
+            if isinstance(value, DeadProcess):
+                raise value
+            results[keys[number]] = value
+            self._on_progress(self._before + share * len(results) / len(keys), text)
         self._before += share
-        return dict(zip(work, results, strict=True))
+        return results
 
 
 def _call(work: Callable[[], Any]) -> Any:
@@ -203,7 +220,12 @@ def diagnosed(flight: FlightResult) -> FlightLog:
 
 
 def until(flight: FlightResult, seconds: float) -> FlightResult:
-    """Return the flight until `seconds` after its ramp [s]."""
+    """Return the flight up to some time after its ramp.
+
+    Args:
+        flight: whole.
+        seconds: after the ramp [s].
+    """
     rows = flight.signals["t"] < flight.config.reference.lead + seconds - 1e-9
     return dc.replace(flight, signals={name: signal[rows] for name, signal in flight.signals.items()})
 

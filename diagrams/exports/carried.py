@@ -4,10 +4,10 @@ import dataclasses as dc
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from np_drake.effects.mass_error import MassError
-
 EXACT, APPROXIMATE, LEFT_OUT = "exact", "approximate", "left out"
-Law = Mapping[str, tuple[str, str]]  # identifier of an effect -> how a format carries it, and in words
+Law = Mapping[
+    str, tuple[str, str]
+]  # identifier or place of an effect -> how a format carries it, and in words
 _SENSOR = (LEFT_OUT, "an error of the sensors, not of the motion")
 _UNKNOWN = (LEFT_OUT, "this export does not know it")
 
@@ -25,12 +25,21 @@ class Carried:
 
 
 def carried(effects: Iterable[Any], law: Law) -> list[Carried]:
-    """Return a line for every effect, in the given order: none is left out in silence."""
+    """Return a line for every effect, in the given order: none is left out in silence.
+
+    Args:
+        effects: that act on the vehicle.
+        law: of the format.
+    """
     return [Carried(effect.identifier, *how_carried(effect, law)) for effect in effects]
 
 
 def how_carried(effect: Any, law: Law) -> tuple[str, str]:
-    """Return how a format with this law carries an effect (object or class), and in words."""
-    if getattr(effect, "place", "") == "mass":  # any change of mass and inertia goes where theirs go
-        return law.get(effect.identifier) or law.get(MassError.identifier, _UNKNOWN)
-    return law.get(effect.identifier, _SENSOR if hasattr(effect, "measure") else _UNKNOWN)
+    """Return how a format carries an effect, and in words.
+
+    Args:
+        effect: object or class.
+        law: of the format.
+    """
+    rest = _SENSOR if hasattr(effect, "measure") else _UNKNOWN
+    return law.get(effect.identifier) or law.get(getattr(effect, "place", ""), rest)

@@ -88,8 +88,11 @@ class Corrected:
 
 
 def corrected(vehicle: Vehicle, effects: Sequence[Any]) -> Corrected:
-    """Return the vehicle corrected by `effects`, objects of `np_drake.effects`.
+    """Return the vehicle corrected by effects.
 
+    Args:
+        vehicle: nominal vehicle.
+        effects: objects of `np_drake.effects`.
     Raises: ValueError: if two payloads or two motor lags are given, the rotors give nothing, or no rigid body can have
         the mass properties.
     """

@@ -26,9 +26,7 @@ _DRAG = "actuators whose force is -d times velocity"
 _CROSS = "no actuator turns a velocity into a force across it"
 
 LAW: Law = {
-    "mass_error": (EXACT, "in the inertial element"),
-    "inertia_error": (EXACT, "in the inertial element"),
-    "center_of_mass_offset": (EXACT, "in the inertial element"),
+    "mass": (EXACT, "in the inertial element"),
     "suspended_payload": (EXACT, "a limited tendon, which may go slack; air damping in the free joint"),
     "thrust_scale": (EXACT, "gain of the motors"),
     "thrust_drift": (APPROXIMATE, "its start, gain of the motors; the rate is left out"),
@@ -51,6 +49,10 @@ LAW: Law = {
 def write_mujoco(vehicle: Vehicle, effects: Sequence[Any], path: str | Path) -> list[Carried]:
     """Write an MJCF model of the vehicle with its effects, and return how each is carried.
 
+    Args:
+        vehicle: nominal vehicle.
+        effects: objects of `np_drake.effects`.
+        path: of the file.
     Raises: ValueError: as `corrected`.
     """
     c = corrected(vehicle, effects)

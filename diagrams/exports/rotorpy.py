@@ -22,7 +22,7 @@ _HUBS = "at the rotors, not at the origin"
 _WIND = "an argument of the simulation, not a parameter: ConstantWind(x, y, z)"
 
 LAW: Law = {
-    "mass_error": (EXACT, "mass"),
+    "mass": (EXACT, "mass"),
     "inertia_error": (EXACT, "Ixx, …, Iyz"),
     "center_of_mass_offset": (EXACT, "rotor_pos; RotorPy's position is that of the centre of mass"),
     "suspended_payload": (LEFT_OUT, "RotorPy has one body"),
@@ -47,7 +47,12 @@ LAW: Law = {
 def rotorpy_parameters(vehicle: Vehicle, effects: Sequence[Any]) -> dict[str, Any]:
     """Return `quad_params` of the vehicle with its effects [SI]; arrays where RotorPy wants them.
 
-    `rI`, the place of its IMU, is Bo. Weak rotors have no part in it.   Raises: ValueError: as `corrected`.
+    `rI`, the place of its IMU, is Bo. Weak rotors have no part in it.
+
+    Args:
+        vehicle: nominal vehicle.
+        effects: objects of `np_drake.effects`.
+    Raises: ValueError: as `corrected`.
     """
     c = corrected(vehicle, effects)
     J, p_cm = c.mass.J, c.mass.p_BoBcm_B
@@ -92,6 +97,11 @@ def write_rotorpy(vehicle: Vehicle, effects: Sequence[Any], path: str | Path) ->
     """Write `quad_params` as JSON, and return how each effect is carried.
 
     Lists take the place of arrays; RotorPy wants `rotor_directions` and `rotor_pos` as arrays (docs/guide/export.md).
+
+    Args:
+        vehicle: nominal vehicle.
+        effects: objects of `np_drake.effects`.
+        path: of the file.
     Raises: ValueError: as `corrected`.
     """
     write_json(path, rotorpy_parameters(vehicle, effects))

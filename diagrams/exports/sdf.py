@@ -29,9 +29,7 @@ VERSION = "1.9"
 _AIR = "in a Hydrodynamics plugin"
 
 LAW: Law = {
-    "mass_error": (EXACT, "in the inertial elements"),
-    "inertia_error": (EXACT, "in the inertial elements"),
-    "center_of_mass_offset": (EXACT, "in the inertial elements"),
+    "mass": (EXACT, "in the inertial elements"),
     "suspended_payload": (APPROXIMATE, "a rod on a ball joint, which pushes too; air damping exact"),
     "thrust_scale": (EXACT, "in motorConstant"),
     "thrust_drift": (APPROXIMATE, "its start, in motorConstant; the rate is left out"),
@@ -55,6 +53,11 @@ def write_sdf(vehicle: Vehicle, effects: Sequence[Any], path: str | Path) -> lis
     """Write an SDF model of the vehicle with its effects, and return how each is carried.
 
     Commands are rotor speeds [rad/s] on the topic `/<model>/command/motor_speed` (gz.msgs.Actuators).
+
+    Args:
+        vehicle: nominal vehicle.
+        effects: objects of `np_drake.effects`.
+        path: of the file.
     Raises: ValueError: as `corrected`, or if the rotor links have more inertia than the vehicle.
     """
     c = corrected(vehicle, effects)
@@ -196,7 +199,11 @@ def _air(model: Element, c: Corrected) -> None:
 def _hydrodynamics(model: Element, link: str, terms: dict[str, float], wind: np.ndarray) -> None:
     """Add the air of a link, where a term is not zero.
 
-    Args: terms: by the plugin's names [N·s/m, N·s²/m², N·m·s/m].   wind: (3,) in W [m/s].
+    Args:
+        model: that the link is of.
+        link: its name.
+        terms: by the plugin's names [N·s/m, N·s²/m², N·m·s/m].
+        wind: (3,) in W [m/s].
     """
     there = {name: value for name, value in terms.items() if value}
     if not there:

@@ -20,7 +20,14 @@ def words(value: Any) -> str:
 
 
 def put(parent: Element, tag: str, content: Any = None, **attributes: Any) -> Element:
-    """Add an element with content and attributes (numbers or text) and return it."""
+    """Add an element and return it.
+
+    Args:
+        parent: of the element.
+        tag: its name.
+        content: number, numbers or text; None for none.
+        attributes: numbers or text.
+    """
     element = ElementTree.SubElement(parent, tag, {name: words(value) for name, value in attributes.items()})
     if content is not None:
         element.text = words(content)
@@ -33,7 +40,13 @@ def plain_name(name: str) -> str:
 
 
 def write_xml(root: Element, path: str | Path, comment: str) -> None:
-    """Write an XML file with a comment at its head, whole or not at all."""
+    """Write an XML file, whole or not at all.
+
+    Args:
+        root: element that holds all others.
+        path: of the file.
+        comment: at its head.
+    """
     ElementTree.indent(root)
     head = f'<?xml version="1.0"?>\n<!-- {comment.replace("--", "- -")} -->\n'
     write_text(path, head + ElementTree.tostring(root, encoding="unicode") + "\n")

@@ -111,7 +111,12 @@ class ControllerConfig:
 
 
 def make_residual_model(config: ControllerConfig, vehicle: Vehicle) -> ResidualModel | None:
-    """Return the residual model of `config.kind`; None for nominal, cascade, and the oracle, which is no model."""
+    """Return the residual model of a controller; None for nominal, cascade, and the oracle, which is no model.
+
+    Args:
+        config: kind, model file and timing.
+        vehicle: that the controller assumes.
+    """
     if config.kind == "hold":
         band = config.hold_bandwidth
         return Hold(step=config.period, force_bandwidth=band, torque_bandwidth=band)
@@ -195,9 +200,14 @@ def add_controller(
     """Add reference source, estimator, predictor and MPC, and return their vector ports by signal name.
 
     Args:
-        vehicle: the nominal vehicle.   rig: has the measured `x` and `acceleration`.
+        builder: of the flight's Diagram.
+        config: of the controller.
+        vehicle: nominal vehicle.
+        reference: motion to follow.
+        rig: has the measured `x` and `acceleration`.
         truth, true_model: the real vehicle and all that acts on it; for the oracle alone.
-        model: used in place of the one that `config` names.   solver_faults: while which solves have no answer.
+        model: used in place of the one that `config` names.
+        solver_faults: while which solves have no answer.
     Raises: ValueError: if an oracle lacks the real vehicle.
     """
     believed = config.believed(vehicle)
@@ -264,6 +274,12 @@ def delay_filter(
     """Return what tells which command acts; None where all act at once.
 
     The oracle knows the delay. Others are given it, or have learned it; whoever has learned one follows it.
+
+    Args:
+        config: of the controller.
+        vehicle: that it assumes.
+        model: its residual model.
+        true_model: all that acts on the real vehicle; for the oracle alone.
     """
     lagged = labelled(vehicle, model)
     if config.kind == "oracle" and model is None:

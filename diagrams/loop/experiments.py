@@ -30,8 +30,10 @@ def load_experiment(
 ) -> FlightConfig:
     """Return the experiment called `name`, or the scenario file at that path.
 
-    Args: vehicle: flies in place of the scenario's; what the scenario does not name in SI scales with it.
-    reality: scenario file whose vehicle flies, in its reality and by its simulator, in place of the scenario's.
+    Args:
+        name: of an experiment, or path of a scenario file.
+        vehicle: flies in place of the scenario's; what the scenario does not name in SI scales with it.
+        reality: scenario file whose vehicle flies, in its reality and by its simulator, in place of the scenario's.
     Raises: ValueError: where there is none.
     """
     if reality is not None:

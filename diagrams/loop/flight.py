@@ -157,7 +157,7 @@ class FlightConfig:
         """
         payload, rates = self.reality.hung, [1e-3]
         if payload.tether == "cable":
-            reduced = 1 / (1 / payload.mass + hook_mobility(self.vehicle, payload.hook))
+            reduced = 1 / (1 / payload.mass + _hook_mobility(self.vehicle, payload.hook))
             rates += [np.sqrt(payload.stiffness / reduced), payload.damping / reduced]
         rates += [1 / lag for lag in (*self.reality.lags, self.vehicle.rotor_time_constant) if lag > 0]
         return float(1.7 / max(rates))
@@ -208,7 +208,7 @@ class FlightConfig:
         return self.reference.lead + self.duration
 
 
-def hook_mobility(vehicle: Vehicle, hook: Sequence[float]) -> float:
+def _hook_mobility(vehicle: Vehicle, hook: Sequence[float]) -> float:
     """Return the acceleration of the hook over a pull across its lever, 1 / m + |p_BoTo_B|² / J [1/kg]."""
     return float(1 / vehicle.mass + np.sum(np.square(hook)) / np.linalg.eigvalsh(vehicle.J)[0])
 
@@ -223,7 +223,10 @@ def load_flight(filename: str, vehicle: Vehicle | None = None) -> FlightConfig:
 
     Defaults scale with the vehicle, and what the file names stands in SI, unless it says `scaled: true`. The CSV file
     of a track lies relative to the scenario file; where the latter names no duration, the flight has the track's own.
-    Args: vehicle: flies in place of the file's.
+
+    Args:
+        filename: of the scenario.
+        vehicle: flies in place of the file's.
     Raises: ValueError: one line with file and field, on bad content.
     """
 

@@ -43,7 +43,12 @@ class Watch(Protocol):
     rate: float
 
     def begin(self, diagram: Diagram, context: Context) -> None:
-        """See the flight before it begins."""
+        """See the flight before it begins.
+
+        Args:
+            diagram: of `make_flight_diagram`.
+            context: its root context.
+        """
 
     def look(self, context: Context) -> bool:
         """See the flight, and return whether it goes on."""
@@ -224,12 +229,8 @@ class FlightResult:
 
     def summary(self) -> dict:
         """Return the `fly` object of `--json` (docs/reference/files.md)."""
-        return {
-            "experiment": self.config.name,
-            "controller": self.label,
-            "seed": self.seed,
-            "metrics": self.metrics(),
-        }
+        named = {"experiment": self.config.name, "controller": self.label, "seed": self.seed}
+        return named | {"metrics": self.metrics()}
 
 
 def fly(
@@ -240,5 +241,9 @@ def fly(
     watch: Watch | None = None,
     real: RealVehicle = DRAKE,
 ) -> FlightResult:
-    """Simulate the experiment and return its result; arguments as of `simulate`."""
+    """Simulate the experiment and return its result.
+
+    Args:
+        config, seed, monitor, watch, real: as of `simulate`.
+    """
     return FlightResult(config, seed, simulate(config, seed=seed, monitor=monitor, watch=watch, real=real))

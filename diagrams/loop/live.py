@@ -49,7 +49,9 @@ class LiveView:
     def __init__(self, config: FlightConfig, *, rate: float | None = None):
         """Start the server.
 
-        Args: rate: real-time rate; 0 for as fast as possible; None: `REALTIME`.
+        Args:
+            config: of the flight.
+            rate: real-time rate; 0 for as fast as possible; None: `REALTIME` [1].
         """
         self.period, self.rate = PERIOD, REALTIME if rate is None else rate
         self.stopped = False
@@ -77,7 +79,12 @@ class LiveView:
         signal.signal(signal.SIGINT, self._before)
 
     def begin(self, diagram: Diagram, context: Context) -> None:
-        """See the flight before it begins."""
+        """See the flight before it begins.
+
+        Args:
+            diagram: of `make_flight_diagram`.
+            context: its root context.
+        """
         self._vehicle = diagram.GetSubsystemByName("tethered_quadrotor")
         self._push = self._vehicle.GetSubsystemByName("push")
         self._show(context)

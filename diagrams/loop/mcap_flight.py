@@ -27,6 +27,9 @@ MEASURED = (
 def write_flight_mcap(flight: FlightResult, path: str | Path) -> None:
     """Write a flight as an MCAP file (docs/guide/fly.md); times count from its start.
 
+    Args:
+        flight: that was simulated.
+        path: of the file.
     Raises: LogError: if the package is not installed; OSError: if the file cannot be written.
     """
     write_mcap(path, channels(flight))

@@ -39,10 +39,17 @@ class RealVehicle(Protocol):
         """
 
     def hover(self, system: Diagram, root: Context, reality: RealityConfig, p_WB: np.ndarray) -> None:
-        """Set the made vehicle level and at rest at p_WB (3,) [m], with the payload hanging still."""
+        """Set the made vehicle level and at rest, with the payload hanging still.
+
+        Args:
+            system: that `make` returned.
+            root: context of the whole flight.
+            reality: of `make`.
+            p_WB: (3,) in W [m].
+        """
 
 
-class DrakeVehicle:
+class DrakeVehicle(RealVehicle):
     """The `RealVehicle` of the project's own simulator."""
 
     def make(
@@ -50,42 +57,37 @@ class DrakeVehicle:
         vehicle: Vehicle,
         reality: RealityConfig,
         *,
-        command_period: float,
+        command_period: float = 0.001,
         pushed: bool = False,
         events: Sequence[PayloadEvent] = (),
     ) -> Diagram:
-        """Return `make_real_vehicle` of the arguments."""
-        return make_real_vehicle(
-            vehicle, reality, command_period=command_period, pushed=pushed, events=events
+        """Return the plant with the effects that `reality` switches on.
+
+        Args:
+            vehicle, reality, command_period, pushed, events: as of `RealVehicle.make`.
+        """
+        return make_tethered_quadrotor(
+            vehicle,
+            reality.hung,
+            wrench_effects=reality.wrench_effects(),
+            actuator_effects=reality.actuator_effects(),
+            mass_effects=reality.mass_effects(),
+            command_period=command_period,
+            onsets=reality.onsets,
+            hangs_at=reality.hangs_at,
+            events=events,
+            pushed=pushed,
         )
 
     def hover(self, system: Diagram, root: Context, reality: RealityConfig, p_WB: np.ndarray) -> None:
-        """Set the vehicle level and at rest at p_WB (3,) [m], with the payload at its static stretch."""
+        """Set the vehicle level and at rest, with the payload at its static stretch.
+
+        Args:
+            system, root, reality, p_WB: as of `RealVehicle.hover`.
+        """
         plant = system.GetSubsystemByName("plant")
         set_hover(plant, plant.GetMyMutableContextFromRoot(root), reality.hung, p_WB)
 
 
 DRAKE = DrakeVehicle()
-
-
-def make_real_vehicle(
-    vehicle: Vehicle,
-    reality: RealityConfig,
-    *,
-    command_period: float = 0.001,
-    pushed: bool = False,
-    events: Sequence[PayloadEvent] = (),
-) -> Diagram:
-    """Return the plant with the effects that `reality` switches on; arguments as of `RealVehicle.make`."""
-    return make_tethered_quadrotor(
-        vehicle,
-        reality.hung,
-        wrench_effects=reality.wrench_effects(),
-        actuator_effects=reality.actuator_effects(),
-        mass_effects=reality.mass_effects(),
-        command_period=command_period,
-        onsets=reality.onsets,
-        hangs_at=reality.hangs_at,
-        events=events,
-        pushed=pushed,
-    )
+make_real_vehicle = DRAKE.make

@@ -109,7 +109,7 @@ class RealityConfig:
     @property
     def lags(self) -> list[float]:
         """Time constants of the motors [s]."""
-        return [e.time_constant for e in self.actuator_effects() if isinstance(e, MotorLag)]
+        return [e.time_constant for e in self.actuator_effects() if hasattr(e, "time_constant")]
 
     @property
     def hung(self) -> PayloadConfig:
@@ -166,9 +166,12 @@ class RealityConfig:
         return [*found, *split_effects(self.added).measurement]
 
     def thrust_at(self, vehicle: Vehicle, t: float, *, failing: bool = True) -> float:
-        """Return real over nominal thrust at time t [s] since the start, mean of the rotors [1].
+        """Return real over nominal thrust, mean of the rotors [1].
 
-        Args: failing: whether effects count that begin in flight.
+        Args:
+            vehicle: nominal vehicle.
+            t: time since the start [s].
+            failing: whether effects count that begin in flight.
         """
         thrust = np.ones(4)
         for effect in acting(self.actuator_effects(), self.onsets, t if failing else 0.0):

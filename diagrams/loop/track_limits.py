@@ -17,7 +17,11 @@ def require_flyable(
     """Check a motion up to its end against ground, arena, the controller's bounds and the rotors.
 
     Args:
-        vehicle: with the mass that it carries.   end: of the flight [s].   arena: largest distance from origin [m].
+        reference: motion of the file.
+        vehicle: with the mass that it carries.
+        mpc: bounds of speed and tilt.
+        end: of the flight [s].
+        arena: largest distance from the origin [m].
         thrust: real over nominal thrust [1].
     Raises: ValueError: at the first time at which one is passed.
     """

@@ -1,14 +1,13 @@
 """Hover while the payload changes: 100 g more, the cable cut, a slack cable that snaps taut."""
 
 import dataclasses as dc
-from collections.abc import Callable, Sequence
-from pathlib import Path
+from collections.abc import Callable
 
 import numpy as np
-from scipy import signal
 
 from diagrams.batch.campaign import Case
-from diagrams.batch.workers import Workers, results
+from diagrams.batch.flown import FlownRun
+from diagrams.batch.workers import results
 from diagrams.loop.experiments import settings_of
 from diagrams.loop.flight import FlightConfig
 from diagrams.loop.flight_result import FlightResult, fly
@@ -22,10 +21,9 @@ from diagrams.tracking.model_files import (
     rows_with_models,
     trained_models,
 )
-from diagrams.tracking.tracking import Row, configure, training_config
+from diagrams.tracking.tracking import Row, configure, named, training_config
 from np_drake import attitude
-from np_drake.labels import FORCE
-from np_drake.lifting.model.lifted_model import DELAY_MODAL, LiftedModel
+from np_drake.lifting.model.lifted_model import DELAY_MODAL
 from np_drake.metrics import half_width
 from np_drake.payload_filter.model_file import PAYLOAD_FILTER
 from systems.payload_event import PayloadEvent, push, release
@@ -49,7 +47,14 @@ ROWS = (
 
 
 def attach_config(row: Row, *, solver: str, model: str, event: str = "attach") -> FlightConfig:
-    """Return the experiment `attach` under NP-MPC, with one of `EVENTS`."""
+    """Return the experiment `attach` under NP-MPC.
+
+    Args:
+        row: of the table.
+        solver: of the MPC.
+        model: file of the row's predictor.
+        event: one of `EVENTS`.
+    """
     config = configure("attach", row, solver=solver, model=model)
     return dc.replace(config, events=[EVENTS[event](config.events[0])]).check()
 
@@ -59,34 +64,13 @@ def expected_step(event: str, config: FlightConfig) -> float:
 
     It is the change of weight over the real thrust scale: in hover the real thrust, scale times the command, carries
     everything, and the label is the nominal weight less the command.
+
+    Args:
+        event: one of `EVENTS`.
+        config: of its flight.
     """
     change = {"attach": -config.events[0].mass, "release": config.reality.payload.mass}.get(event, 0.0)
     return change * config.vehicle.gravity / config.reality.thrust_scale
-
-
-def label_deviation(config: FlightConfig) -> float:
-    """Return the standard deviation of the label's f_z in hover, from filtered accelerometer noise [N]."""
-    sections = next(
-        s for channels, s in config.controller.label.filters(config.controller.period) if channels == FORCE
-    )
-    impulse = np.zeros(4000)
-    impulse[0] = 1.0
-    gain = np.linalg.norm(signal.sosfilt(sections, impulse))
-    return float(config.vehicle.mass * config.reality.noise.acceleration * gain)
-
-
-def encoder_step(model: LiftedModel) -> np.ndarray:
-    """Return the share of a step in the label that chi_hat (f_z) shows 0, 1, … samples later, (window + 1,) [1].
-
-    All else is at rest: this is the encoder's own part in the answer to a payload that changes, without filter, motion
-    and control loop. The step is -1 N, about the experiment's; where the encoder looks for onsets, a smaller one is
-    taken for noise for longer.
-    """
-    ages = np.arange(model.window + 1)
-    windows = np.zeros((len(ages), model.window, 12))
-    windows[:, :, 2] = -1.0 * (np.arange(model.window) >= model.window - ages[:, None])
-    f_z = (model.lift(windows) @ model.system.C.T)[:, 2]
-    return f_z[0] - f_z
 
 
 def slack_time(flight: FlightResult) -> float:
@@ -103,14 +87,13 @@ def slack_time(flight: FlightResult) -> float:
 class Flying:
     """Work of a flight: {"event", "row", "seed", …} -> courses of f_z [N] and height [m], and counts."""
 
-    rows: tuple[Row, ...]
     models: Models
     solver: str
 
     def __call__(self, case: Case) -> dict:
         """Fly the case."""
         event, seed = case["event"], case["seed"]
-        row = next(row for row in self.rows if row.name == case["row"])
+        row = named(ROWS, case["row"])
         with model_path(self.models[key_of(row)]) as model:
             config = attach_config(row, solver=self.solver, model=model, event=event)
             flight = fly(config, seed=seed)
@@ -129,48 +112,40 @@ class Flying:
         }
 
 
-def train_rows(
-    workers: Workers, folder: Path, *, seed: int, solver: str, rows: Sequence[Row] = ROWS
-) -> Models:
-    """Train what `rows` need, write the model files into `folder` and return their content."""
-    config = campaign_config(seed, solver)
-    return trained_models(workers, rows, folder, training=Training(seed, solver), config=config)
+def train_rows(run: FlownRun) -> Models:
+    """Train what `ROWS` need, write the model files into the folder of the run and return their content."""
+    return trained_models(run, ROWS, Training(run.seed, run.solver), campaign_config(run.seed, run.solver))
 
 
-def run_attach(
-    models: Models,
-    *,
-    seeds: list[int],
-    training_seed: int,
-    solver: str = "sqp",
-    rows: Sequence[Row] = ROWS,
-    workers: Workers | None = None,
-    on_progress: Callable[[int, int], None] = lambda done, total: None,
-) -> list[dict]:
+def run_attach(run: FlownRun, models: Models) -> list[dict]:
     """Fly every event and seed, of release and snap the first `BESIDE`, and return their time histories.
 
-    Time counts from the event. Flights without a result are missing; the records of `workers` say why.
-    Args: models: of `train_rows`, trained on `training_seed`.
+    Time counts from the event. Flights without a result are missing; the records of the run's workers say why.
+
+    Args:
+        run: seeds, solver, workers and progress.
+        models: of `train_rows`.
     Raises: FailedRun: if no flight has a result.
     """
     cases = [
         {"event": event, "row": row.name, "model": digest_of(models[key_of(row)]), "seed": seed}
         for event in EVENTS
-        for row in rows_with_models(rows, models)
-        for seed in (seeds if event == "attach" else seeds[:BESIDE])
+        for row in rows_with_models(ROWS, models)
+        for seed in (run.seeds if event == "attach" else run.seeds[:BESIDE])
     ]
-    records = (workers or Workers()).run(
-        Flying(tuple(rows), models, solver),
-        cases,
-        config=campaign_config(training_seed, solver),
-        on_progress=on_progress,
-    )
+    config = campaign_config(run.seed, run.solver)
+    records = run.cases("attach", "flights", Flying(models, run.solver), cases, config=config)
     courses = ("t", "height", *SIGNALS)
-    return [run | {name: np.array(run[name], float) for name in courses} for run in results(records)]
+    return [flown | {name: np.array(flown[name], float) for name in courses} for flown in results(records)]
 
 
 def campaign_config(training_seed: int, solver: str) -> dict:
-    """Return all that the results depend on other than the case itself."""
+    """Return all that the results depend on other than the case itself.
+
+    Args:
+        training_seed: of training flights and trainings.
+        solver: of every controller.
+    """
     return {
         "solver": solver, "training_seed": training_seed, "toss": TOSS,
         "attach": settings_of(attach_config(Row("", "nominal"), solver=solver, model="")),
@@ -200,7 +175,9 @@ class Step:
 def step_response(t: np.ndarray, courses: np.ndarray) -> Step:
     """Return the step response of the given time histories.
 
-    Args: t: (n,) since the event [s].   courses: (flights, n) [N].
+    Args:
+        t: (n,) since the event [s].
+        courses: (flights, n) [N].
     """
     before, after = courses[:, (t < 0)], courses[:, t >= AFTER]
     before = before[:, t[t < 0] >= -AFTER]
@@ -234,6 +211,10 @@ def attach_table(runs: list[dict], config: FlightConfig) -> list[dict]:
     """Return one line an event, row and signal.
 
     The snap, which leaves no step, is given by its extremes.
+
+    Args:
+        runs: time histories of `run_attach`.
+        config: of a flight.
     """
     lines = []
     for event, row in dict.fromkeys((run["event"], run["row"]) for run in runs):

@@ -2,6 +2,9 @@
 
 import dataclasses as dc
 
+import numpy as np
+from scipy import signal
+
 from diagrams.batch.columns import fixed, percent, spread, tabulate
 from diagrams.batch.flown import FlownOptions, FlownRun
 from diagrams.batch.options import Seeds
@@ -11,9 +14,11 @@ from diagrams.loop.controllers import NP_MODEL
 from diagrams.loop.flight import FlightConfig
 from diagrams.payload import attach as experiment
 from diagrams.payload import figures
-from diagrams.payload.attach import PAPER, TOSS, encoder_step, label_deviation
+from diagrams.payload.attach import PAPER, TOSS
 from diagrams.payload.hover_swing import TRAINING
 from diagrams.tracking.model_files import file_name, key_of
+from np_drake.labels import FORCE
+from np_drake.lifting.model.lifted_model import LiftedModel
 from np_drake.lifting.model.model_file import load_model
 
 
@@ -25,18 +30,15 @@ class Options(FlownOptions):
 
 
 def run(run: Run, options: Options) -> Report:
-    """The payload changes in flight: attached, cut off, taut. --out DIR: model, and the responses as a figure."""
+    """The payload changes in flight: attached, cut off, taut. --out DIR: model, and the responses as a figure.
+
+    Args:
+        run: seed, folders, workers and progress.
+        options: of the study.
+    """
     run = FlownRun.of(run, options)
-    with run.counting("attach", "flights") as on_progress:
-        models = experiment.train_rows(run.workers, run.folder, seed=run.seed, solver=run.solver)
-        runs = experiment.run_attach(
-            models,
-            seeds=run.seeds,
-            training_seed=run.seed,
-            solver=run.solver,
-            workers=run.workers,
-            on_progress=on_progress,
-        )
+    models = experiment.train_rows(run)
+    runs = experiment.run_attach(run, models)
     row = next(row for row in experiment.ROWS if key_of(row) in models)
     file = str(run.folder / file_name(key_of(row)))
     config = experiment.attach_config(row, solver=run.solver, model=file)
@@ -46,7 +48,7 @@ def run(run: Run, options: Options) -> Report:
     title = run.title(f"flights a row (release, snap: {min(run.count, experiment.BESIDE)})")
     of_figure = f"seeds from {run.seeds[0]}"
     return Report(
-        [attach_printed(lines, title)],
+        [_printed(lines, title)],
         config={**run.settings, "controller": controller},
         metrics={"table": lines, "notes": notes},
         notes=[*notes, *failures(run.workers.finished), f"controller: {controller}"],
@@ -56,8 +58,6 @@ def run(run: Run, options: Options) -> Report:
 
 def _attach_notes(lines: list[dict], config: FlightConfig) -> list[str]:
     """Return the notes: thrust scale, filter, the paper's values, and the snap, which leaves no step."""
-    import numpy as np
-
     step = encoder_step(load_model(config.controller.predictor or NP_MODEL))
     period = config.controller.period
     peak = int(np.argmax(step[: len(step) // 4]))
@@ -67,7 +67,7 @@ def _attach_notes(lines: list[dict], config: FlightConfig) -> list[str]:
         f"expected: {config.events[0].mass * config.vehicle.gravity:.3f} N over the thrust scale {scale}; "
         f"paper: {PAPER['step']} N, standard deviation {PAPER['deviation']} N.",
         f"np: filter of the label, low-pass of {band:g} Hz, order {config.controller.label.order}; alone it "
-        f"rises to 90 % in {2.302585 / (6.283185 * band):.3f} s and passes {label_deviation(config):.3f} N of the "
+        f"rises to 90 % in {np.log(10) / (2 * np.pi * band):.3f} s and passes {label_deviation(config):.3f} N of the "
         "accelerometer's noise.",
         f"np: encoder alone, a step of the label and nothing else moving: {100 * step[peak]:.0f} % of it after "
         f"{peak * period:.2f} s, {100 * step[lowest]:.0f} % after {lowest * period:.2f} s, {100 * step[-1]:.0f} % when "
@@ -84,7 +84,32 @@ def _attach_notes(lines: list[dict], config: FlightConfig) -> list[str]:
     return said
 
 
-def attach_printed(lines: list[dict], title: str) -> Table:
+def label_deviation(config: FlightConfig) -> float:
+    """Return the standard deviation of the label's f_z in hover, from filtered accelerometer noise [N]."""
+    sections = next(
+        s for channels, s in config.controller.label.filters(config.controller.period) if channels == FORCE
+    )
+    impulse = np.zeros(4000)
+    impulse[0] = 1.0
+    gain = np.linalg.norm(signal.sosfilt(sections, impulse))
+    return float(config.vehicle.mass * config.reality.noise.acceleration * gain)
+
+
+def encoder_step(model: LiftedModel) -> np.ndarray:
+    """Return the share of a step in the label that chi_hat (f_z) shows 0, 1, … samples later, (window + 1,) [1].
+
+    All else is at rest: this is the encoder's own part in the answer to a payload that changes, without filter, motion
+    and control loop. The step is -1 N, about the experiment's; where the encoder looks for onsets, a smaller one is
+    taken for noise for longer.
+    """
+    ages = np.arange(model.window + 1)
+    windows = np.zeros((len(ages), model.window, 12))
+    windows[:, :, 2] = -1.0 * (np.arange(model.window) >= model.window - ages[:, None])
+    f_z = (model.lift(windows) @ model.system.C.T)[:, 2]
+    return f_z[0] - f_z
+
+
+def _printed(lines: list[dict], title: str) -> Table:
     """Return the table of the steps among the lines that `attach_table` gives; N, s, cm."""
     columns = (
         ("event", "event"),

@@ -22,6 +22,10 @@ def payload_distance(runs: list[dict], title: str) -> Figure:
     """Plot the payload's horizontal distance from the origin against time, one flight a controller (its first seed).
 
     Above: controllers that know the present wrench or motion alone. Below: controllers that predict the swing.
+
+    Args:
+        runs: of `run_hover`.
+        title: above both panels.
     """
     figure, axes = new_figure(2, 1, width=7.5, height=5.6, sharex=True, sharey=True)
     seen = dict[str, dict]()
@@ -50,6 +54,11 @@ def event_responses(runs: list[dict], config: FlightConfig, title: str) -> Figur
     """Plot f_z that each controller predicts around every event, and the label of the first.
 
     One flight is thin, the mean of all thick, the new level dotted.
+
+    Args:
+        runs: of `run_attach`.
+        config: of a flight.
+        title: below the last panel.
     """
     events = list(dict.fromkeys(run["event"] for run in runs))
     figure, axes = new_figure(len(events), 1, width=7.5, height=2.4 * len(events) + 0.6, sharex=True)

@@ -2,13 +2,16 @@
 
 import dataclasses as dc
 
+import numpy as np
+
 from diagrams.batch.columns import MISSING, percent, spread, tabulate
 from diagrams.batch.flown import FlownOptions, FlownRun, choose_rows
 from diagrams.batch.options import Only
 from diagrams.batch.run import Report, Run, Table
 from diagrams.batch.workers import failures
 from diagrams.payload import figures, hover_swing
-from diagrams.payload.hover_swing import EARLY, PAPER
+from diagrams.payload.hover_swing import DAMPED, EARLY, PAPER
+from np_drake import metrics
 
 
 @dc.dataclass(frozen=True)
@@ -19,12 +22,17 @@ class Options(FlownOptions):
 
 
 def run(run: Run, options: Options) -> Report:
-    """Hover while the payload swings. --out DIR: models, and the payload's distance as a figure."""
+    """Hover while the payload swings. --out DIR: models, and the payload's distance as a figure.
+
+    Args:
+        run: seed, folders, workers and progress.
+        options: of the study.
+    """
     run = FlownRun.of(run, options)
     rows = choose_rows(hover_swing.ROWS, options.only)
-    runs = run.fly("hover", hover_swing.run_hover, rows)
+    runs = hover_swing.run_hover(run, rows)
     lines = hover_swing.hover_table(runs)
-    verdict = hover_swing.verdict(lines)
+    said = verdict(lines)
     named = {row.name: f"trained on {row.training}" if row.training else "" for row in rows}
     controllers = {
         row.name: dc.asdict(
@@ -37,9 +45,9 @@ def run(run: Run, options: Options) -> Report:
     return Report(
         [hover_printed(lines, f"{run.title(learner='np ')}; ± 95 % interval of the mean")],
         config={**run.settings, "controllers": controllers},
-        metrics={"table": lines, "verdict": verdict, "runs": summaries},
+        metrics={"table": lines, "verdict": said, "runs": summaries},
         notes=[
-            *verdict,
+            *said,
             *failures(run.workers.finished),
             *(f"{name}: MPC {controller['mpc']}" for name, controller in controllers.items()),
         ],
@@ -48,7 +56,12 @@ def run(run: Run, options: Options) -> Report:
 
 
 def hover_printed(lines: list[dict], title: str) -> Table:
-    """Return the table of the lines that `hover_table` gives; errors in cm."""
+    """Return the table of the lines; errors in cm.
+
+    Args:
+        lines: of `hover_table`.
+        title: what was flown.
+    """
 
     def paper(line: dict) -> str:
         return f"{100 * PAPER[line['row']]:.1f}" if line["row"] in PAPER else MISSING
@@ -67,3 +80,35 @@ def hover_printed(lines: list[dict], title: str) -> Table:
         ("failed", "solve_failures"),
     )
     return tabulate(title, lines, columns)
+
+
+def _sign(line: dict) -> str:
+    """Return grows, decays or neither, by the interval of the rate."""
+    spread = np.nan_to_num(line["rate_ci95"])
+    if line["rate"] - spread > 0:
+        return "grows"
+    return "decays" if line["rate"] + spread < 0 else "neither"
+
+
+def verdict(lines: list[dict]) -> list[str]:
+    """Return the findings of the table in words: reductions, growing swings, and the effect of active damping."""
+    by = {line["row"]: line for line in lines}
+    said = []
+    if "np" in by and "nominal" in by:
+        cut, plane = by["np"]["position_rmse_cut"], by["np"]["E_xy_cut"]
+        late = by["np"]["late_cut"]
+        said.append(
+            f"np against nominal: position RMSE cut by {100 * cut:.1f} % ({100 * late:.1f} % from {EARLY:.0f} s "
+            f"after the impulse on), E_xy by {100 * plane:.1f} %."
+        )
+    signs = ", ".join(f"{name} {_sign(line)}" for name, line in by.items())
+    said.append(f"rate of the swing, interval against zero: {signs}.")
+    growing = [name for name, line in by.items() if line["rate"] - np.nan_to_num(line["rate_ci95"]) > 0]
+    said.append(f"swing grows (interval above zero) with: {', '.join(growing) or 'no controller'}.")
+    if DAMPED in by and "nominal" in by:
+        damped, nominal = by[DAMPED], by["nominal"]
+        said.append(
+            f"active damping: below {100 * metrics.SETTLED:.0f} cm after {damped['settling']:.1f} s, "
+            f"nominal after {nominal['settling']:.1f} s; position RMSE {damped['position_rmse']:.4f} m."
+        )
+    return said

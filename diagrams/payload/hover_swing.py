@@ -1,14 +1,13 @@
 """Hover while the payload swings: an impulse on the payload, controllers side by side."""
 
 import dataclasses as dc
-from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 
 from diagrams.batch.campaign import Case
 from diagrams.batch.failed_run import FailedRun
-from diagrams.batch.workers import Workers, results
+from diagrams.batch.flown import FlownRun
+from diagrams.batch.workers import results
 from diagrams.loop.experiments import settings_of
 from diagrams.loop.flight import FlightConfig
 from diagrams.loop.flight_result import FlightResult, fly
@@ -21,7 +20,7 @@ from diagrams.tracking.model_files import (
     rows_with_models,
     trained_models,
 )
-from diagrams.tracking.tracking import Row, configure, training_config
+from diagrams.tracking.tracking import Row, configure, named, training_config
 from np_drake import metrics
 from np_drake.lifting.model.lifted_model import DELAY_MODAL
 from np_drake.payload_filter.model_file import PAYLOAD_FILTER
@@ -67,12 +66,25 @@ ROWS = (
 
 
 def hover_config(row: HoverRow, *, solver: str, model: str = "") -> FlightConfig:
-    """Return the hover in which the payload gets its impulse, with the controller of `row`."""
+    """Return the hover in which the payload gets its impulse, with the controller of `row`.
+
+    Args:
+        row: of the table.
+        solver: of the MPC.
+        model: file of the row's predictor.
+    """
     return configure_row("hover_swing", row, solver=solver, model=model)
 
 
 def configure_row(experiment: str, row: HoverRow, *, solver: str, model: str = "") -> FlightConfig:
-    """Return any experiment with the controller of `row` and its weight on the swing."""
+    """Return any experiment with the controller of `row` and its weight on the swing.
+
+    Args:
+        experiment: its name.
+        row: of the table.
+        solver: of the MPC.
+        model: file of the row's predictor.
+    """
     config = configure(experiment, row, solver=solver, model=model)
     config.controller.mpc.weight_swing = row.weight_swing
     if row.weight_rate is not None:
@@ -81,7 +93,14 @@ def configure_row(experiment: str, row: HoverRow, *, solver: str, model: str = "
 
 
 def fly_hover(row: HoverRow, *, model: str, seed: int, solver: str) -> FlightResult:
-    """Fly the hover in which the payload gets its impulse where scoring begins."""
+    """Fly the hover in which the payload gets its impulse where scoring begins.
+
+    Args:
+        row: of the table.
+        model: file of the row's predictor.
+        seed: of the noise.
+        solver: of the MPC.
+    """
     return fly(hover_config(row, solver=solver, model=model), seed=seed)
 
 
@@ -132,14 +151,14 @@ class Flying:
 
     def __call__(self, case: Case) -> dict:
         """Fly the case. A lost vehicle is a result: another try would lose it too."""
-        row = next(row for row in self.rows if row.name == case["row"])
-        named = {"row": row.name, "seed": case["seed"]}
+        row = named(self.rows, case["row"])
+        flown = {"row": row.name, "seed": case["seed"]}
         with model_path(self.models.get(key_of(row))) as model:
             try:
                 flight = fly_hover(row, model=model, seed=case["seed"], solver=self.solver)
             except FailedRun as error:
-                return {**named, "lost": str(error)}
-        return {**named, "metrics": hover_metrics(flight), "course": swing_course(flight)}
+                return {**flown, "lost": str(error)}
+        return {**flown, "metrics": hover_metrics(flight), "course": swing_course(flight)}
 
 
 def read_run(result: dict) -> dict:
@@ -157,36 +176,29 @@ def read_run(result: dict) -> dict:
     return {**result, "metrics": metrics, "course": (t, distance)}
 
 
-def run_hover(
-    folder: Path,
-    *,
-    seeds: list[int],
-    training_seed: int,
-    solver: str = "sqp",
-    rows: tuple[HoverRow, ...] = ROWS,
-    workers: Workers | None = None,
-    on_progress: Callable[[int, int], None] = lambda done, total: None,
-) -> list[dict]:
+def run_hover(run: FlownRun, rows: tuple[HoverRow, ...]) -> list[dict]:
     """Fly all rows and seeds and return row, seed, metrics and course (t, distance) of each.
 
-    They are in the order of `rows`, then of `seeds`. Flights without a result are missing; the records of `workers`
-    say why.
-    Args: folder: for the model files.
+    They are in the order of `rows`, then of the seeds. Flights without a result are missing; the records of the run's
+    workers say why.
+
+    Args:
+        run: seeds, solver, folder of the model files, workers and progress.
+        rows: of the table.
     Raises: FailedRun: if no flight has a result.
     """
-    workers = workers or Workers()
     config = {
-        "solver": solver, "training_seed": training_seed, "early": EARLY,
-        "hover": settings_of(hover_config(ROWS[0], solver=solver)),
-        "training": settings_of(training_config(TRAINING, solver=solver)),
+        "solver": run.solver, "training_seed": run.seed, "early": EARLY,
+        "hover": settings_of(hover_config(ROWS[0], solver=run.solver)),
+        "training": settings_of(training_config(TRAINING, solver=run.solver)),
     }  # fmt: skip
-    models = trained_models(workers, rows, folder, training=Training(training_seed, solver), config=config)
+    models = trained_models(run, rows, Training(run.seed, run.solver), config)
     cases = [
         {"row": row.name, "model": digest_of(models.get(key_of(row))), "seed": seed}
         for row in rows_with_models(rows, models)
-        for seed in seeds
+        for seed in run.seeds
     ]
-    records = workers.run(Flying(rows, models, solver), cases, config=config, on_progress=on_progress)
+    records = run.cases("hover", "flights", Flying(rows, models, run.solver), cases, config=config)
     return [read_run(result) for result in results(records)]
 
 
@@ -210,38 +222,6 @@ def hover_table(runs: list[dict]) -> list[dict]:
     return lines
 
 
-def _sign(line: dict) -> str:
-    """Return grows, decays or neither, by the interval of the rate."""
-    spread = np.nan_to_num(line["rate_ci95"])
-    if line["rate"] - spread > 0:
-        return "grows"
-    return "decays" if line["rate"] + spread < 0 else "neither"
-
-
 def _mean(runs: list[dict], row: str, key: str) -> float:
     values = [run["metrics"][key] for run in runs if run["row"] == row]
     return float(np.mean(values)) if values else float("nan")
-
-
-def verdict(lines: list[dict]) -> list[str]:
-    """Return the findings of the table in words: reductions, growing swings, and the effect of active damping."""
-    by = {line["row"]: line for line in lines}
-    said = []
-    if "np" in by and "nominal" in by:
-        cut, plane = by["np"]["position_rmse_cut"], by["np"]["E_xy_cut"]
-        late = by["np"]["late_cut"]
-        said.append(
-            f"np against nominal: position RMSE cut by {100 * cut:.1f} % ({100 * late:.1f} % from {EARLY:.0f} s "
-            f"after the impulse on), E_xy by {100 * plane:.1f} %."
-        )
-    signs = ", ".join(f"{name} {_sign(line)}" for name, line in by.items())
-    said.append(f"rate of the swing, interval against zero: {signs}.")
-    growing = [name for name, line in by.items() if line["rate"] - np.nan_to_num(line["rate_ci95"]) > 0]
-    said.append(f"swing grows (interval above zero) with: {', '.join(growing) or 'no controller'}.")
-    if DAMPED in by and "nominal" in by:
-        damped, nominal = by[DAMPED], by["nominal"]
-        said.append(
-            f"active damping: below {100 * metrics.SETTLED:.0f} cm after {damped['settling']:.1f} s, "
-            f"nominal after {nominal['settling']:.1f} s; position RMSE {damped['position_rmse']:.4f} m."
-        )
-    return said

@@ -1,12 +1,10 @@
 """Tether length identified from simulated flights, by experiment and length."""
 
-from collections.abc import Callable
-
 from diagrams.batch.campaign import Case
 from diagrams.batch.columns import tabulate
 from diagrams.batch.run import NoOptions as Options
 from diagrams.batch.run import Report, Run
-from diagrams.batch.workers import Workers, failures, results
+from diagrams.batch.workers import failures, results
 from diagrams.loop.experiments import load_experiment, settings_of
 from diagrams.loop.flight_result import fly
 from np_drake.skill.tether_length import Pendulum, pendulum_length
@@ -16,18 +14,20 @@ LENGTHS = (0.5, 0.8, 1.2)  # [m]
 EXPERIMENTS = ("training_circle", "plain_circle")  # that are flown
 
 
-def fly_and_read(
-    experiment: str, *, length: float, seed: int, duration: float | None = None, monitor=None
-) -> Pendulum:
+def fly_and_read(experiment: str, *, length: float, seed: int, duration: float | None = None) -> Pendulum:
     """Fly the experiment on a tether of `length` [m] with the nominal MPC and identify the length from its labels.
 
-    Args: duration: after the ramp, default the experiment's [s].
+    Args:
+        experiment: its name.
+        length: of the tether [m].
+        seed: of the noise.
+        duration: after the ramp; None: the experiment's [s].
     """
     config = load_experiment(experiment)
     config.controller.kind, config.controller.solver = "nominal", "sqp"
     config.reality.payload.length = length
     config.duration = config.duration if duration is None else duration
-    flight = fly(config, seed=seed, monitor=monitor)
+    flight = fly(config, seed=seed)
     log, start = flight.log(), int(flight.scored.argmax())
     segments = training_segments(
         log.rows(start, len(log)), config.vehicle, config.controller.label, step=config.controller.period
@@ -35,28 +35,7 @@ def fly_and_read(
     return pendulum_length(segments, gravity=config.vehicle.gravity, seed=seed)
 
 
-def tether_table(
-    *,
-    seed: int,
-    workers: Workers | None = None,
-    on_progress: Callable[[int, int], None] = lambda done, total: None,
-) -> list[dict]:
-    """Return one line for every experiment and length; flights draw `seed`.
-
-    Lines without a result are missing; the records of `workers` say why.
-    Raises: FailedRun: if no flight has a result.
-    """
-    cases = [
-        {"flight": experiment, "length": length, "seed": seed}
-        for experiment in EXPERIMENTS
-        for length in LENGTHS
-    ]
-    config = {name: settings_of(load_experiment(name)) for name in EXPERIMENTS}
-    records = (workers or Workers()).run(line_of, cases, config=config, on_progress=on_progress)
-    return results(records)
-
-
-def line_of(case: Case) -> dict:
+def _line_of(case: Case) -> dict:
     """Return the line of the case {"flight", "length", "seed"}."""
     found = fly_and_read(case["flight"], length=case["length"], seed=case["seed"])
     return {
@@ -68,9 +47,19 @@ def line_of(case: Case) -> dict:
 
 
 def run(run: Run, options: Options) -> Report:
-    """The tether's length from the payload's mode. For circles with and without dither."""
-    with run.counting("flights") as on_progress:
-        lines = tether_table(seed=run.seed, workers=run.workers, on_progress=on_progress)
+    """The tether's length from the payload's mode. For circles with and without dither.
+
+    Args:
+        run: seed, folders, workers and progress.
+        options: of the study.
+    """
+    cases = [
+        {"flight": experiment, "length": length, "seed": run.seed}
+        for experiment in EXPERIMENTS
+        for length in LENGTHS
+    ]
+    config = {name: settings_of(load_experiment(name)) for name in EXPERIMENTS}
+    lines = results(run.cases("flights", "", _line_of, cases, config=config))
     columns = (
         ("flight", "flight"),
         ("tether [m]", "length"),

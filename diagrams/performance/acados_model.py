@@ -16,8 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from diagrams.performance.casadi_peer import RigidBodyInCasadi
-from np_drake.mpc.objective import QUADRATIC, Objective
+from diagrams.performance.casadi_peer import ProblemInCasadi
+from np_drake.mpc.objective import QUADRATIC
 from np_drake.mpc.problem import MpcConfig
 from np_drake.rigid_body import INPUT_SIZE, STATE_SIZE, WRENCH_SIZE
 from np_drake.vehicle import MeasurementNoise, Vehicle
@@ -47,7 +47,11 @@ def solver_options(horizon: int) -> dict[str, Any]:
 def make_ocp(template: Any, vehicle: Vehicle, config: MpcConfig, K: int, options: Mapping[str, Any]) -> Any:
     """Return the `AcadosOcp` of the problem.
 
-    Args: template: the module `acados_template`.   K: size of the lifted state.   options: of its solver.
+    Args:
+        template: the module `acados_template`.
+        vehicle, config: of the MPC.
+        K: size of the lifted state.
+        options: of acados' solver.
     """
     ocp = template.AcadosOcp()
     ocp.dims.N = config.horizon
@@ -74,16 +78,13 @@ def _set_model(ocp: Any, vehicle: Vehicle, config: MpcConfig, K: int) -> tuple[A
     A, B, C, offset = (p[a:b] for a, b in _spans(sizes))
     A, B, C = ca.reshape(A, K, K), ca.reshape(B, K, WRENCH_SIZE), ca.reshape(C, WRENCH_SIZE, K)
     x, z = state[:STATE_SIZE], state[STATE_SIZE:]
-    chi = offset + (C @ z if K else 0)
-    after = RigidBodyInCasadi(vehicle, config.step).advance(x, ca.DM(vehicle.mixer) @ T, chi)
+    parts = ProblemInCasadi(vehicle, config)
+    x_next, z_next, chi = parts.stage(x, z, ca.DM(vehicle.mixer) @ T, (A, B, C, offset))
     ocp.model.name, ocp.model.x, ocp.model.u, ocp.model.p = NAME, state, T, p
-    ocp.model.disc_dyn_expr = ca.vertcat(after, A @ z + B @ x[7:13]) if K else after
+    ocp.model.disc_dyn_expr = ca.vertcat(x_next, z_next)
     P, x_ref = (p[a:b] for a, b in _spans([STATE_SIZE**2, STATE_SIZE]))
-    e = x - x_ref
-    energy = ca.bilin(ca.reshape(P, STATE_SIZE, STATE_SIZE), e, e)
-    far = ca.sqrt(energy / P[0] + Objective(config).softening)
-    upright = x[3] ** 2 - x[4] ** 2 - x[5] ** 2 + x[6] ** 2
-    ocp.model.con_h_expr, ocp.model.con_h_expr_e = upright, ca.vertcat(upright, far)
+    _, far = parts.end(x - x_ref, ca.reshape(P, STATE_SIZE, STATE_SIZE))
+    ocp.model.con_h_expr, ocp.model.con_h_expr_e = parts.upright(x), ca.vertcat(parts.upright(x), far)
     return state, T, chi[0:2]
 
 

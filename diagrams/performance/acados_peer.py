@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from diagrams.performance import acados_code, acados_model
+from diagrams.performance.casadi_peer import lifted
 from diagrams.performance.split_sqp import PhaseTimes
 from np_drake.mpc.condensed import Condensed, Trajectory, initial_trajectory
 from np_drake.mpc.horizon import Horizon
@@ -48,16 +49,14 @@ class AcadosSolver:
     name = "acados"
 
     def __init__(
-        self,
-        vehicle: Vehicle,
-        config: MpcConfig,
-        *,
-        steps: int = 1,
-        options: Mapping[str, Any] | None = None,
+        self, vehicle: Vehicle, config: MpcConfig, *, steps: int = 1, options: Mapping[str, Any] | None = None
     ):
         """Find acados and a compiler; a problem is compiled when the first of its size comes.
 
-        Args: options: of acados' solver, instead of those of `acados_model.solver_options`.
+        Args:
+            vehicle, config: of the MPC.
+            steps: real-time iterations from a warm start [1].
+            options: of acados' solver, instead of those of `acados_model.solver_options`.
         Raises: ImportError: if acados is missing.   FileNotFoundError: if there is no C compiler.
         """
         acados_code.find_acados()
@@ -71,6 +70,9 @@ class AcadosSolver:
     def solve(self, problem: MpcProblem, warm_start: MpcSolution | None = None) -> MpcSolution:
         """Solve one problem.
 
+        Args:
+            problem: with a forecast that is linear in the motion.
+            warm_start: plan to begin at; None for a cold start.
         Raises: SolverFailure: if HPIPM fails, or the forecast is not linear in the motion.
         """
         f = problem.forecast
@@ -142,9 +144,7 @@ class _Program:
         """Write the data of the problem and of the initial trajectory to the arrays."""
         f, K = forecast, self._K
         self._x[:, :13], self._T[:] = t.x, t.T
-        self._x[0, 13:] = f.z
-        for i in range(len(self._T)):
-            self._x[i + 1, 13:] = f.A @ self._x[i, 13:] + f.B @ t.x[i, 7:13]
+        self._x[:, 13:] = lifted(f, t.x)
         self._y_ref[:, :13], self._y_ref[:, 13:17] = h.x_ref[:-1], h.u_ref
         parts = np.split(self._stage, np.cumsum([K * K, 6 * K, 6 * K]))
         for part, M in zip(parts, (f.A, f.B, f.C), strict=False):

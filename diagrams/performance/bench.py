@@ -27,7 +27,11 @@ class RecordingSolver:
         self.problems: list[MpcProblem] = []
 
     def solve(self, problem: MpcProblem, warm_start: MpcSolution | None = None) -> MpcSolution:
-        """Keep the problem and return the wrapped solver's solution."""
+        """Keep the problem and return the wrapped solver's solution.
+
+        Args:
+            problem, warm_start: of the wrapped solver.
+        """
         self.problems.append(problem)
         return self._solver.solve(problem, warm_start)
 
@@ -35,25 +39,41 @@ class RecordingSolver:
 def record_problems(count: int, *, seed: int, predictor: str = "") -> tuple[FlightConfig, list[MpcProblem]]:
     """Return the NP-MPC problems of `count` periods in a row on the lemniscate, from the end of the ramp on.
 
-    Args: predictor: model file; the one that ships with the package by default.
+    Args:
+        count: number of problems.
+        seed: of the noise.
+        predictor: model file; the one that ships with the package by default.
     """
     config = load_experiment("lemniscate")
     config.controller.kind, config.controller.solver, config.controller.predictor = "np", "sqp", predictor
     config.duration = count * config.controller.period
-    diagram = make_flight_diagram(config)
-    controller = diagram.GetSubsystemByName("np_mpc").controller
+    simulator = _ready(config, seed)
+    controller = simulator.get_system().GetSubsystemByName("np_mpc").controller
     controller.solver = recorder = RecordingSolver(controller.solver)
+    simulator.AdvanceTo(config.end - 0.5 * config.controller.period)
+    return config, recorder.problems[-count:]
+
+
+def _ready(config: FlightConfig, seed: int) -> Simulator:
+    """Return the simulator of a flight at its start."""
+    diagram = make_flight_diagram(config)
     simulator = Simulator(diagram)
     ApplySimulatorConfig(config.simulator, simulator)
     set_initial_state(diagram, simulator.get_mutable_context(), config, seed=seed)
-    simulator.AdvanceTo(config.end - 0.5 * config.controller.period)
-    return config, recorder.problems[-count:]
+    return simulator
 
 
 def time_predictor(
     model: NeuralPredictor, *, horizon: int, stride: int, repeats: int = 500
 ) -> dict[str, float]:
-    """Return median and p95 of one sample: lift, refit where there is one, and forecast [ms]."""
+    """Return median and p95 of one sample: lift, refit where there is one, and forecast [ms].
+
+    Args:
+        model: that is timed.
+        horizon: steps of the MPC [1].
+        stride: steps of the predictor in one of them [1].
+        repeats: samples that count.
+    """
     rng, memory, spent = np.random.default_rng(0), model.initial_memory(), []
     for _ in range(repeats + model.model.window):
         x = np.concatenate([np.zeros(3), [1.0, 0, 0, 0], rng.normal(size=6)])
@@ -70,7 +90,10 @@ def real_time_factors(*, seconds: float, seed: int) -> dict[str, float]:
     """Return simulated over wall time of three simulations [1].
 
     They are the bare cable plant, the plant with every effect, and with NP-MPC (SQP) in the loop.
-    Args: seconds: simulated time of each [s].
+
+    Args:
+        seconds: simulated time of each [s].
+        seed: of the noise.
     """
     config = load_experiment("circle")
     bare = dc.replace(
@@ -87,10 +110,7 @@ def real_time_factors(*, seconds: float, seed: int) -> dict[str, float]:
 
 def _closed_loop_factor(config: FlightConfig, seed: int) -> float:
     """Return the factor of the scored part, by which time every compiled loop is loaded."""
-    diagram = make_flight_diagram(config)
-    simulator = Simulator(diagram)
-    ApplySimulatorConfig(config.simulator, simulator)
-    set_initial_state(diagram, simulator.get_mutable_context(), config, seed=seed)
+    simulator = _ready(config, seed)
     simulator.AdvanceTo(config.reference.lead)
     start = time.perf_counter()
     simulator.AdvanceTo(config.end)
@@ -121,7 +141,9 @@ def _plant_factor(config: FlightConfig, seconds: float) -> float:
 def time_training(folder: Path, *, seed: int) -> dict[str, float]:
     """Return the wall time of both configurations on the 3000 points of one training flight [s].
 
-    Their model files stay in `folder`.
+    Args:
+        folder: takes their model files.
+        seed: of flight and training.
     """
     flight = training_flight("training_circle", seed=seed, solver="sqp")
     walls = {}
@@ -133,5 +155,10 @@ def time_training(folder: Path, *, seed: int) -> dict[str, float]:
 
 
 def model_file(folder: Path, configuration: str) -> Path:
-    """Return the path of a model of `time_training`."""
+    """Return the path of a model of `time_training`.
+
+    Args:
+        folder: as of `time_training`.
+        configuration: of the model.
+    """
     return folder / f"{configuration}.safetensors"

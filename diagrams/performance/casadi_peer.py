@@ -12,9 +12,10 @@ import numpy as np
 
 from np_drake.mpc.condensed import Condensed, initial_trajectory
 from np_drake.mpc.horizon import Horizon
-from np_drake.mpc.objective import QUADRATIC
+from np_drake.mpc.objective import QUADRATIC, Objective
 from np_drake.mpc.problem import MpcConfig, MpcProblem, MpcSolution, MpcStatus, SolverFailure
 from np_drake.mpc.sqp import as_solution
+from np_drake.residual_model import WrenchForecast
 from np_drake.vehicle import Vehicle
 
 # The fastest of eight settings of warm start and barrier on the tracking problems; own measurement.
@@ -40,6 +41,12 @@ class CasadiSolver:
     name = "casadi"
 
     def __init__(self, vehicle: Vehicle, config: MpcConfig):
+        """Load CasADi; a problem is built when the first of its size comes.
+
+        Args:
+            vehicle, config: of the MPC.
+        Raises: ImportError: without CasADi, or without its IPOPT.
+        """
         try:
             self._casadi: Any = importlib.import_module("casadi")
         except ImportError as error:
@@ -52,12 +59,15 @@ class CasadiSolver:
                 "pip install --force-reinstall --no-deps casadi."
             )
         self.condensed = Condensed(vehicle, config)
-        self._body = RigidBodyInCasadi(vehicle, config.step)
+        self._parts = ProblemInCasadi(vehicle, config)
         self._programs: dict[int, tuple[Any, np.ndarray, np.ndarray]] = {}
 
     def solve(self, problem: MpcProblem, warm_start: MpcSolution | None = None) -> MpcSolution:
         """Solve one problem.
 
+        Args:
+            problem: with a forecast that is linear in the motion.
+            warm_start: plan to begin at; None for a cold start.
         Raises: SolverFailure: if IPOPT does not converge, or the forecast is not linear in the motion.
         """
         f = problem.forecast
@@ -69,7 +79,7 @@ class CasadiSolver:
         solver, lower, upper = self._programs[K]
         h = self.condensed.prepare(problem)
         t, _ = initial_trajectory(self.condensed, h, warm_start)
-        z = self._lifted(problem, t.x)
+        z = lifted(f, t.x)
         x_init = np.concatenate([t.T.ravel(), t.x[1:].ravel(), z[1:].ravel(), t.slacks])
         n = self.condensed.config.horizon
         lbx, ubx = np.full(len(x_init), -np.inf), np.full(len(x_init), np.inf)
@@ -94,14 +104,6 @@ class CasadiSolver:
             end = self.condensed.rollout(h, T)
         return as_solution(end, MpcStatus.OPTIMAL, int(stats["iter_count"]), spent)
 
-    def _lifted(self, problem: MpcProblem, x: np.ndarray) -> np.ndarray:
-        f = problem.forecast
-        z = np.empty((len(x), len(f.z)))
-        z[0] = f.z
-        for i in range(len(x) - 1):
-            z[i + 1] = f.A @ z[i] + f.B @ x[i, 7:13]
-        return z
-
     def _parameters(self, h: Horizon, problem: MpcProblem) -> np.ndarray:
         f = problem.forecast
         data = [h.x0, h.x_ref.T, h.u_ref.T, h.P, f.A, f.B, f.C, f.z, np.transpose(f.offset)]
@@ -119,7 +121,7 @@ class CasadiSolver:
         )
         A, B, C = SX.sym("A", K, K), SX.sym("B", K, 6), SX.sym("C", 6, K)
         z0, offset = SX.sym("z0", K), SX.sym("o", 6, n)
-        objective = self.condensed.objective
+        min_cosine = self.condensed.objective.min_cosine
         cost = config.slack_weight * ca.sum1(s + QUADRATIC * s**2)
         equal: list[Any] = []
         soft: list[Any] = []
@@ -128,18 +130,17 @@ class CasadiSolver:
             u = ca.DM(vehicle.mixer) @ T[:, i]
             e, e_u = x - x_ref[:, i], u - u_ref[:, i]
             cost += ca.dot(config.Q, e**2) + ca.dot(config.R, e_u**2)
-            chi = offset[:, i] + (C @ z if K else 0)
+            x_next, z_next, chi = self._parts.stage(x, z, u, (A, B, C, offset[:, i]))
             cost += config.weight_swing * ca.sumsqr(chi[0:2])
-            equal.append(X[:, i] - self._body.advance(x, u, chi))
+            equal.append(X[:, i] - x_next)
             if K:
-                equal.append(Z[:, i] - A @ z - B @ x[7:13])
+                equal.append(Z[:, i] - z_next)
             x, z = X[:, i], Z[:, i]
             soft += [x[7:10] - config.max_speed - s[0], -x[7:10] - config.max_speed - s[0]]
-            soft.append(objective.min_cosine - (x[3] ** 2 - x[4] ** 2 - x[5] ** 2 + x[6] ** 2) - s[1])
-        e = x - x_ref[:, n]
-        energy = ca.bilin(P, e, e)
+            soft.append(min_cosine - self._parts.upright(x) - s[1])
+        energy, far = self._parts.end(x - x_ref[:, n], P)
         cost += energy
-        soft.append(ca.sqrt(energy / P[0, 0] + objective.softening) - config.terminal_radius - s[2])
+        soft.append(far - config.terminal_radius - s[2])
         g = ca.vertcat(*equal, *soft)
         rows = sum(part.numel() for part in equal)
         parameters = ca.veccat(x0, x_ref, u_ref, P, A, B, C, z0, offset)
@@ -148,19 +149,55 @@ class CasadiSolver:
         return ca.nlpsol("peer", "ipopt", nlp, _OPTIONS), lower, np.zeros(g.numel())
 
 
-class RigidBodyInCasadi:
-    """Eq. (1) and its discrete form in CasADi's symbols."""
+class ProblemInCasadi:
+    """The parts of problem (nmpc) in CasADi's symbols: eq. (1), a stage, and the sets; acados builds on them too."""
 
-    def __init__(self, vehicle: Vehicle, step: float):
+    def __init__(self, vehicle: Vehicle, config: MpcConfig):
+        """Load CasADi.
+
+        Args:
+            vehicle: of eq. (1).
+            config: of the MPC.
+        """
         self._casadi: Any = importlib.import_module("casadi")
-        self._vehicle, self._step = vehicle, step
+        self._vehicle, self._config = vehicle, config
+
+    def stage(self, x, z, u, forecast):
+        """Return x (13,) and z (K,) of the next stage and chi (6,) of this one.
+
+        Args:
+            x: (13,).
+            z: (K,) lifted state.
+            u: (4,) [N, N·m].
+            forecast: A (K, K), B (K, 6), C (6, K) and offset (6,) [N, N·m].
+        """
+        A, B, C, offset = forecast
+        K = z.numel()
+        chi = offset + (C @ z if K else 0)
+        return self.advance(x, u, chi), A @ z + B @ x[7:13] if K else z, chi
+
+    def upright(self, x):
+        """Return the cosine of the tilt."""
+        return x[3] ** 2 - x[4] ** 2 - x[5] ** 2 + x[6] ** 2
+
+    def end(self, e, P):
+        """Return the terminal cost, and the distance in its ellipsoid.
+
+        Args:
+            e: (13,) deviation from the reference at the end.
+            P: (13, 13) terminal weight.
+        """
+        energy = self._casadi.bilin(P, e, e)
+        return energy, self._casadi.sqrt(energy / P[0, 0] + Objective(self._config).softening)
 
     def advance(self, x, u, chi):
         """Return the state (13,) after one step of classical Runge-Kutta.
 
-        Args: x: (13,).   u: (4,) [N, N·m].   chi: (6,) [N, N·m].
+        Args:
+            x: (13,).
+            u, chi: (4,), (6,) [N, N·m].
         """
-        h = self._step
+        h = self._config.step
         k1 = self.derivative(x, u, chi)
         k2 = self.derivative(x + h / 2 * k1, u, chi)
         k3 = self.derivative(x + h / 2 * k2, u, chi)
@@ -168,7 +205,12 @@ class RigidBodyInCasadi:
         return x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
 
     def derivative(self, state, u, chi):
-        """Return eq. (1) in CasADi's symbols; a test compares it with `rigid_body`."""
+        """Return eq. (1) in CasADi's symbols; a test compares it with `rigid_body`.
+
+        Args:
+            state: (13,).
+            u, chi: (4,), (6,) [N, N·m].
+        """
         ca, vehicle = self._casadi, self._vehicle
         w, x, y, z = (state[3 + i] for i in range(4))
         v, rate = state[7:10], state[10:13]
@@ -182,3 +224,17 @@ class RigidBodyInCasadi:
             -x * a - y * b - z * c, w * a + y * c - z * b, w * b + z * a - x * c, w * c + x * b - y * a
         )
         return ca.vertcat(v, dq, dv, dw)
+
+
+def lifted(forecast: WrenchForecast, x: np.ndarray) -> np.ndarray:
+    """Return the lifted states (n, K) along a trajectory.
+
+    Args:
+        forecast: linear in the motion.
+        x: (n, 13).
+    """
+    z = np.empty((len(x), len(forecast.z)))
+    z[0] = forecast.z
+    for i in range(len(x) - 1):
+        z[i + 1] = forecast.A @ z[i] + forecast.B @ x[i, 7:13]
+    return z

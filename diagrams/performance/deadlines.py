@@ -21,7 +21,8 @@ from diagrams.batch.run import Report, Run, Table
 from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight import FlightConfig
 from diagrams.loop.flight_result import FlightResult, fly
-from diagrams.performance.timing import TRACK, TRAINING, ControlLoop
+from diagrams.performance.control_loop import ControlLoop, replayed
+from diagrams.performance.timing import TRACK, TRAINING
 from diagrams.prediction.learning import train_payload_filter_model
 from np_drake.files.figure_file import DASHES, PALETTE, new_figure
 
@@ -50,23 +51,23 @@ class Paced:
         return int(np.sum(self.response > self.period))
 
 
-def flight_config(kind: str, experiment: str, rate: float, seconds: float) -> FlightConfig:
-    """Return an experiment flown for some time after its ramp, by a loop of `rate` [1/s], with SQP."""
+def _flight_config(kind: str, experiment: str, rate: float, seconds: float) -> FlightConfig:
+    """Return an experiment flown for `seconds` after its ramp, by a loop of `rate` [1/s], with SQP."""
     config = load_experiment(experiment)
     config.controller.kind, config.controller.solver = kind, "sqp"
     config.controller.period, config.duration = 1.0 / rate, seconds
     return config
 
 
-def record(rate: float, seconds: float, folder: Path, *, seed: int) -> FlightResult:
+def _record(rate: float, seconds: float, folder: Path, *, seed: int) -> FlightResult:
     """Train a predictor at this rate, and fly with it for `seconds` after the ramp.
 
     Training draws the seed, the flight the next one.
     """
-    training = flight_config("nominal", TRAINING, rate, load_experiment(TRAINING).duration)
+    training = _flight_config("nominal", TRAINING, rate, load_experiment(TRAINING).duration)
     path = folder / f"{PREDICTOR}_{rate:g}.safetensors"
     train_payload_filter_model(fly(training.check(), seed=seed), path)
-    config = flight_config(PREDICTOR, TRACK, rate, seconds)
+    config = _flight_config(PREDICTOR, TRACK, rate, seconds)
     config.controller.predictor = str(path)
     return fly(config.check(), seed=seed + 1)
 
@@ -81,26 +82,33 @@ def paced(
 ) -> Paced:
     """Replay a flight at its own pace and return the times of its periods.
 
-    A loop that falls behind goes on at once and keeps its instants. Args: collector: one of `COLLECTORS`.
+    A loop that falls behind goes on at once and keeps its instants.
+
+    Args:
+        flight: that was recorded.
+        collector: one of `COLLECTORS`.
+        clock, sleep: of the real time [s].
+        on_progress: called with periods done and all, once a second.
     """
     loop, period = ControlLoop(flight), flight.config.controller.period
-    late, response = np.zeros(loop.periods), np.zeros(loop.periods)
-    second = round(1 / period)
+
+    def wait(k: int) -> None:
+        while (left := begin + k * period - clock()) > 0:
+            if left > SPIN:
+                sleep(left - SPIN)
+
+    def between(k: int) -> None:
+        if collector == COLLECTORS[1]:
+            gc.collect(0)
+        if k % round(1 / period) == 0:
+            on_progress(k, loop.periods)
+
     with _collection(collector):
         begin = clock()
-        for k in range(1, loop.periods):
-            instant = begin + k * period
-            while (left := instant - clock()) > 0:
-                if left > SPIN:
-                    sleep(left - SPIN)
-            late[k] = clock() - instant
-            loop.solve(k, loop.predict(k))
-            response[k] = clock() - instant
-            if collector == COLLECTORS[1]:
-                gc.collect(0)
-            if k % second == 0:
-                on_progress(k, loop.periods)
-    return Paced(period, late[WARM_UP:], response[WARM_UP:])
+        times, _ = replayed(loop, 1, clock, before=wait, after=between)
+    instants = begin + period * np.arange(1, loop.periods)
+    woke, _, commanded = (times - instants[:, None])[WARM_UP - 1 :].T
+    return Paced(period, woke, commanded)
 
 
 @contextlib.contextmanager
@@ -124,7 +132,13 @@ def _collection(collector: str) -> Iterator[None]:
 
 
 def deadline_line(rate: float, collector: str, times: Paced) -> dict:
-    """Return one line of the table, times in [ms]."""
+    """Return one line of the table, times in [ms].
+
+    Args:
+        rate: of the loop [1/s].
+        collector: one of `COLLECTORS`.
+        times: of the periods.
+    """
     response, late = 1e3 * times.response, 1e3 * times.late
     counts, _ = np.histogram(response, EDGES)
     return {
@@ -152,14 +166,19 @@ class Options:
 
 
 def run(run: Run, options: Options) -> Report:
-    """Deadlines of the loop on this machine, at its own pace. --out DIR: a histogram."""
+    """Deadlines of the loop on this machine, at its own pace. --out DIR: a histogram.
+
+    Args:
+        run: seed, folders and progress.
+        options: of the study.
+    """
     chosen, lines = options.rates or list(RATES), []
     runs = [(rate, collector) for rate in chosen for collector in COLLECTORS]
     with run.progress("deadlines") as advance:
         for number, (rate, collector) in enumerate(runs):
             if collector == COLLECTORS[0]:
                 advance(number / len(runs), f"{rate:g} Hz: training, flying")
-                flight = record(rate, 60 * options.minutes, run.folder, seed=run.seed)
+                flight = _record(rate, 60 * options.minutes, run.folder, seed=run.seed)
 
             def tell(done: int, total: int, number=number, rate=rate, collector=collector) -> None:
                 advance((number + done / total) / len(runs), f"{rate:g} Hz, {collector}")
@@ -168,7 +187,7 @@ def run(run: Run, options: Options) -> Report:
     title = f"{options.minutes:g} min of the {TRACK} at every rate, np: {PREDICTOR}, sqp, seed {run.seed + 1}"
     config = {"track": TRACK, "minutes": options.minutes, "rates": chosen, "training_seed": run.seed}
     return Report(
-        [printed(lines, title)],
+        [_printed(lines, title)],
         config=config | {"flight_seed": run.seed + 1},
         metrics={"table": lines, "histogram_edges_ms": EDGES.tolist()},
         notes=[
@@ -179,7 +198,7 @@ def run(run: Run, options: Options) -> Report:
     )
 
 
-def printed(lines: list[dict], title: str) -> Table:
+def _printed(lines: list[dict], title: str) -> Table:
     """Return the table of the lines that `deadline_line` gives."""
     columns = (
         ("rate [Hz]", fixed("rate", 0)),
@@ -199,7 +218,8 @@ def printed(lines: list[dict], title: str) -> Table:
 def response_histogram(lines: Sequence[dict]) -> Figure:
     """Plot the number of periods by response, with the period as a line.
 
-    Args: lines: of `deadlines.deadline_line`.
+    Args:
+        lines: of `deadline_line`.
     """
     rates = list(dict.fromkeys(line["rate"] for line in lines))
     figure, axes = new_figure(1, len(rates), width=1.2 + 2.6 * len(rates), height=2.8, sharey="row")

@@ -37,12 +37,15 @@ class Timing:
 
 
 class PseudoInverse:
-    """Least squares [A B] = Z+ pinv([Z, zeta]) of the newest 40 samples, Z = Phi(chi), as in the paper, no prior.
-
-    stable: with A then pulled into the unit circle, as `paper` does; without, its rollout diverges on real flights.
-    """
+    """Least squares [A B] = Z+ pinv([Z, zeta]) of the newest 40 samples, Z = Phi(chi), as in the paper, no prior."""
 
     def __init__(self, model: LiftedModel, *, stable: bool):
+        """Take encoder and output matrix of a model.
+
+        Args:
+            model: of configuration `paper`.
+            stable: with A then pulled into the unit circle, as `paper` does; without, it diverges on real flights.
+        """
         assert isinstance(model.encoder, Phi)
         self._phi, self._C, self._stable = model.encoder, model.system.C, stable
         self._window = np.zeros((model.window, 12))
@@ -50,7 +53,9 @@ class PseudoInverse:
     def __call__(self, chi: np.ndarray, zeta: np.ndarray) -> np.ndarray:
         """Return the forecast (20, 6) from one more sample, the motion held [N, N·m].
 
-        Args: chi: (6,) [N, N·m].   zeta: (6,) [m/s, rad/s].
+        Args:
+            chi: (6,) [N, N·m].
+            zeta: (6,) [m/s, rad/s].
         """
         self._window = np.concatenate([self._window[1:], np.concatenate([chi, zeta])[None]])
         z = self._phi(self._window[:, :6])
@@ -71,7 +76,9 @@ class InFlight:
     def __call__(self, chi: np.ndarray, zeta: np.ndarray) -> np.ndarray:
         """Return the forecast (20, 6) from one more sample, the motion held [N, N·m].
 
-        Args: chi: (6,) [N, N·m].   zeta: (6,) [m/s, rad/s].
+        Args:
+            chi: (6,) [N, N·m].
+            zeta: (6,) [m/s, rad/s].
         """
         x = np.concatenate([np.zeros(3), [1.0, 0.0, 0.0, 0.0], zeta])
         self._memory = self._dut.update(self._memory, Sample(x, np.zeros(4), chi))
@@ -80,7 +87,12 @@ class InFlight:
 
 
 def synthetic_flight(samples: int, seed: int) -> Segment:
-    """Return smooth force and torque driven by a smooth motion, with windows as singular as those of real flights."""
+    """Return smooth force and torque driven by a smooth motion, with windows as singular as those of real flights.
+
+    Args:
+        samples: of the flight [1].
+        seed: of the motion.
+    """
     draw, t = np.random.default_rng(seed), STEP * np.arange(samples)[:, None, None]
     rate, phase = draw.uniform(2.0, 25.0, (12, 8)), draw.uniform(0, 2 * np.pi, (12, 8))
     waves = np.sin(rate * t + phase).sum(axis=2)
@@ -99,7 +111,12 @@ def models(seed: int) -> dict[str, LiftedModel]:
 
 
 def predictor_timings(seed: int, *, repeats: int = 1000) -> list[Timing]:
-    """Time all predictors and the pseudo-inverse, taking turns at blocks of one synthetic flight."""
+    """Time all predictors and the pseudo-inverse, taking turns at blocks of one synthetic flight.
+
+    Args:
+        seed: of trainings and flight.
+        repeats: samples that count.
+    """
     trained = models(seed)
     paper = trained["paper"]
     duts: dict[str, Callable[[np.ndarray, np.ndarray], np.ndarray]] = {

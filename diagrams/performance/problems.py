@@ -28,7 +28,13 @@ def tracking_problems(
 
     The vehicle is 5 % heavier than the controller's and pulled by an oscillating wrench. Every problem has its own
     stable A, B, C (K = `lifted`), whose forecast starts at the true wrench.
-    Args: count: number of problems.   period: time between them [s].
+
+    Args:
+        vehicle, config: of the MPC.
+        count: number of problems.
+        period: time between them [s].
+        lifted: size K of the lifted state.
+        seed: of the draws.
     """
     rng = np.random.default_rng(seed)
     plant = DiscreteDynamics(vehicle.with_mass(1.05 * vehicle.mass), period)
@@ -49,20 +55,28 @@ def tracking_problems(
     return problems
 
 
-def cold_problems(vehicle: Vehicle, config: MpcConfig, *, count: int = 40, seed: int = 1) -> list[MpcProblem]:
-    """Return scattered starts within the sets: about 0.3 m, 0.5 m/s, 15 deg, 0.5 rad/s from the circle."""
-    rng = np.random.default_rng(seed)
-    problems = tracking_problems(vehicle, config, count=count, seed=seed)
+def cold_problems(vehicle: Vehicle, config: MpcConfig, count: int) -> list[MpcProblem]:
+    """Return scattered starts within the sets: about 0.3 m, 0.5 m/s, 15 deg, 0.5 rad/s from the circle.
+
+    Args:
+        vehicle, config: of the MPC.
+        count: number of problems.
+    """
+    rng = np.random.default_rng(1)
+    problems = tracking_problems(vehicle, config, count=count, seed=1)
     return [dc.replace(p, x0=_scatter(rng, p.x0, [0.3, 0.5, 0.25, 0.5])) for p in problems]
 
 
-def infeasible_problems(
-    vehicle: Vehicle, config: MpcConfig, *, count: int = 40, seed: int = 2
-) -> list[MpcProblem]:
-    """Return starts far outside every soft set: 9 m/s, 80 deg of tilt, metres away, tumbling."""
-    rng = np.random.default_rng(seed)
+def infeasible_problems(vehicle: Vehicle, config: MpcConfig, count: int) -> list[MpcProblem]:
+    """Return starts far outside every soft set: 9 m/s, 80 deg of tilt, metres away, tumbling.
+
+    Args:
+        vehicle, config: of the MPC.
+        count: number of problems.
+    """
+    rng = np.random.default_rng(2)
     problems = []
-    for p in tracking_problems(vehicle, config, count=count, seed=seed):
+    for p in tracking_problems(vehicle, config, count=count, seed=2):
         x0 = _scatter(rng, p.x0, [4.0, 0.0, 0.0, 3.0])
         heading = rng.normal(size=3)
         x0[7:10] = 9.0 * heading / np.linalg.norm(heading)
@@ -75,7 +89,12 @@ def infeasible_problems(
 
 
 def circle(vehicle: Vehicle, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return x_ref (n, 13) and u_ref (n, 4) at times t (n,) [s] on a circle of 1 m at 1.5 m/s, 1.6 m high."""
+    """Return x_ref (n, 13) and u_ref (n, 4) on a circle of 1 m at 1.5 m/s, 1.6 m high.
+
+    Args:
+        vehicle: that flies it.
+        t: (n,) times [s].
+    """
     c, s, zero = np.cos(1.5 * t), np.sin(1.5 * t), np.zeros_like(t)
     push = np.stack([-2.25 * c, -2.25 * s, zero + vehicle.gravity], axis=1)
     size = np.linalg.norm(push, axis=1)

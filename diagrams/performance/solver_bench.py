@@ -56,7 +56,9 @@ class SolverReport:
 def make_solvers(vehicle: Vehicle, config: MpcConfig, *, time_limit: float = np.inf) -> list[MpcSolver]:
     """Return IPOPT, SQP with one and two steps and in two phases, and the peers that can run on this machine.
 
-    Peers are never limited in time.
+    Args:
+        vehicle, config: of the MPC.
+        time_limit: of a solve, but not of the peers' [s].
     """
     two = SqpSolver(vehicle, config, steps=2, time_limit=time_limit)
     two.name = "sqp_2"
@@ -89,9 +91,12 @@ def run(
     enough that each runs with its own warm caches.
 
     Args:
-        step: the MPC's step [s].   period: time between problems [s]; each solver starts from its own last
-            plan, shifted. None: every start is cold.
+        solvers: that take turns.
+        problems: of one set, in their order.
+        step: the MPC's step [s].
+        period: time between problems, each solver starting from its own last plan, shifted; None: from none [s].
         optimum: a solver without time limit for the gap, run untimed; without it the best answer counts as optimum.
+        progress: called with problems done and all.
     """
     for solver in solvers:
         for _ in range(_WARM_UP):
@@ -150,7 +155,13 @@ def suite(
 
     The sets are recorded (or generated) tracking by name, generated tracking of growing size, cold and infeasible
     starts.
-    Args: recorded: name -> problems of a recorded flight.   period: between problems [s].   count: problems of a set.
+
+    Args:
+        vehicle, config: of the MPC.
+        recorded: name -> problems of a recorded flight.
+        period: between problems [s].
+        count: problems of a set.
+        progress: called with problems done and all.
     """
     tracking = recorded or {"tracking": tracking_problems(vehicle, config, count=count, period=period)}
     sets: dict[str, tuple[MpcConfig, Sequence[MpcProblem], float | None]] = {
@@ -160,8 +171,8 @@ def suite(
         other = dc.replace(config, horizon=n)
         generated = tracking_problems(vehicle, other, count=count, period=period, lifted=K)
         sets[growth_name(n, K)] = (other, generated, period)
-    sets["cold start"] = (config, cold_problems(vehicle, config, count=max(count // 5, 2)), None)
-    sets["infeasible start"] = (config, infeasible_problems(vehicle, config, count=max(count // 5, 2)), None)
+    sets["cold start"] = (config, cold_problems(vehicle, config, max(count // 5, 2)), None)
+    sets["infeasible start"] = (config, infeasible_problems(vehicle, config, max(count // 5, 2)), None)
     total, done = sum(len(problems) for _, problems, _ in sets.values()), 0
     reports = {}
     for name, (c, problems, pause) in sets.items():
@@ -181,7 +192,12 @@ def suite(
 
 
 def growth_name(n: int, K: int) -> str:
-    """Return the name of the generated problems with N = n and a lifted state of K entries."""
+    """Return the name of generated problems.
+
+    Args:
+        n: horizon N.
+        K: size of the lifted state.
+    """
     return f"N = {n}, K = {K}"
 
 

@@ -28,12 +28,21 @@ class SplitSqpSolver:
     name = "sqp_split"
 
     def __init__(self, vehicle: Vehicle, config: MpcConfig, *, time_limit: float = np.inf):
+        """Make the SQP of both phases.
+
+        Args:
+            vehicle, config: of the MPC.
+            time_limit: of a solve [s].
+        """
         self._sqp = SqpSolver(vehicle, config, time_limit=time_limit)
         self.times = PhaseTimes()
 
     def solve(self, problem: MpcProblem, warm_start: MpcSolution | None = None) -> MpcSolution:
         """Solve one problem; its solve time is that of both phases.
 
+        Args:
+            problem: at the measured state.
+            warm_start: plan that the first phase prepares at; None for a cold start.
         Raises: SolverFailure: on NaN, wrong shapes or a forecast that overflows.
         """
         start = time.perf_counter()

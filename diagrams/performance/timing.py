@@ -13,18 +13,14 @@ from diagrams.batch.columns import fixed, tabulate
 from diagrams.batch.flown import choose_rows
 from diagrams.batch.options import Only
 from diagrams.batch.run import Report, Run, Table
-from diagrams.loop.controllers import LEARNED, make_residual_model
+from diagrams.loop.controllers import LEARNED
 from diagrams.loop.flight import FlightConfig
 from diagrams.loop.flight_result import FlightResult, fly
 from diagrams.payload.hover_swing import ROWS as HOVER_ROWS
 from diagrams.payload.hover_swing import HoverRow, configure_row
+from diagrams.performance.control_loop import ControlLoop, replayed
 from diagrams.tracking.tracking import train_models
-from np_drake.labels import LabelFilter, labelled
-from np_drake.mpc.controller import MpcController
 from np_drake.mpc.problem import MpcStatus
-from np_drake.mpc.solvers import make_solver
-from np_drake.references.config import make_reference
-from np_drake.residual_model import Memory, Sample, WrenchForecast
 
 TRACK = "lemniscate"  # experiment that is flown
 TRAINING = "training_circle"  # experiment that predictors are trained on
@@ -57,92 +53,71 @@ class Spent:
     failures: int
 
 
-def reference_calculation() -> None:
-    """Compute the pseudo-inverse of 40 samples of 30 columns, the cost of an unoptimised refit."""
+_WINDOW = np.random.default_rng(0).normal(size=(40, 30))  # samples, columns
+
+
+def _reference_time() -> float:
+    """Return the processor time of a pseudo-inverse of the window, the cost of an unoptimised refit [s]."""
+    start = time.process_time()
     np.linalg.pinv(_WINDOW)
-
-
-_WINDOW = np.random.default_rng(0).normal(size=(40, 30))
+    return time.process_time() - start
 
 
 def timing_config(row: HoverRow, *, periods: int, solver: str, model: str = "") -> FlightConfig:
-    """Return the lemniscate, `periods` of it from the end of the ramp on."""
+    """Return the lemniscate from the end of the ramp on.
+
+    Args:
+        row: of the table.
+        periods: of the controller that are flown [1].
+        solver: of the MPC.
+        model: file of the row's predictor.
+    """
     config = configure_row(TRACK, row, solver=solver, model=model)
     config.duration = periods * config.controller.period
     return config.check()
 
 
 def record(row: HoverRow, *, periods: int, model: str, seed: int) -> FlightResult:
-    """Fly the flight that is replayed, with SQP."""
+    """Fly the flight that is replayed, with SQP.
+
+    Args:
+        row: of the table.
+        periods: of the controller that are flown [1].
+        model: file of the row's predictor.
+        seed: of the noise.
+    """
     return fly(timing_config(row, periods=periods, solver="sqp", model=model), seed=seed)
 
 
 def replay(flight: FlightResult, solver: str) -> Spent:
     """Feed the recorded readings to label filter, residual model and MPC, one period after the other.
 
-    The readings are those of the flight, so that a command of the replay has no effect on what comes after.
+    Args:
+        flight: that was recorded.
+        solver: of the MPC.
     """
-    loop = ControlLoop(flight, solver)
-    predict, solve, clock, failures = [], [], [], 0
-    start = int(np.argmax(flight.scored)) - _WARM_UP
-    for k in range(max(start, 1), loop.periods):
-        begin = time.process_time()
-        forecast = loop.predict(k)
-        middle = time.process_time()
-        status = loop.solve(k, forecast)
-        end = time.process_time()
-        if k >= start + _WARM_UP:
-            predict.append(middle - begin)
-            solve.append(end - middle)
-            failures += int(status >= MpcStatus.SQP_FALLBACK)
-            if k % _BLOCK == 0:
-                clock += [_timed(reference_calculation) for _ in range(_REFERENCE_RUNS)]
-    return Spent(1e3 * np.array(predict), 1e3 * np.array(solve), 1e3 * np.array(clock), failures)
+    scored = int(np.argmax(flight.scored))
+    first = max(scored - _WARM_UP, 1)
+    reference: list[float] = []
 
+    def compare(k: int) -> None:
+        if k >= scored and k % _BLOCK == 0:
+            reference.extend(_reference_time() for _ in range(_REFERENCE_RUNS))
 
-class ControlLoop:
-    """Label filter, residual model and MPC of a recorded flight, fed with its readings outside a simulator."""
-
-    def __init__(self, flight: FlightResult, solver: str = "sqp"):
-        config, self._s = flight.config, flight.signals
-        believed, period = config.controller.believed(config.vehicle), config.controller.period
-        mpc = config.controller.mpc
-        self._config, self._model = config, make_residual_model(config.controller, believed)
-        self._labels = LabelFilter(labelled(believed, self._model), config.controller.label, step=period)
-        self._mpc = MpcController(believed, mpc, make_solver(solver, believed, mpc), period=period)
-        self._reference = make_reference(config.reference)
-        self._ahead = mpc.step * np.arange(mpc.horizon + 1)
-        self._kept, self._last = self._labels.initial_memory(), self._mpc.initial_memory()
-        self._memory: Memory = {} if self._model is None else self._model.initial_memory()
-        self.periods = len(self._s["t"])
-
-    def predict(self, k: int) -> WrenchForecast | None:
-        """Take in the reading of period k > 0 and return the forecast; None where nothing is learned."""
-        if self._model is None:
-            return None
-        x, acceleration, u = self._s["x"][k], self._s["acceleration"][k], self._s["u"][k - 1]
-        self._kept, chi = self._labels.step(self._kept, x=x, a=acceleration[:3], al=acceleration[3:], u=u)
-        self._memory = self._model.update(self._memory, Sample(x, u, chi))
-        span = {"horizon": self._config.controller.mpc.horizon, "stride": self._config.controller.stride}
-        return self._model.forecast(self._memory, **span)
-
-    def solve(self, k: int, forecast: WrenchForecast | None) -> float:
-        """Compute the plan of period k and return the status of its solver."""
-        flat = self._reference.sample(self._s["t"][k] + self._ahead)
-        self._last = self._mpc.step(self._last, x=self._s["x"][k], flat=flat, forecast=forecast)
-        return float(self._last.flags[0])
-
-
-def _timed(work: Callable[[], None]) -> float:
-    start = time.process_time()
-    work()
-    return time.process_time() - start
+    times, status = replayed(ControlLoop(flight, solver), first, time.process_time, after=compare)
+    counted = slice(scored - first, None)
+    predict, solve = 1e3 * np.diff(times[counted]).T
+    failures = int(np.sum(status[counted] >= MpcStatus.SQP_FALLBACK))
+    return Spent(predict, solve, 1e3 * np.array(reference), failures)
 
 
 def timing_line(row: str, solver: str, spent: Spent) -> dict:
-    """Return one line of the table, from the processor times of a controller.
+    """Return one line of the table: medians and 95 % quantiles [ms], CPU load by rate [1], ratios to the reference [1].
 
-    It has medians and 95 % quantiles [ms], CPU load by rate [1], ratios to the reference calculation's median [1].
+    Args:
+        row: name of the controller.
+        solver: of its MPC.
+        spent: its processor times.
     """
     total, base = spent.predict + spent.solve, float(np.median(spent.reference))
     line: dict = {
@@ -169,20 +144,24 @@ def timing_table(
     *,
     periods: int,
     seed: int,
-    rows: tuple[HoverRow, ...] = ROWS,
-    solvers: tuple[str, ...] = SOLVERS,
+    rows: tuple[HoverRow, ...],
     on_progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> list[dict]:
     """Return one line a controller and solver, in one process.
 
-    Args: models: files by (training, configuration).   periods: that are replayed, of each.
+    Args:
+        models: files by (training, configuration).
+        periods: that are replayed, of each [1].
+        seed: of the flights.
+        rows: of the table.
+        on_progress: called with controllers done and all.
     """
     lines = []
     for number, row in enumerate(rows):
         flight = record(
             row, periods=periods, model=models.get((row.training, row.configuration), ""), seed=seed
         )
-        lines += [timing_line(row.name, solver, replay(flight, solver)) for solver in solvers]
+        lines += [timing_line(row.name, solver, replay(flight, solver)) for solver in SOLVERS]
         on_progress(number + 1, len(rows))
     return lines
 
@@ -198,7 +177,12 @@ class Options:
 
 
 def run(run: Run, options: Options) -> Report:
-    """What a period costs. As ratios to a reference calculation in the same run."""
+    """What a period costs. As ratios to a reference calculation in the same run.
+
+    Args:
+        run: seed, folders and progress.
+        options: of the study.
+    """
     rows, flight_seed = choose_rows(ROWS, options.only), run.seed + 1
     with run.counting("timing", "controllers") as on_progress:
         models = train_models(rows, run.folder, seed=run.seed, solver="sqp")
@@ -220,7 +204,12 @@ def run(run: Run, options: Options) -> Report:
 
 
 def timing_printed(lines: list[dict], title: str) -> Table:
-    """Return the table of the lines that `timing_table` gives."""
+    """Return the table of the lines that `timing_table` gives.
+
+    Args:
+        lines: of the table.
+        title: what was timed.
+    """
 
     def pair(key: str, digits: int, factor: float = 1.0):
         return lambda line: f"{factor * line[key]:.{digits}f} / {factor * line[f'{key}_p95']:.{digits}f}"

@@ -1,7 +1,7 @@
 """The paper's estimation table: one step ahead on six real flights, our rows beside the published ones."""
 
 import dataclasses as dc
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -9,7 +9,7 @@ from diagrams.batch.campaign import Case
 from diagrams.batch.columns import grouped
 from diagrams.batch.options import Neurobem
 from diagrams.batch.run import Report, Run
-from diagrams.batch.workers import Workers, every_result
+from diagrams.batch.workers import every_result
 from diagrams.prediction import estimation_figures as figures
 from diagrams.prediction.array_flights import Flight, arrays, forecasts, settings_lines, trained
 from np_drake.estimation.wrench_table import COLUMNS, PUBLISHED, column_rmse
@@ -35,17 +35,13 @@ class EstimationTable:
     stability: dict[str, dict[str, WindowStability]]
     origins: dict[str, int]
 
-    def at_or_below(self, row: str, method: str = "NP") -> int:
-        """Return the number of cells in which a row is at or below the published value."""
-        return sum(
-            rows[row][column] <= rows[method][column] for rows in self.cells.values() for column in COLUMNS
-        )
+    def at_or_below(self, row: str) -> int:
+        """Return the number of cells in which a row is at or below the published NP."""
+        return sum(rows[row][c] <= rows["NP"][c] for rows in self.cells.values() for c in COLUMNS)
 
-    def worst(self, row: str, method: str = "NP") -> float:
-        """Return the largest ratio of a row to the published value [1]."""
-        return max(
-            rows[row][column] / rows[method][column] for rows in self.cells.values() for column in COLUMNS
-        )
+    def worst(self, row: str) -> float:
+        """Return the largest ratio of a row to the published NP [1]."""
+        return max(rows[row][c] / rows["NP"][c] for rows in self.cells.values() for c in COLUMNS)
 
     def lines(self) -> list[dict]:
         """Return one line a flight and column, as `--json` has them.
@@ -65,23 +61,20 @@ class EstimationTable:
 
 
 def estimation_table(
-    models: dict[str, LiftedModel],
-    flown: Sequence[Flight],
-    *,
-    config: dict | None = None,
-    workers: Workers | None = None,
-    on_progress: Callable[[int, int], None] = lambda *_: None,
+    run: Run, models: dict[str, LiftedModel], flown: Sequence[Flight], config: dict
 ) -> EstimationTable:
     """Return the errors of every flight, row and column, over every origin from the first full window of all models on.
 
-    Args: models: configuration -> trained model.   config: what the models depend on, as of `run_campaign`.
+    Args:
+        run: workers and progress.
+        models: configuration -> trained model.
+        flown: test flights.
+        config: what the models depend on, as of `run_campaign`.
     Raises: FailedRun: where a model has no result on a flight, as when it is too short.
     """
     first = max(model.window for model in models.values())
     cases = [{"flight": flight.name, "model": name} for flight in flown for name in models]
-    records = (workers or Workers()).run(
-        Forecasting(models, tuple(flown), first), cases, config=config or {}, on_progress=on_progress
-    )
+    records = run.cases("every origin", "", Forecasting(models, tuple(flown), first), cases, config=config)
     results = {
         (case["flight"], case["model"]): result
         for case, result in zip(cases, every_result(records), strict=True)
@@ -148,14 +141,18 @@ class Options:
 
 
 def run(run: Run, options: Options) -> Report:
-    """The paper's table, one step ahead. On six real flights; --out DIR: ten seconds as a figure."""
+    """The paper's table, one step ahead. On six real flights; --out DIR: ten seconds as a figure.
+
+    Args:
+        run: seed, folders, workers and progress.
+        options: of the study.
+    """
     training, *tests = arrays("estimation", options.neurobem)
     shown = next(flight for flight in tests if flight.name == SHOWN)
     if run.out is not None:
         figures.rows_of(shown)  # before the long work
     models, settings = trained(run, training, epochs=EPOCHS)
-    with run.counting("every origin") as on_progress:
-        table = estimation_table(models, tests, config=settings, workers=run.workers, on_progress=on_progress)
+    table = estimation_table(run, models, tests, settings)
     of_flight = {
         flight: [(name, *(f"{MILLI * values[c]:.3g}" for c in COLUMNS)) for name, values in cells.items()]
         for flight, cells in table.cells.items()

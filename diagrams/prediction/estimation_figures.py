@@ -29,8 +29,12 @@ class Window:
 
 
 def window(model: LiftedModel, flight: Flight, span: tuple[float, float] = SPAN) -> Window:
-    """Return the forecasts of the model and of persistence, made one and `FAR` steps before each instant of `span` [s].
+    """Return the forecasts of the model and of persistence, made one and `FAR` steps before each instant of a span.
 
+    Args:
+        model: that is trained.
+        flight: that is forecast.
+        span: first and last instant [s].
     Raises: ValueError: if the flight does not reach so far.
     """
     chi, zeta, step = flight.segment.chi, flight.segment.zeta, flight.segment.step
@@ -50,8 +54,11 @@ def window(model: LiftedModel, flight: Flight, span: tuple[float, float] = SPAN)
 
 
 def rows_of(flight: Flight, span: tuple[float, float] = SPAN) -> np.ndarray:
-    """Return the samples of a time span [s], (m,).
+    """Return the samples of a time span, (m,).
 
+    Args:
+        flight: that they are of.
+        span: first and last instant [s].
     Raises: ValueError: if the flight does not reach so far.
     """
     rows = np.arange(*np.rint(np.array(span) / flight.segment.step).astype(int))
@@ -64,7 +71,12 @@ def rows_of(flight: Flight, span: tuple[float, float] = SPAN) -> np.ndarray:
 
 
 def window_figure(shown: Window, title: str) -> Figure:
-    """Plot six channels: the whole span on the left, the surroundings of the largest jerk on the right."""
+    """Plot six channels: the whole span on the left, the surroundings of the largest jerk on the right.
+
+    Args:
+        shown: of `window`.
+        title: above the left column.
+    """
     figure, axes = new_figure(6, 2, width=9.0, height=9.5, width_ratios=(1.5, 1.0), sharex="col")
     peak = shown.t[np.argmax(shown.jerk)]
     low = np.clip(peak - ZOOM / 2, shown.t[0], max(shown.t[-1] - ZOOM, shown.t[0]))

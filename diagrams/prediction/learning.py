@@ -1,6 +1,5 @@
 """Training on a simulated flight, up to the model file."""
 
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -19,15 +18,15 @@ from np_drake.training_data.training_segments import Flight
 
 
 def train_predictor(
-    flight: FlightResult,
-    path: Path,
-    *,
-    configuration: str = DELAY_MODAL,
-    seed: int = 0,
-    on_epoch: Callable[[int, int, float], None] = lambda *_: None,
+    flight: FlightResult, path: Path, *, configuration: str = DELAY_MODAL, seed: int = 0
 ) -> TrainingResult:
     """Train on the flight's log after the ramp and write the model file.
 
+    Args:
+        flight: to train on.
+        path: of the model file.
+        configuration: of the predictor.
+        seed: of the training.
     Raises: ValueError: on an unknown configuration.
     """
     controller = flight.config.controller
@@ -36,15 +35,19 @@ def train_predictor(
         make_config(configuration, seed=seed),
         step=controller.period,
         label=controller.label,
-        on_epoch=on_epoch,
     )
     save_model(result.model, path)
     return result
 
 
 def train_reaction(flight: FlightResult, path: Path, *, name: str, seed: int = 0) -> MotionModel:
-    """Train a model without memory, gp or knode, on the flight's log after the ramp and write the model file.
+    """Train a model without memory on the flight's log after the ramp and write the model file.
 
+    Args:
+        flight: to train on.
+        path: of the model file.
+        name: gp | knode.
+        seed: of the training.
     Raises: ValueError: on another name.
     """
     controller = flight.config.controller
@@ -61,7 +64,12 @@ def train_reaction(flight: FlightResult, path: Path, *, name: str, seed: int = 0
 
 
 def train_payload_filter_model(flight: FlightResult, path: Path) -> PayloadFilterModel:
-    """Train a payload filter on the flight's log after the ramp and write the model file."""
+    """Train a payload filter on the flight's log after the ramp and write the model file.
+
+    Args:
+        flight: to train on.
+        path: of the model file.
+    """
     config = flight.config
     model = train_payload_filter([(_scored(flight), config.vehicle)], step=config.controller.period)
     model.save(path)

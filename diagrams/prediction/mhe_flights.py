@@ -1,7 +1,7 @@
 """Moving-horizon estimator on the flights of the paper's estimation table."""
 
 import dataclasses as dc
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +11,7 @@ from diagrams.batch.campaign import Case
 from diagrams.batch.columns import grouped
 from diagrams.batch.options import Neurobem
 from diagrams.batch.run import Report, Run
-from diagrams.batch.workers import Workers, every_result
+from diagrams.batch.workers import every_result
 from diagrams.prediction.array_flights import neurobem_folder
 from np_drake.estimation.mhe_config import MheConfig
 from np_drake.estimation.mhe_tuning import tune
@@ -20,12 +20,7 @@ from np_drake.estimation.moving_horizon import MheRun, run_mhe
 from np_drake.estimation.moving_horizon_program import ProgramWindow
 from np_drake.estimation.wrench_table import COLUMNS, PUBLISHED, column_rmse
 from np_drake.logs.errors import LogError
-from np_drake.logs.formats.neurobem import (
-    TESTS,
-    TRAINING,
-    published_vehicle,
-    read_wrenches,
-)
+from np_drake.logs.formats.neurobem import TESTS, TRAINING, published_vehicle, read_wrenches
 from np_drake.logs.opening import open_flights
 from np_drake.training_data.segments import WrenchSequence
 
@@ -60,27 +55,21 @@ def tuned_config(folder: Path) -> MheConfig:
     return tune(motion_from_rates(sequence, published_vehicle()), sequence.chi)
 
 
-def mhe_table(
-    folder: Path,
-    config: MheConfig,
-    *,
-    stems: Sequence[str] = tuple(TESTS),
-    workers: Workers | None = None,
-    on_progress: Callable[[int, int], None] = lambda done, total: None,
-) -> MheTable:
+def mhe_table(run: Run, folder: Path, config: MheConfig, stems: Sequence[str] = tuple(TESTS)) -> MheTable:
     """Return the errors of every test flight: published, ours, persistence.
 
+    Args:
+        run: workers and progress.
+        folder: of the NeuroBEM flights.
+        config: weights of the estimator.
+        stems: names of the flights' files.
     Raises: OSError, LogError: where a flight cannot be read; FailedRun: where one has no result.
     """
     for stem in stems:  # before the long work
         _motions(folder, stem, read_wrenches(folder / "npy" / f"{stem}.npy"))
-    records = (workers or Workers()).run(
-        Estimating(folder.resolve(), config),
-        [{"flight": stem} for stem in stems],
-        config={"neurobem": folder.name, "mhe": dc.asdict(config)},
-        on_progress=on_progress,
-    )
-    flown = every_result(records)
+    work, cases = Estimating(folder.resolve(), config), [{"flight": stem} for stem in stems]
+    settings = {"neurobem": folder.name, "mhe": dc.asdict(config)}
+    flown = every_result(run.cases("real flights", "", work, cases, config=settings))
     return MheTable(
         [row for one in flown for row in one["rows"]],
         float(np.median([one["program"] for one in flown])),
@@ -146,18 +135,17 @@ class Options:
 
 
 def run(run: Run, options: Options) -> Report:
-    """A moving-horizon estimator on real flights. Those of the paper's estimation table."""
-    folder = neurobem_folder("mhe", options.neurobem)
+    """A moving-horizon estimator on real flights. Those of the paper's estimation table.
 
-    with run.progress("real flights") as advance:
+    Args:
+        run: seed, folders, workers and progress.
+        options: of the study.
+    """
+    folder = neurobem_folder("mhe", options.neurobem)
+    with run.progress("tuning the weights") as advance:
         config = tuned_config(folder)
-        advance(0.3, "weights tuned")
-        table = mhe_table(
-            folder,
-            config,
-            workers=run.workers,
-            on_progress=lambda done, total: advance(0.3 + 0.7 * done / total, f"{done} of {total}"),
-        )
+        advance(1.0)
+    table = mhe_table(run, folder, config)
     of_flight = {
         flight: [
             (line["row"], *(f"{line[name]:.3f}" for name in COLUMNS))

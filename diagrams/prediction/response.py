@@ -1,14 +1,14 @@
 """Lag of a prediction behind the label in the aggressive parts of the real flights."""
 
 import dataclasses as dc
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
 from diagrams.batch.campaign import Case
 from diagrams.batch.options import Neurobem
 from diagrams.batch.run import Report, Run
-from diagrams.batch.workers import Workers, every_result
+from diagrams.batch.workers import every_result
 from diagrams.prediction.array_flights import Flight, arrays, forecasts, settings_lines, trained
 from diagrams.prediction.estimation import NAIVE, OURS
 from np_drake.lifting.model.lifted_model import MODE_DICTIONARY, LiftedModel
@@ -24,29 +24,32 @@ GROUPS = {"force": slice(0, 3), "torque": slice(3, 6)}  # channels of chi
 
 
 def response_lines(
+    run: Run,
     models: dict[str, LiftedModel],
     training: Flight,
     tests: Sequence[Flight],
     *,
-    config: Config | None = None,
+    config: Config,
+    settings: dict,
     horizons: Sequence[int] = HORIZONS,
-    settings: dict | None = None,
-    workers: Workers | None = None,
-    on_progress: Callable[[int, int], None] = lambda *_: None,
 ) -> list[dict]:
     """Return one line a flight, row and horizon.
 
     Its fields are force_lag and torque_lag [s] (NaN: none), force_correlation, torque_correlation [1].
-    Args: models: configuration -> trained on the training segment.   config: of the row trained on all other flights,
-    which is left out without it.   settings: what the models depend on, as `config` of `run_campaign`.
+
+    Args:
+        run: workers and progress.
+        models: configuration -> trained on the training segment.
+        training: the training segment.
+        tests: test flights.
+        config: of the row trained on all other flights.
+        settings: what the models depend on, as `config` of `run_campaign`.
+        horizons: [steps].
     Raises: FailedRun: where a flight has no result.
     """
-    records = (workers or Workers()).run(
-        Lagging(models, training, tuple(tests), config, tuple(horizons)),
-        [{"flight": flight.name} for flight in tests],
-        config={"horizons": horizons, **(settings or {})},
-        on_progress=on_progress,
-    )
+    work = Lagging(models, training, tuple(tests), config, tuple(horizons))
+    cases = [{"flight": flight.name} for flight in tests]
+    records = run.cases("flights", "", work, cases, config={"horizons": horizons, **settings})
     return [_read(line) for result in every_result(records) for line in result["lines"]]
 
 
@@ -57,7 +60,7 @@ class Lagging:
     models: dict[str, LiftedModel]
     training: Flight
     tests: tuple[Flight, ...]
-    config: Config | None
+    config: Config
     horizons: tuple[int, ...]
 
     def __call__(self, case: Case) -> dict:
@@ -83,10 +86,8 @@ class Lagging:
     def _courses(self, flight: Flight) -> dict[str, FlightForecasts]:
         """Return the forecasts of every trained row, one of them trained on all other flights."""
         courses = {OURS[name]: forecasts(model, flight) for name, model in self.models.items()}
-        if self.config is not None:
-            others = [other.segment for other in (self.training, *self.tests) if other is not flight]
-            courses[UNSEEN] = forecasts(train(others, self.config).model, flight)
-        return courses
+        others = [other.segment for other in (self.training, *self.tests) if other is not flight]
+        return {**courses, UNSEEN: forecasts(train(others, self.config).model, flight)}
 
 
 def _read(line: dict) -> dict:
@@ -145,17 +146,15 @@ class Options:
 
 
 def run(run: Run, options: Options) -> Report:
-    """How late the prediction is. Its lag behind the label where jerk is largest."""
+    """How late the prediction is. Its lag behind the label where jerk is largest.
+
+    Args:
+        run: seed, folders, workers and progress.
+        options: of the study.
+    """
     training, *tests = arrays("response", options.neurobem)
     models, settings = trained(run, training)
     config = make_config(MODE_DICTIONARY, frame="body", seed=run.seed)
-    with run.counting("flights") as on_progress:
-        lines = response_lines(
-            *(models, training, tests),
-            config=config,
-            settings=settings,
-            workers=run.workers,
-            on_progress=on_progress,
-        )
+    lines = response_lines(run, models, training, tests, config=config, settings=settings)
     said = [f"seed {run.seed}", *settings_lines(settings)]
     return Report([printed(lines)], config=settings, metrics={"table": lines}, lines=said)

@@ -1,7 +1,7 @@
 """Error against the number of training samples, on race track 1, beside the paper's own."""
 
 import dataclasses as dc
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -11,7 +11,7 @@ from matplotlib.ticker import LogLocator, NullFormatter
 from diagrams.batch.campaign import Case
 from diagrams.batch.options import Neurobem
 from diagrams.batch.run import Report, Run, Table
-from diagrams.batch.workers import Workers, every_result
+from diagrams.batch.workers import every_result
 from diagrams.prediction.array_flights import Flight, arrays, settings_lines
 from np_drake.files.figure_file import DASHES, PALETTE, new_figure
 from np_drake.lifting.model.lifted_model import MODE_DICTIONARY, PAPER
@@ -52,7 +52,12 @@ class Point:
 
 
 def pieces(segment: Segment, samples: int) -> list[Segment]:
-    """Return all disjoint pieces of so many samples, from the start of the segment on."""
+    """Return all disjoint pieces from the start of the segment on.
+
+    Args:
+        segment: that is cut.
+        samples: of a piece [1].
+    """
     starts = range(0, len(segment) - samples + 1, samples)
     return [
         Segment(segment.chi[k : k + samples], segment.zeta[k : k + samples], segment.step) for k in starts
@@ -60,18 +65,16 @@ def pieces(segment: Segment, samples: int) -> list[Segment]:
 
 
 def sample_efficiency(
-    training: Flight,
-    test: Flight,
-    configs: dict[str, Config],
-    *,
-    sizes: Sequence[int] = SIZES,
-    horizons: Sequence[int] = HORIZONS,
-    workers: Workers | None = None,
-    on_progress: Callable[[int, int], None] = lambda *_: None,
+    run: Run, training: Flight, test: Flight, configs: dict[str, Config], *, sizes: Sequence[int] = SIZES
 ) -> list[Point]:
     """Train and test every kind of model at every size.
 
-    Args: configs: configuration -> settings.
+    Args:
+        run: workers and progress.
+        training: the training segment.
+        test: flight that is forecast.
+        configs: configuration -> settings.
+        sizes: samples to train on [1].
     Raises: ValueError: if the training segment is shorter than a size; FailedRun: where a model has no result.
     """
     if len(training.segment) < max(sizes):
@@ -82,23 +85,16 @@ def sample_efficiency(
         for size in sizes
         for piece in range(len(pieces(training.segment, size)))
     ]
-    records = (workers or Workers()).run(
-        Learning(training, test, configs, tuple(horizons)),
-        cases,
-        config={"horizons": horizons, **{name: dc.asdict(config) for name, config in configs.items()}},
-        on_progress=on_progress,
-    )
+    settings = {"horizons": HORIZONS, **{name: dc.asdict(config) for name, config in configs.items()}}
+    records = run.cases("models", "", Learning(training, test, configs), cases, config=settings)
     errors: dict[tuple[str, int], list] = {}
     for case, result in zip(cases, every_result(records), strict=True):
         errors.setdefault((case["row"], case["samples"]), []).append(result["errors"])
-    points = [
-        point for (row, size), of in errors.items() for point in _points(row, size, np.array(of), horizons)
-    ]
-    chi = test.segment.chi
-    origins = np.arange(FIRST, len(chi) - max(horizons))
-    for row, chi_hat in naive_predictions(chi, origins, list(horizons), np.zeros(6)).items():
+    points = [point for (row, size), of in errors.items() for point in _points(row, size, np.array(of))]
+    chi, origins = test.segment.chi, _origins(test)
+    for row, chi_hat in naive_predictions(chi, origins, list(HORIZONS), np.zeros(6)).items():
         if row in NAIVE:
-            points += _points(row, 0, _rmse(chi_hat, chi, origins, horizons)[None], horizons)
+            points += _points(row, 0, _rmse(chi_hat, chi, origins)[None])
     return points
 
 
@@ -109,13 +105,12 @@ class Learning:
     training: Flight
     test: Flight
     configs: dict[str, Config]
-    horizons: tuple[int, ...]
 
     def __call__(self, case: Case) -> dict:
         """Train and test the model."""
         segment = pieces(self.training.segment, case["samples"])[case["piece"]]
         model = _trained(case["row"], segment, self.configs)
-        return {"errors": _errors(model, self.test, list(self.horizons))}
+        return {"errors": _errors(model, self.test)}
 
 
 def _trained(row: str, segment: Segment, configs: dict[str, Config]) -> ResidualModel:
@@ -124,25 +119,27 @@ def _trained(row: str, segment: Segment, configs: dict[str, Config]) -> Residual
     return NeuralPredictor(train([segment], configs[row]).model, PredictorOptions(torque="predict"))
 
 
-def _errors(model: ResidualModel, test: Flight, horizons: list[int]) -> np.ndarray:
+def _origins(test: Flight) -> np.ndarray:
+    return np.arange(FIRST, len(test.segment.chi) - max(HORIZONS))
+
+
+def _errors(model: ResidualModel, test: Flight) -> np.ndarray:
     """Return the RMSE of force and torque, motion held, (H, 2)."""
-    chi, zeta = test.segment.chi, test.segment.zeta
-    origins = np.arange(FIRST, len(chi) - max(horizons))
-    chi_hat = model_predictions(model, chi, zeta, origins, horizons, zeta_known=False)
-    return _rmse(chi_hat, chi, origins, horizons)
+    chi, zeta, origins = test.segment.chi, test.segment.zeta, _origins(test)
+    return _rmse(model_predictions(model, chi, zeta, origins, list(HORIZONS), zeta_known=False), chi, origins)
 
 
-def _rmse(chi_hat: np.ndarray, chi: np.ndarray, origins: np.ndarray, horizons: Sequence[int]) -> np.ndarray:
-    square = (chi_hat - chi[origins[:, None] + np.array(horizons)]) ** 2
+def _rmse(chi_hat: np.ndarray, chi: np.ndarray, origins: np.ndarray) -> np.ndarray:
+    square = (chi_hat - chi[origins[:, None] + np.array(HORIZONS)]) ** 2
     return np.sqrt(np.stack([square[..., :3].sum(-1), square[..., 3:].sum(-1)], axis=-1).mean(axis=0))
 
 
-def _points(row: str, size: int, errors: np.ndarray, horizons: Sequence[int]) -> list[Point]:
+def _points(row: str, size: int, errors: np.ndarray) -> list[Point]:
     """Return one point a horizon from (pieces, H, 2) errors."""
     spread = np.stack([errors.mean(axis=0), errors.min(axis=0), errors.max(axis=0)])
     return [
         Point(row, size, len(errors), h, force=_triple(spread[:, i, 0]), torque=_triple(spread[:, i, 1]))
-        for i, h in enumerate(horizons)
+        for i, h in enumerate(HORIZONS)
     ]
 
 
@@ -154,7 +151,10 @@ def _triple(values: np.ndarray) -> tuple[float, float, float]:
 def efficiency_figure(points: list[Point], step: float, title: str) -> Figure:
     """Plot force above, torque below, a column a horizon; whiskers from the best to the worst training piece.
 
-    Args: step: of the flight [s].
+    Args:
+        points: of `sample_efficiency`.
+        step: of the flight [s].
+        title: above all panels.
     """
     horizons = sorted({p.horizon for p in points})
     figure, axes = new_figure(2, len(horizons), width=9.0, height=5.6, sharex="col")
@@ -207,12 +207,16 @@ class Options:
 
 
 def run(run: Run, options: Options) -> Report:
-    """Error against training samples. On race track 1; --out DIR: figure."""
+    """Error against training samples. On race track 1; --out DIR: figure.
+
+    Args:
+        run: seed, folders, workers and progress.
+        options: of the study.
+    """
     training, *tests = arrays("sample-efficiency", options.neurobem)
     test = next(flight for flight in tests if flight.name == "race track 1")
     configs = {name: make_config(name, frame="body", seed=run.seed) for name in (PAPER, MODE_DICTIONARY)}
-    with run.counting("models") as on_progress:
-        points = sample_efficiency(training, test, configs, workers=run.workers, on_progress=on_progress)
+    points = sample_efficiency(run, training, test, configs)
     step, settings = test.segment.step, {name: dc.asdict(config) for name, config in configs.items()}
     title = f"RMSE on {test.name} against training samples, mean over disjoint pieces of the training segment"
     of_figure = f"{title} · seed {run.seed}"

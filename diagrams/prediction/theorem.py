@@ -1,7 +1,6 @@
 """Theorem 1 on real flights: the bound, computed first, against the error that followed, in every window."""
 
 import dataclasses as dc
-from collections.abc import Callable
 from typing import Annotated
 
 import numpy as np
@@ -10,7 +9,7 @@ from typer import Option
 from diagrams.batch.campaign import Case
 from diagrams.batch.options import Neurobem
 from diagrams.batch.run import Report, Run
-from diagrams.batch.workers import Workers, failures, results
+from diagrams.batch.workers import failures, results
 from diagrams.prediction.array_flights import Flight, arrays, trained
 from np_drake.lifting.bounds.bound_check import BoundCheck, check_flight
 from np_drake.lifting.bounds.error_bound import largest_changes
@@ -46,27 +45,30 @@ def broken_models(model: LiftedModel) -> dict[str, tuple[LiftedModel, dict]]:
 
 
 def bound_table(
-    models: dict[str, LiftedModel], flown: list[Flight], *, spacing: int = 1, config: dict | None = None,
-    workers: Workers | None = None, on_progress: Callable[[int, int], None] = lambda *_: None,
-) -> list[dict]:  # fmt: skip
+    run: Run, models: dict[str, LiftedModel], flown: list[Flight], *, spacing: int, config: dict
+) -> list[dict]:
     """Return one line for every model, flight and source of the alphas, and one for every broken model.
 
-    Lines without a result are missing; the records of `workers` say why.
-    Args: models: configuration -> trained model.   spacing: samples between windows; 1 is every window.
-    config: what the models depend on, as of `run_campaign`.
+    Lines without a result are missing; the records of the run's workers say why.
+
+    Args:
+        run: workers and progress.
+        models: configuration -> trained model.
+        flown: flights.
+        spacing: samples between windows; 1 is every window.
+        config: what the models depend on, as of `run_campaign`.
     Raises: FailedRun: if no line has a result.
     """
     tasks = [task for name, model in models.items() for task in _tasks(name, model, flown, spacing)]
-    for name, (model, settings) in broken_models(models["paper"]).items():
-        arguments = {"model": model, "spacing": BROKEN_SPACING, **settings}
+    for name, (model, own) in broken_models(models["paper"]).items():
+        arguments = {"model": model, "spacing": BROKEN_SPACING, **own}
         tasks.append(_Task(name, flown[0].name, OWN, {**_arrays(flown[0]), **arguments}))
     half = tuple(alpha / 2 for alpha in _changes(models["paper"], flown[0]))
     arguments = {"model": models["paper"], "spacing": BROKEN_SPACING, "alpha": half}
     tasks.append(_Task("alphas halved", flown[0].name, "half", {**_arrays(flown[0]), **arguments}))
     cases = [{"model": task.model, "flight": task.flight, "alpha": task.alpha} for task in tasks]
-    records = (workers or Workers()).run(
-        _Checking(tuple(tasks)), cases, config={"spacing": spacing, **(config or {})}, on_progress=on_progress
-    )
+    work, settings = _Checking(tuple(tasks)), {"spacing": spacing, **config}
+    records = run.cases("every window", "", work, cases, config=settings)
     return [_read(line) for line in results(records)]
 
 
@@ -182,26 +184,20 @@ class Options:
 
 
 def run(run: Run, options: Options) -> Report:
-    """Theorem 1, corrected: bound against error. In every window of the real flights."""
+    """Theorem 1, corrected: bound against error. In every window of the real flights.
+
+    Args:
+        run: seed, folders, workers and progress.
+        options: of the study.
+    """
     flights = arrays("theorem", options.neurobem)
     models, settings = trained(run, flights[0])
-    with run.counting("every window") as on_progress:
-        lines = bound_table(
-            models,
-            flights,
-            spacing=options.spacing,
-            config=settings,
-            workers=run.workers,
-            on_progress=on_progress,
-        )
+    lines = bound_table(run, models, flights, spacing=options.spacing, config=settings)
     horizon = f"horizon {STEPS[-1]} steps, every {options.spacing}. window."
     return Report(
         [printed(lines)],
         config=settings,
         metrics={"table": lines},
-        lines=[
-            f"seed {run.seed}, trained on {flights[0].name}; {horizon}",
-            *assumption_lines(lines),
-        ],
+        lines=[f"seed {run.seed}, trained on {flights[0].name}; {horizon}", *assumption_lines(lines)],
         notes=failures(run.workers.finished),
     )

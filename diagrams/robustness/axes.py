@@ -60,7 +60,13 @@ class Grid:
         return Grid(*(tuple(values[i] for i in at) for values in (self.mass, self.length, self.speed)))
 
     def setting(self, mass: float, length: float, speed: float) -> Setting:
-        """Return what is flown at a point; without payload the tether's base, since there is none to differ."""
+        """Return what is flown at a point; without payload the tether's base, since there is none to differ.
+
+        Args:
+            mass: of the payload [kg].
+            length: of the tether [m].
+            speed: on the circle [m/s].
+        """
         length = length if mass > 0 else BASE["length"]
         return BASE | {"mass": mass, "length": length, "speed": speed}
 

@@ -25,7 +25,12 @@ class Cells:
             self._records.setdefault((case["row"], frozenset(setting.items())), []).append(record)
 
     def flights(self, row: str, setting: Setting) -> list[Record]:
-        """Return the records of a cell, one a seed."""
+        """Return the records of a cell, one a seed.
+
+        Args:
+            row: name of the controller.
+            setting: all of a case but row, model and seed.
+        """
         return self._records.get((row, frozenset(setting.items())), [])
 
 
@@ -35,7 +40,12 @@ def lost(record: Record) -> bool:
 
 
 def lost_line(record: Record, head: str) -> str | None:
-    """Return a line that begins with `head` on a lost or failed flight; None on any other."""
+    """Return a line on a lost or failed flight; None on any other.
+
+    Args:
+        record: of the flight.
+        head: what the line begins with.
+    """
     result = record.get("result")
     if result is None:
         return f"{head}: failed: {record['error']}"
@@ -70,17 +80,20 @@ def summary(records: Sequence[Record]) -> dict:
     return line
 
 
-def compare(mine: Sequence[Record], theirs: Sequence[Record], key: str = "E_xy") -> int:
-    """Return −1 where the error `key` of `mine` is below that of `theirs`, 1 where it is above, 0 where neither shows.
+def compare(mine: Sequence[Record], theirs: Sequence[Record]) -> int:
+    """Return −1 where E_xy of `mine` is below that of `theirs`, 1 where it is above, 0 where neither shows.
 
     It shows where the 95 % interval (Student) of the mean difference of equal seeds excludes zero; fewer lost flights
     take precedence. One seed shows nothing but a loss.
+
+    Args:
+        mine, theirs: records of two cells.
     """
     lost_mine, lost_theirs = sum(map(lost, mine)), sum(map(lost, theirs))
     if lost_mine != lost_theirs or lost_mine:
         return int(np.sign(lost_mine - lost_theirs))
-    others = {record["case"]["seed"]: record["result"][key] for record in theirs}
-    pairs = [(r["result"][key], others[r["case"]["seed"]]) for r in mine if r["case"]["seed"] in others]
+    others = {record["case"]["seed"]: record["result"]["E_xy"] for record in theirs}
+    pairs = [(r["result"]["E_xy"], others[r["case"]["seed"]]) for r in mine if r["case"]["seed"] in others]
     difference = np.array([a - b for a, b in pairs])
     if len(difference) < 2 or not abs(difference.mean()) > half_width(difference):
         return 0

@@ -18,7 +18,9 @@ MARKERS = ("o", "s", "^", "v", "D", "P", "X")
 def robustness_figure(lines: Sequence[dict], title: str = "") -> Figure:
     """Plot error against value, with a cross at the upper edge where a flight is lost.
 
-    Args: lines: of `robustness_table`.
+    Args:
+        lines: of `robustness_table`.
+        title: above all panels.
     """
     varied = axes_of(lines)
     blocks, columns = -(-len(varied) // COLUMNS), min(COLUMNS, len(varied))

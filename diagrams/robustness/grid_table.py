@@ -20,6 +20,9 @@ E_XY = "E_xy"
 def grid_points(records: Sequence[Record], grid: Grid) -> list[dict]:
     """Return one line a row and setting of the grid; without payload, one for all tethers.
 
+    Args:
+        records: of the flights.
+        grid: that was flown.
     Returns: {"row", "mass" [kg], "length" [m], "speed" [m/s], what `summary` returns, "over_oracle", "over_naive":
         E_xy over that of the oracle and of the best naive row [1], None where either is lost, "near": whether it is
         near the oracle, "grows": whether error or swing grows by more than `GROWING`, "against": result of `compare`

@@ -13,14 +13,14 @@ from typer import Option
 
 from diagrams.batch.campaign import Case, Record
 from diagrams.batch.columns import Column, tabulate
-from diagrams.batch.flown import FlownOptions, FlownRun, choose_rows
+from diagrams.batch.flown import FlownOptions, choose_rows
 from diagrams.batch.options import Only, Seeds
-from diagrams.batch.run import Report, Run, Table, counted
+from diagrams.batch.run import Report, Run, Table
 from diagrams.batch.workers import failures, require_result
 from diagrams.robustness.axes import BASE
 from diagrams.robustness.measures import GROWING
-from diagrams.robustness.robustness import ROWS, Flying, Progress, Sweep, campaign_config, model_digests
-from diagrams.robustness.sweep import make_sweep, title_of, trained
+from diagrams.robustness.robustness import ROWS, Flying, Sweep, sweep_of
+from diagrams.tracking.model_files import digest_of
 from diagrams.tracking.tracking import Row
 from np_drake.metrics import half_width
 
@@ -47,9 +47,11 @@ MARGINS = (
 
 
 def last_that_holds(holds: Callable[[float], bool], values: Sequence[float]) -> float | None:
-    """Return the last of `values` at which `holds` is true, None where it is false at the first.
+    """Return the last of `values` at which `holds` is true, None where it is false at the first; by bisection.
 
-    `holds` must not become true again where it was false before; found by bisection.
+    Args:
+        holds: must not become true again where it was false before.
+        values: from the base outward.
     """
     if not holds(values[0]):
         return None
@@ -87,41 +89,38 @@ class Searching:
         return {"margin": last_that_holds(holds, case["values"]), "flights": flights}
 
 
-def margin_cases(
-    rows: Sequence[Row], seeds: Sequence[int], models: dict[str, bytes], margins: Sequence[Margin] = MARGINS
-) -> list[Case]:
+def margin_cases(rows: Sequence[Row], seeds: Sequence[int], models: dict[str, bytes]) -> list[Case]:
     """Return every margin of every row at every speed with every seed.
 
-    Args: models: content of the model files by configuration.
+    Args:
+        rows: that can fly.
+        seeds: of the flights.
+        models: content of the model files by configuration.
     """
-    digests = model_digests(models)
     return [
         {
-            "row": row.name, "model": digests.get(row.configuration, ""), "margin": margin.name,
+            "row": row.name, "model": digest_of(models.get(row.configuration)), "margin": margin.name,
             "values": list(margin.values), "growing": GROWING, "speed": speed, "seed": seed,
         }
         for seed in seeds
         for speed in SPEEDS
-        for margin in margins
+        for margin in MARGINS
         for row in rows
     ]  # fmt: skip
 
 
-def run_margins(
-    sweep: Sweep,
-    *,
-    seeds: Sequence[int],
-    rows: Sequence[Row] = ROWS,
-    on_training: Progress,
-    on_progress: Progress,
-) -> tuple[list[Record], list[Record]]:
+def run_margins(sweep: Sweep, rows: Sequence[Row]) -> tuple[list[Record], list[Record]]:
     """Train what `rows` need, then find every margin.
 
+    Args:
+        sweep: seeds, workers and progress.
+        rows: of the table.
     Returns: the records of the trainings and of the margins. Rows whose training failed do not fly.
     """
-    trainings, models, flown = sweep.train(rows, on_training)
+    trainings, models, able = sweep.train(rows)
     work = Searching(Flying(models, sweep.solver, sweep.duration))
-    return trainings, sweep.run(work, margin_cases(flown, seeds, models), on_progress)
+    cases = margin_cases(able, sweep.seeds, models)
+    return trainings, sweep.cases("margins", "margins", work, cases, config=sweep.config)
 
 
 def margin_table(records: Sequence[Record]) -> list[dict]:
@@ -168,31 +167,26 @@ class Options(FlownOptions):
 
 
 def run(run: Run, options: Options) -> Report:
-    """Largest delay and loop gain that each controller bears. With the --out DIR of robustness: its models."""
-    run = FlownRun.of(run, options)
-    sweep = make_sweep(run, options.duration)
+    """Largest delay and loop gain that each controller bears. With the --out DIR of robustness: its models.
 
-    rows = choose_rows(ROWS, options.only)
-    with run.progress("margins") as advance:
-        trainings, records = run_margins(
-            sweep,
-            seeds=run.seeds,
-            rows=rows,
-            on_training=trained(advance),
-            on_progress=counted(advance, "margins"),
-        )
+    Args:
+        run: seed, folders, workers and progress.
+        options: of the study.
+    """
+    run = sweep_of(run, options, options.duration)
+    trainings, records = run_margins(run, choose_rows(ROWS, options.only))
     require_result(records)
     lines = margin_table(records)
-    config = campaign_config(run.seed, run.solver, options.duration) | {"seeds": run.seeds}
+    config = run.config | {"seeds": run.seeds}
     return Report(
-        [margins_printed(lines, title_of(run, options.duration))],
+        [_printed(lines, run.span)],
         config=config,
         metrics={"table": lines, "runs": [*trainings, *records]},
         notes=failures([*trainings, *records]),
     )
 
 
-def margins_printed(lines: list[dict], title: str) -> Table:
+def _printed(lines: list[dict], title: str) -> Table:
     """Return the table of margins: mean and 95 % interval over the seeds, and every seed's value."""
     columns: list[Column] = [("controller", "row"), ("speed [m/s]", lambda line: f"{line['speed']:g}")]
     for margin in MARGINS:

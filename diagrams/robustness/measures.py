@@ -24,6 +24,10 @@ def lost_beyond(config: FlightConfig) -> float:
 def measures(config: FlightConfig, signals: dict[str, np.ndarray], why: str = "") -> dict:
     """Return the metrics of a flight until it is lost, and of its steady window where it is not.
 
+    Args:
+        config: of the flight.
+        signals: in the form of `Recorder.read`.
+        why: the simulator's line, where it ended the flight.
     Returns:
         lost_at: when [s], or None; with `lost`: the simulator's line, where it ended the flight.
         E_xy, E_z [m], growth, swing_growth [1]: of the steady window; None where the vehicle is lost. `growth` is

@@ -6,16 +6,19 @@ tested.
 
 import dataclasses as dc
 from collections.abc import Callable, Sequence
+from functools import partial
 
 from diagrams.batch.campaign import Case, Record
-from diagrams.batch.workers import Workers
+from diagrams.batch.flown import FlownOptions, FlownRun
+from diagrams.batch.run import Run
 from diagrams.loop.flight import FlightConfig
 from diagrams.loop.flight_result import LostVehicle, simulate
 from diagrams.robustness.axes import BASE, FLOWN, Axis, Grid, axis_settings, distinct
 from diagrams.robustness.measures import LOST, SETTLING, lost_beyond, measures
-from diagrams.tracking.model_files import digest_of, model_of, model_path, trained_file
+from diagrams.tracking.model_files import Training, digest_of, model_of, model_path
 from diagrams.tracking.tracking import ROWS as TRACKING_ROWS
-from diagrams.tracking.tracking import Row, configure, frozen_weights
+from diagrams.tracking.tracking import Row, configure, frozen_weights, named
+from np_drake.mpc.solvers import require_solver
 
 TRACK, TRAINING = "circle", "training_circle"  # experiments that are flown and trained on
 SCORED = 20.0  # flight after the ramp [s]
@@ -23,20 +26,19 @@ HEIGHT = 2.4  # of the circle: room for the longest tether [m]
 GUSTS = 0.25  # standard deviation of each axis of the wind, over its mean speed [1]
 # Rows of the tracking comparison that are flown.
 SHOWN = ("nominal", "hold", "hold + total mass", "gp", "knode", "np", "payload_filter", "oracle")
-ROWS = tuple(next(row for row in TRACKING_ROWS if row.name == name) for name in SHOWN)
-Progress = Callable[[int, int], None]
-
-
-def _silent(done: int, total: int) -> None:
-    """Show no progress."""
+ROWS = tuple(named(TRACKING_ROWS, name) for name in SHOWN)
 
 
 def flight_config(case: Case, *, solver: str, model: str = "", duration: float = SCORED) -> FlightConfig:
     """Return the circle as the case has it.
 
-    Args: model: file of the row's model.   duration: after the ramp [s].
+    Args:
+        case: row, value of every axis, and seed.
+        solver: of the controller.
+        model: file of the row's model.
+        duration: after the ramp [s].
     """
-    row = next(row for row in ROWS if row.name == case["row"])
+    row = named(ROWS, case["row"])
     config = configure(TRACK, row, solver=solver, model=model)
     reality, noise = config.reality, config.reality.noise
     reality.payload.length = case["length"]
@@ -54,25 +56,15 @@ def flight_config(case: Case, *, solver: str, model: str = "", duration: float =
     return config.check()
 
 
-@dc.dataclass(frozen=True)
-class Training:
-    """Work of a training case: {"model": configuration} -> {"file": model file in base 64}."""
-
-    seed: int
-    solver: str
-
-    def __call__(self, case: Case) -> dict:
-        """Train the model of the case."""
-        row = next(row for row in ROWS if row.configuration == case["model"])
-        return trained_file(row, seed=self.seed, solver=self.solver)
-
-
 def flown(configure: Callable[[str], FlightConfig], model: bytes | None, seed: int) -> dict:
-    """Fly what `configure` returns for the path of a model file, and return the measures.
+    """Fly, and return the measures.
 
-    Args: model: content of that file; None where there is none.
+    Args:
+        configure: path of a model file -> what is flown.
+        model: content of that file; None where there is none.
+        seed: of the noise.
     """
-    signals, why = None, ""
+    why = ""
     with model_path(model) as path:
         config = configure(path)
         try:
@@ -95,13 +87,10 @@ class Flying:
 
     def __call__(self, case: Case) -> dict:
         """Fly the case and return its measures."""
-        row = next(row for row in ROWS if row.name == case["row"])
+        row = named(ROWS, case["row"])
         model = self.models[row.configuration] if row.configuration else None
-
-        def configure(path: str) -> FlightConfig:
-            return flight_config(case, solver=self.solver, model=path, duration=self.duration)
-
-        return flown(configure, model, case["seed"])
+        configured = partial(flight_config, case, solver=self.solver, duration=self.duration)
+        return flown(lambda path: configured(model=path), model, case["seed"])
 
 
 def flight_cases(
@@ -114,89 +103,96 @@ def flight_cases(
     """Return every row at every setting of axes and grid with every seed; a setting that they share, once.
 
     A case names its model by the digest of its file, so that no result of another one is taken for it.
-    Args: models: content of the model files by configuration.
+
+    Args:
+        rows: that can fly.
+        seeds: of the flights.
+        models: content of the model files by configuration.
+        axes: along which is flown.
+        grid: that is flown besides; None for none.
     """
     settings = distinct([*axis_settings(axes), *(grid.settings() if grid else [])])
-    digests = model_digests(models)
     return [
-        {"row": row.name, "model": digests.get(row.configuration, ""), **setting, "seed": seed}
+        {"row": row.name, "model": digest_of(models.get(row.configuration)), **setting, "seed": seed}
         for seed in seeds
         for setting in settings
         for row in rows
     ]
 
 
-def model_digests(models: dict[str, bytes]) -> dict[str, str]:
-    """Return the digest of every model file by configuration."""
-    return {name: digest_of(content) for name, content in models.items()}
+@dc.dataclass(frozen=True, kw_only=True)
+class Sweep(FlownRun):
+    """Run of a sweep, whose flights last `duration` after the ramp [s]; its seed draws all trainings."""
 
-
-@dc.dataclass(frozen=True)
-class Sweep:
-    """What a sweep's cases share: trainings, flights and workers.
-
-    training_seed: of the training flights and the trainings.   duration: of a flight, after the ramp [s].
-    """
-
-    training_seed: int
-    solver: str = "sqp"
     duration: float = SCORED
-    workers: Workers = dc.field(default_factory=Workers)
 
-    def run(
-        self,
-        work: Callable[[Case], dict],
-        cases: Sequence[Case],
-        on_progress: Progress = _silent,
-        config: dict | None = None,
-    ) -> list[Record]:
-        """Return the records of the cases; see `run_campaign`.
+    @property
+    def config(self) -> dict:
+        """All that the results of the circle's sweep depend on other than the case itself."""
+        return campaign_config(self.seed, self.solver, self.duration)
 
-        Args: config: all else that results depend on; default: that of the circle's sweep.
-        """
-        settings = config or campaign_config(self.training_seed, self.solver, self.duration)
-        return self.workers.run(work, cases, config=settings, on_progress=on_progress)
+    @property
+    def span(self) -> str:
+        """Part of a title that names seeds, duration, training seed and solver."""
+        first, last = self.seeds[0], self.seeds[-1]
+        seeds = f"seed {first}" if first == last else f"seeds {first} … {last}"
+        return f"{seeds}, {self.duration:g} s, trained on seed {self.seed}, {self.solver}"
 
-    def train(
-        self, rows: Sequence[Row], on_training: Progress = _silent
-    ) -> tuple[list[Record], dict[str, bytes], list[Row]]:
-        """Train what `rows` need.
-
-        Returns: the records, the model files by configuration, and the rows that can fly.
-        """
-        wanted = list(dict.fromkeys(row.configuration for row in rows if row.configuration))
-        cases = [{"model": name} for name in wanted]
-        trainings = self.run(Training(self.training_seed, self.solver), cases, on_training)
+    def train(self, rows: Sequence[Row]) -> tuple[list[Record], dict[str, bytes], list[Row]]:
+        """Train what `rows` need; return the records, the model files by configuration, and the rows that can fly."""
+        work, cases = Training(self.seed, self.solver), [{"model": name} for name in configurations(rows)]
+        trainings = self.cases("training", "models", work, cases, config=self.config)
         models = {r["case"]["model"]: model_of(r) for r in trainings if "result" in r}
-        return (
-            trainings,
-            models,
-            [row for row in rows if not row.configuration or row.configuration in models],
-        )
+        able = [row for row in rows if not row.configuration or row.configuration in models]
+        return trainings, models, able
+
+
+def sweep_of(run: Run, options: FlownOptions, duration: float) -> Sweep:
+    """Return the sweep of a study.
+
+    Args:
+        run: training seed, folders, workers and progress.
+        options: number of evaluation flights, and solver.
+        duration: of a flight, after the ramp [s].
+    Raises: ValueError: on an unknown solver; before any work.
+    """
+    require_solver(options.solver)
+    return dc.replace(Sweep.of(run, options), duration=duration)
+
+
+def configurations(rows: Sequence[Row]) -> list[str]:
+    """Return the configurations that are trained for `rows`, each once."""
+    return list(dict.fromkeys(row.configuration for row in rows if row.configuration))
 
 
 def run_robustness(
-    sweep: Sweep,
-    *,
-    seeds: Sequence[int],
-    rows: Sequence[Row] = ROWS,
-    axes: Sequence[Axis] = FLOWN,
-    grid: Grid | None = None,
-    on_training: Progress = _silent,
-    on_progress: Progress = _silent,
+    sweep: Sweep, rows: Sequence[Row], axes: Sequence[Axis] = FLOWN, grid: Grid | None = None
 ) -> tuple[list[Record], list[Record]]:
     """Train what `rows` need, then fly every case of the axes and the grid.
 
-    Args: seeds: of the flights.   on_training, on_progress: called with cases done and all.
+    Args:
+        sweep: seeds, workers and progress.
+        rows: of the table.
+        axes: along which is flown.
+        grid: that is flown besides; None for none.
     Returns: the records of the trainings and of the flights. Rows whose training failed do not fly.
     """
-    trainings, models, flown = sweep.train(rows, on_training)
-    cases = flight_cases(flown, seeds, models, axes, grid)
-    return trainings, sweep.run(Flying(models, sweep.solver, sweep.duration), cases, on_progress)
+    trainings, models, able = sweep.train(rows)
+    work, cases = (
+        Flying(models, sweep.solver, sweep.duration),
+        flight_cases(able, sweep.seeds, models, axes, grid),
+    )
+    return trainings, sweep.cases("robustness", "flights", work, cases, config=sweep.config)
 
 
 def campaign_config(training_seed: int, solver: str, duration: float = SCORED) -> dict:
-    """Return all that the results depend on other than the case itself."""
+    """Return all that the results depend on other than the case itself.
+
+    Args:
+        training_seed: of training flight and training.
+        solver: of every controller.
+        duration: of a flight, after the ramp [s].
+    """
     base = flight_config({"row": "nominal", "seed": 0, **BASE}, solver=solver, duration=duration)
     return {
         "solver": solver, "training": TRAINING, "training_seed": training_seed, "mpc": frozen_weights(),

@@ -7,16 +7,16 @@ from typer import Option
 
 from diagrams.batch.campaign import Record
 from diagrams.batch.columns import MISSING, Column, spread, tabulate
-from diagrams.batch.flown import FlownOptions, FlownRun, choose_rows
+from diagrams.batch.flown import FlownOptions, choose_rows
 from diagrams.batch.options import Duration, Only, Seeds
-from diagrams.batch.run import Report, Run, Table, counted
+from diagrams.batch.run import Report, Run, Table
 from diagrams.batch.workers import require_result
 from diagrams.robustness import robustness as experiment
 from diagrams.robustness.axes import FLOWN, Axis, Grid
 from diagrams.robustness.figure import robustness_figure
 from diagrams.robustness.grid_report import grid_figures, grid_printed
 from diagrams.robustness.grid_table import grid_points, grid_table
-from diagrams.robustness.sweep import make_sweep, title_of, trained
+from diagrams.robustness.robustness import sweep_of
 from diagrams.robustness.table import NOMINAL, axes_of, extremes, lost_lines, robustness_table
 
 
@@ -41,32 +41,21 @@ class Options(FlownOptions):
 
 
 def run(run: Run, options: Options) -> Report:
-    """Payload, tether, speed, wind, noise, motors, delay and battery. --out DIR: figures, and cases to resume from."""
-    run = FlownRun.of(run, options)
-    sweep = make_sweep(run, options.duration)
+    """Payload, tether, speed, wind, noise, motors, delay and battery. --out DIR: figures, and cases to resume from.
 
-    rows, axes, chosen = (
-        choose_rows(experiment.ROWS, options.only),
-        _axes(options.axis or []),
-        Grid() if options.grid else None,
-    )
-    if options.grid_values is not None:
-        chosen = _thinned(chosen, options.grid_values)
-    with run.progress("robustness") as advance:
-        trainings, flights = experiment.run_robustness(
-            sweep,
-            seeds=run.seeds,
-            rows=rows,
-            axes=axes,
-            grid=chosen,
-            on_training=trained(advance),
-            on_progress=counted(advance, "flights"),
-        )
+    Args:
+        run: seed, folders, workers and progress.
+        options: of the study.
+    """
+    run = sweep_of(run, options, options.duration)
+    rows, axes = choose_rows(experiment.ROWS, options.only), _axes(options.axis or [])
+    grid = _grid(options)
+    trainings, flights = experiment.run_robustness(run, rows, axes, grid)
     require_result(flights)
-    lines, title = robustness_table(flights, axes), title_of(run, options.duration)
-    points = grid_points(flights, chosen) if chosen else []
-    config = experiment.campaign_config(run.seed, run.solver, options.duration) | {"seeds": run.seeds}
-    tables = [limits_printed(lines, title), *(errors_printed(lines, key, title) for key in ("E_xy", "E_z"))]
+    lines, title = robustness_table(flights, axes), run.span
+    points = grid_points(flights, grid) if grid else []
+    config = run.config | {"seeds": run.seeds}
+    tables = [_limits(lines, title), *(_errors(lines, key, title) for key in ("E_xy", "E_z"))]
     figures = {"robustness.png": lambda: robustness_figure(lines, f"circle, {title}")}
     return Report(
         [*tables, *grid_printed(points, title)],
@@ -77,18 +66,20 @@ def run(run: Run, options: Options) -> Report:
             "runs": [*trainings, *flights],
         },
         notes=[*_notes(trainings, flights, lines), *(f"{name}: {value}" for name, value in config.items())],
-        figures=figures | grid_figures(points, chosen, f"circle, {title}"),
+        figures=figures | grid_figures(points, grid, f"circle, {title}"),
     )
 
 
-def _thinned(grid: Grid | None, count: int) -> Grid:
-    """Return the grid of `count` values of each quantity.
+def _grid(options: Options) -> Grid | None:
+    """Return the grid that is flown besides; None without `--grid`.
 
-    Raises: ValueError: without a grid.
+    Raises: ValueError: on values of no grid.
     """
-    if grid is None:
+    if options.grid_values is None:
+        return Grid() if options.grid else None
+    if not options.grid:
         raise ValueError("--grid-values: must come with --grid.")
-    return grid.thinned(count)
+    return Grid().thinned(options.grid_values)
 
 
 def _axes(names: list[str]) -> list[Axis]:
@@ -118,7 +109,7 @@ def _notes(trainings: list[Record], flights: list[Record], lines: list[dict]) ->
     ]
 
 
-def limits_printed(lines: list[dict], title: str) -> Table:
+def _limits(lines: list[dict], title: str) -> Table:
     """Return the table of where each controller is better than nominal, and where it is lost."""
 
     def lost(line: dict) -> str:
@@ -154,7 +145,7 @@ def _intervals(line: dict, key: str, values: tuple[float, ...]) -> str:
     return ", ".join(f"{a:.3g} … {b:.3g}" if b > a else f"{a:.3g}" for a, b in found) or "nowhere"
 
 
-def errors_printed(lines: list[dict], key: str, title: str) -> Table:
+def _errors(lines: list[dict], key: str, title: str) -> Table:
     """Return the table of the error `key` in cm: a block for every axis, whose first row has the values."""
     axes, value = axes_of(lines), spread(key)
     header = [""] * (1 + max((len(axis.values) for axis in axes), default=0))

@@ -13,7 +13,7 @@ NOMINAL = "nominal"  # row that the others are compared with
 Interval = tuple[float, float]
 
 
-def along(cells: Cells, axis: Axis, row: str) -> list[dict]:
+def _along(cells: Cells, axis: Axis, row: str) -> list[dict]:
     """Return one line a value of the axis: {"value", and what `summary` returns}."""
     return [
         {"value": value, **summary(cells.flights(row, BASE | {axis.name: value}))} for value in axis.values
@@ -21,13 +21,18 @@ def along(cells: Cells, axis: Axis, row: str) -> list[dict]:
 
 
 def robustness_table(records: Sequence[Record], axes: Sequence[Axis] = FLOWN) -> list[dict]:
-    """Return one line an axis and row that flew: `points` of `along`, and `better`, intervals by error."""
+    """Return one line an axis and row that flew: `points`, a `summary` a value, and `better`, intervals by error.
+
+    Args:
+        records: of the flights.
+        axes: that were flown.
+    """
     cells, lines = Cells(records), []
     flown = [row.name for row in ROWS if row.name in cells.rows]
     for axis in axes:
-        base = along(cells, axis, NOMINAL)
+        base = _along(cells, axis, NOMINAL)
         for row in flown:
-            points = along(cells, axis, row)
+            points = _along(cells, axis, row)
             better = {key: better_than(points, base, key) for key in ERRORS}
             lines.append({"axis": axis.name, "row": row, "points": points, "better": better})
     return lines
@@ -38,6 +43,11 @@ def better_than(points: Sequence[dict], base: Sequence[dict], key: str) -> list[
 
     Between values the logarithm of the ratio is interpolated linearly. No line leads to or from a lost flight: it is
     never better, and where only `base` is lost, `points` is.
+
+    Args:
+        points: of a controller, by value of the axis.
+        base: of the controller that it is compared with, at the same values.
+        key: of the error.
     """
     values = [point["value"] for point in points]
     ratio = [_log_ratio(point[key], other[key]) for point, other in zip(points, base, strict=True)]
@@ -92,8 +102,13 @@ def axes_of(lines: Sequence[dict]) -> list[Axis]:
     return [axis for axis in FLOWN if any(line["axis"] == axis.name for line in lines)]
 
 
-def extremes(records: Sequence[Record], axes: Sequence[Axis] = FLOWN) -> list[str]:
-    """Return, for each axis, a line on the flight that came nearest to a rotor's limit."""
+def extremes(records: Sequence[Record], axes: Sequence[Axis]) -> list[str]:
+    """Return, for each axis, a line on the flight that came nearest to a rotor's limit.
+
+    Args:
+        records: of the flights.
+        axes: that were flown.
+    """
     said = []
     for axis in axes:
         off = BASE.keys() - {axis.name}

@@ -9,7 +9,8 @@ import numpy as np
 
 from diagrams.batch.campaign import Case
 from diagrams.batch.failed_run import FailedRun
-from diagrams.batch.workers import Workers, results
+from diagrams.batch.flown import FlownRun
+from diagrams.batch.workers import results
 from diagrams.loop.experiments import settings_of
 from diagrams.loop.flight_result import fly
 from diagrams.tracking.model_files import (
@@ -21,7 +22,7 @@ from diagrams.tracking.model_files import (
     rows_with_models,
     trained_models,
 )
-from diagrams.tracking.tracking import PROTOCOLS, ROWS, TRACKS, Row, configure, training_config
+from diagrams.tracking.tracking import PROTOCOLS, ROWS, TRACKS, Row, configure, named, training_config
 
 LOST = {"E_xy": np.inf, "E_z": np.inf, "growth": np.inf, "solve_failures": 0}  # metrics of a lost vehicle
 
@@ -40,14 +41,14 @@ class Flying:
 
     def __call__(self, case: Case) -> dict:
         """Fly the case. A lost vehicle is a result: another try would lose it too."""
-        row = next(row for row in self.rows if row.name == case["row"])
-        named = {"experiment": case["track"], "controller": row.kind, "seed": case["seed"], "row": row.name}
+        row = named(self.rows, case["row"])
+        flown = {"experiment": case["track"], "controller": row.kind, "seed": case["seed"], "row": row.name}
         with model_path(self.models.get(key_of(row))) as model:
             config = configure(case["track"], row, solver=self.solver, model=model, reality=self.reality)
             try:
                 flight = fly(config, seed=case["seed"])
             except FailedRun as error:
-                return {**named, "lost": str(error)}
+                return {**flown, "lost": str(error)}
         lap = {name: flight.signals[name][flight.last_lap, :2] for name in ("x_true", "p_ref")}
         return {**flight.summary(), "row": row.name, "lap": lap}
 
@@ -56,6 +57,11 @@ def flight_cases(rows: list[Row], seeds: list[int], models: Models) -> list[Case
     """Return every row on every track with every seed.
 
     A case names its model by the digest of its file, so that no result of another one is taken for it.
+
+    Args:
+        rows: that can fly.
+        seeds: of the flights.
+        models: content of the model files.
     """
     return [
         {"row": row.name, "model": digest_of(models.get(key_of(row))), "track": track, "seed": seed}
@@ -66,33 +72,30 @@ def flight_cases(rows: list[Row], seeds: list[int], models: Models) -> list[Case
 
 
 def run_tracking(
-    folder: Path,
+    run: FlownRun,
+    rows: tuple[Row, ...],
     *,
-    seeds: list[int],
-    training_seed: int,
-    solver: str = "sqp",
-    rows: tuple[Row, ...] = ROWS,
+    title: str = "tracking",
     reality: Path | None = None,
-    workers: Workers | None = None,
-    on_progress: Callable[[int, int], None] = lambda done, total: None,
     on_lap: Callable[[dict, dict[str, np.ndarray]], None] = lambda summary, lap: None,
 ) -> list[dict]:
     """Fly all rows on all tracks and seeds and return the `fly` summaries, each with its row's name.
 
-    Flights without a result are missing; the records of `workers` say why.
-    Args: folder: for the model files.   reality: scenario file that all is flown in, see `load_experiment`.
-    on_lap: called with a summary and the x_true, p_ref (n, 2) [m] of that flight's last lap.
+    Flights without a result are missing; the records of the run's workers say why.
+
+    Args:
+        run: seeds, solver, folder of the model files, workers and progress.
+        rows: of the table.
+        title: of the progress.
+        reality: scenario file that all is flown in, see `load_experiment`.
+        on_lap: called with a summary and the x_true, p_ref (n, 2) [m] of that flight's last lap.
     Raises: FailedRun: if no flight has a result.
     """
-    workers = workers or Workers()
     reality = reality and reality.resolve()
-    config = campaign_config(training_seed, solver, reality)
-    training = Training(training_seed, solver, reality)
-    models = trained_models(workers, rows, folder, training=training, config=config)
-    cases = flight_cases(rows_with_models(rows, models), seeds, models)
-    records = workers.run(
-        Flying(rows, models, solver, reality), cases, config=config, on_progress=on_progress
-    )
+    config = campaign_config(run.seed, run.solver, reality)
+    models = trained_models(run, rows, Training(run.seed, run.solver, reality), config)
+    cases = flight_cases(rows_with_models(rows, models), run.seeds, models)
+    records = run.cases(title, "flights", Flying(rows, models, run.solver, reality), cases, config=config)
     summaries = [read_summary(result) for result in results(records)]
     for summary in summaries:
         if (lap := summary.pop("lap", None)) is not None:
@@ -101,7 +104,13 @@ def run_tracking(
 
 
 def campaign_config(training_seed: int, solver: str, reality: Path | None) -> dict:
-    """Return all that the results depend on other than the case itself."""
+    """Return all that the results depend on other than the case itself.
+
+    Args:
+        training_seed: of training flights and trainings.
+        solver: of every controller.
+        reality: scenario file that all is flown in; None for none.
+    """
     nominal = ROWS[0]
     trainings = dict.fromkeys(name for names in PROTOCOLS.values() for name in names)
     return {

@@ -65,10 +65,15 @@ class Options(FlownOptions):
 
 
 def run(run: Run, options: Options) -> Report:
-    """Every configuration of the predictor in the loop. All are trained on one flight; --out DIR: models."""
+    """Every configuration of the predictor in the loop. All are trained on one flight; --out DIR: models.
+
+    Args:
+        run: seed, folders, workers and progress.
+        options: of the study.
+    """
     run = FlownRun.of(run, options)
     rows = choose_rows(ROWS, options.only)
-    summaries = run.fly("configurations", flights.run_tracking, rows)
+    summaries = flights.run_tracking(run, rows, title="configurations")
     lines, places = tracking.table(summaries, rows), ranking(summaries)
     used = {
         row.configuration: make_config(row.configuration, seed=run.seed) for row in rows if row.configuration
@@ -76,7 +81,7 @@ def run(run: Run, options: Options) -> Report:
     configs = {name: dc.asdict(c) for name, c in used.items()}
     best = [{"row": name, "mean": mean, "sd": sd} for name, mean, sd in places]
     return Report(
-        [printed(lines, f"{run.title()}; ± standard deviation over seeds")],
+        [_printed(lines, f"{run.title()}; ± standard deviation over seeds")],
         config={**run.settings, "mpc": tracking.frozen_weights(), "configurations": configs},
         metrics={"table": lines, "ranking": best, "runs": summaries},
         notes=[
@@ -88,7 +93,7 @@ def run(run: Run, options: Options) -> Report:
     )
 
 
-def printed(lines: list[dict], title: str) -> Table:
+def _printed(lines: list[dict], title: str) -> Table:
     """Return the table of the lines that `tracking.table` gives; errors in cm."""
     columns = (
         ("track", "track"),

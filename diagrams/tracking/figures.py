@@ -15,6 +15,10 @@ def plane_track(flights: Sequence[FlightResult], title: str = "") -> Figure:
     """Plot the track in the x-y plane of several controllers, the reference dotted; the last lap only.
 
     An error along the track does not show here; `errors` has it.
+
+    Args:
+        flights: a controller each.
+        title: above the plot.
     """
     first = flights[0]
     ref = first.signals["p_ref"][first.last_lap]
@@ -33,7 +37,12 @@ def plane_track(flights: Sequence[FlightResult], title: str = "") -> Figure:
 
 
 def errors(flights: Sequence[FlightResult], title: str = "") -> Figure:
-    """Plot the position error against time, one panel an axis."""
+    """Plot the position error against time, one panel an axis.
+
+    Args:
+        flights: a controller each.
+        title: above the plot.
+    """
     figure, axes = new_figure(3, 1, width=7.0, height=5.0)
     for i, ax in enumerate(axes[:, 0]):
         for k, flight in enumerate(flights):
@@ -51,7 +60,12 @@ def errors(flights: Sequence[FlightResult], title: str = "") -> Figure:
 
 
 def wrench(flight: FlightResult, span: float = 8.0) -> Figure:
-    """Plot external force and torque, as truth, label and prediction, over the last `span` seconds."""
+    """Plot external force and torque, as truth, label and prediction, at the end of a flight.
+
+    Args:
+        flight: that was simulated.
+        span: that is shown [s].
+    """
     s = flight.signals
     rows = s["t"] > s["t"][-1] - span
     figure, axes = new_figure(3, 2, width=9.0, height=5.5)

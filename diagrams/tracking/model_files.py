@@ -4,13 +4,14 @@ import base64
 import dataclasses as dc
 import hashlib
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 
 from diagrams.batch.campaign import Case, Record
-from diagrams.batch.workers import Workers
-from diagrams.tracking.tracking import Row, train_models
+from diagrams.batch.run import Run
+from diagrams.tracking.tracking import DITHERED, Row, train_models
 from np_drake.files.atomic_file import atomic_path
 from np_drake.vehicle import Vehicle
 
@@ -23,23 +24,12 @@ def key_of(row: Row) -> Key:
     return row.training, row.configuration
 
 
-def trained_file(
-    row: Row, *, seed: int, solver: str, vehicle: Vehicle | None = None, reality: Path | None = None
-) -> dict:
-    """Return {"file": model file of the row in base 64}.
-
-    Args: vehicle, reality: of the training flight, as of `configure`.
-    """
-    with tempfile.TemporaryDirectory() as folder:
-        files = train_models((row,), Path(folder), seed=seed, solver=solver, vehicle=vehicle, reality=reality)
-        return {"file": base64.b64encode(Path(*files.values()).read_bytes()).decode()}
-
-
 def model_of(training: Record) -> bytes:
     """Return the content of the model file of a training's record."""
     return base64.b64decode(training["result"]["file"])
 
 
+@cache  # a case of thousands asks for it
 def digest_of(content: bytes | None) -> str:
     """Return the digest of a model file, by which a case names it; empty without one."""
     return "" if content is None else hashlib.sha256(content).hexdigest()[:16]
@@ -65,36 +55,59 @@ def file_name(key: Key) -> str:
 
 @dc.dataclass(frozen=True)
 class Training:
-    """Work of a training case: {"training": experiment, "model": configuration} -> `trained_file`."""
+    """Work of a training case: {"model": configuration, "training": experiment} -> {"file": model file in base 64}.
+
+    A case may leave out the experiment, `DITHERED`, and may name a vehicle.   reality: scenario file of the training
+    flight.   vehicles: those that cases name.
+    """
 
     seed: int
     solver: str
     reality: Path | None = None
+    vehicles: Mapping[str, Vehicle] = dc.field(default_factory=dict)
 
     def __call__(self, case: Case) -> dict:
         """Fly the training flight and train the model of the case."""
-        row = Row("", "np", training=case["training"], configuration=case["model"])
-        return trained_file(row, seed=self.seed, solver=self.solver, reality=self.reality)
+        row = Row("", "np", training=case.get("training", DITHERED), configuration=case["model"])
+        vehicle = self.vehicles.get(case.get("vehicle", ""))
+        with tempfile.TemporaryDirectory() as folder:
+            files = train_models(
+                (row,),
+                Path(folder),
+                seed=self.seed,
+                solver=self.solver,
+                vehicle=vehicle,
+                reality=self.reality,
+            )
+            return {"file": base64.b64encode(Path(*files.values()).read_bytes()).decode()}
 
 
-def trained_models(
-    workers: Workers, rows: Sequence[Row], folder: Path, *, training: Callable[[Case], dict], config: dict
-) -> Models:
-    """Train what `rows` need, write the model files into `folder` and return their content.
+def trained_models(run: Run, rows: Sequence[Row], training: Callable[[Case], dict], config: dict) -> Models:
+    """Train what `rows` need, write the model files into the folder of the run and return their content.
 
     A model whose training failed is missing.
-    Args: training: the work, a `Training`.   config: as of `run_campaign`.
+
+    Args:
+        run: workers, folder and progress.
+        rows: of the table.
+        training: the work, a `Training`.
+        config: as of `run_campaign`.
     """
     keys = list(dict.fromkeys(key_of(row) for row in rows if row.training))
     cases = [{"training": experiment, "model": configuration} for experiment, configuration in keys]
-    records = workers.run(training, cases, config=config)
+    records = run.cases("training", "models", training, cases, config=config)
     models = {key: model_of(record) for key, record in zip(keys, records, strict=True) if "result" in record}
     for key, content in models.items():
-        with atomic_path(folder / file_name(key)) as path:
+        with atomic_path(run.folder / file_name(key)) as path:
             path.write_bytes(content)
     return models
 
 
 def rows_with_models(rows: Sequence[Row], models: Models) -> list:
-    """Return the rows that can fly: those without training, and those whose model is there."""
+    """Return the rows that can fly: those without training, and those whose model is there.
+
+    Args:
+        rows: of the table.
+        models: content of the model files.
+    """
     return [row for row in rows if not row.training or key_of(row) in models]

@@ -21,7 +21,9 @@ def make_packaged_models(
 ) -> list[Path]:
     """Fly the training flight, train both models on it, write them into `folder` and return their files.
 
-    Args: on_step: called with (done, total, what comes).
+    Args:
+        folder: takes the files.
+        on_step: called with (done, total, what comes).
     """
     files = [folder / packaged.name for packaged in (NP_MODEL, FILTER_MODEL)]
     on_step(0, 3, "training flight")
@@ -48,6 +50,10 @@ def difference(path: Path, packaged: Path | None = None) -> Difference:
     """Return the largest difference of a model file from the packaged one of its name, tensor by tensor.
 
     It is infinite where tensors or shapes differ.
+
+    Args:
+        path: of the model file.
+        packaged: that it is compared with; None: the packaged one of its name.
     Raises: ValueError: on a bad file.
     """
     packaged = packaged or MODELS / path.name
@@ -60,7 +66,11 @@ def difference(path: Path, packaged: Path | None = None) -> Difference:
 
 
 def tensor_difference(a: dict[str, np.ndarray], b: dict[str, np.ndarray]) -> Difference:
-    """Return the largest difference of tensors `a` from `b` of the same names and shapes; NaN differs without bound."""
+    """Return the largest difference of tensors; NaN differs without bound.
+
+    Args:
+        a, b: tensors of the same names and shapes; those of the packaged file are `b`.
+    """
     relative, from_zero = [0.0], [0.0]
     for name, value in b.items():
         size = np.abs(value).max(initial=0.0)
@@ -73,7 +83,12 @@ def tensor_difference(a: dict[str, np.ndarray], b: dict[str, np.ndarray]) -> Dif
 
 
 def run(run: Run, options: Options) -> Report:
-    """Make the packaged model files anew, and compare them with those in the package. --out DIR: the files."""
+    """Make the packaged model files anew, and compare them with those in the package. --out DIR: the files.
+
+    Args:
+        run: seed, folders, workers and progress.
+        options: of the study.
+    """
     with run.progress("packaged models") as advance:
         files = make_packaged_models(
             run.folder, on_step=lambda done, total, text: advance(done / total, text)

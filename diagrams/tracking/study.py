@@ -36,7 +36,12 @@ class Options(FlownOptions):
 
 
 def run(run: Run, options: Options) -> Report:
-    """Every controller on circle and lemniscate. --out DIR: models and figure."""
+    """Every controller on circle and lemniscate. --out DIR: models and figure.
+
+    Args:
+        run: seed, folders, workers and progress.
+        options: of the study.
+    """
     run = FlownRun.of(run, options)
     rows = _rows(options.only or [], options.training)
     world = load_experiment("circle", None, options.reality).check()
@@ -46,7 +51,7 @@ def run(run: Run, options: Options) -> Report:
         if summary["seed"] == run.seeds[0]:
             laps[summary["experiment"], summary["row"]] = lap
 
-    summaries = run.fly("tracking", flights.run_tracking, rows, on_lap=keep, reality=options.reality)
+    summaries = flights.run_tracking(run, rows, on_lap=keep, reality=options.reality)
     lines = tracking.table(summaries, rows)
     notes, config = _notes(rows, run, options.training, dc.asdict(world.reality))
     lost = [f"{s['row']}, {s['experiment']}, seed {s['seed']}: {s['lost']}" for s in summaries if "lost" in s]
@@ -114,7 +119,12 @@ def _four(laps: dict, rows: tuple[Row, ...]) -> dict:
 
 
 def printed(lines: list[dict], title: str) -> Table:
-    """Return the table of the lines that `tracking.table` gives; errors in cm."""
+    """Return the table of the lines; errors in cm.
+
+    Args:
+        lines: of `tracking.table`.
+        title: what was flown.
+    """
     published = {row.name: row.published for row in ROWS}
 
     def paper(line: dict) -> str:

@@ -1,7 +1,9 @@
 """Tracking comparison: every controller on circle and lemniscate, several seeds, one trained model a row."""
 
 import dataclasses as dc
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
@@ -49,6 +51,7 @@ class Row:
         return {} if self.known_mass else PAPER.get(self.kind, {})
 
 
+AnyRow = TypeVar("AnyRow", bound=Row)
 ROWS = (
     Row("nominal", "nominal"),
     Row("nominal + total mass", "nominal", known_mass=True),
@@ -70,6 +73,16 @@ ROWS = (
 )
 
 
+def named(rows: Sequence[AnyRow], name: str) -> AnyRow:
+    """Return the row of that name.
+
+    Args:
+        rows: of a table.
+        name: of one of them.
+    """
+    return next(row for row in rows if row.name == name)
+
+
 def configure(
     track: str,
     row: Row,
@@ -81,8 +94,13 @@ def configure(
 ) -> FlightConfig:
     """Return the experiment `track` with the controller of `row`.
 
-    Args: vehicle: to which it is scaled; None: the paper's.   reality: scenario file that it is flown in, see
-    `load_experiment`.
+    Args:
+        track: name of the experiment.
+        row: of the table.
+        solver: of the MPC.
+        model: file of the row's predictor.
+        vehicle: to which it is scaled; None: the paper's.
+        reality: scenario file that it is flown in, see `load_experiment`.
     """
     config = load_experiment(track, vehicle, reality)
     controller = config.controller
@@ -95,26 +113,30 @@ def configure(
 
 
 def training_flight(
-    experiment: str,
-    *,
-    seed: int,
-    solver: str,
-    vehicle: Vehicle | None = None,
-    reality: Path | None = None,
-    monitor=None,
+    experiment: str, *, seed: int, solver: str, vehicle: Vehicle | None = None, reality: Path | None = None
 ) -> FlightResult:
     """Fly the experiment that a predictor learns from with the nominal MPC: 60 s of any vehicle.
 
-    Args: vehicle, reality: as of `configure`.
+    Args:
+        experiment: its name.
+        seed: of the noise.
+        solver: of the MPC.
+        vehicle, reality: as of `configure`.
     """
     config = training_config(experiment, solver=solver, vehicle=vehicle, reality=reality)
-    return fly(config, seed=seed, monitor=monitor)
+    return fly(config, seed=seed)
 
 
 def training_config(
     experiment: str, *, solver: str, vehicle: Vehicle | None = None, reality: Path | None = None
 ) -> FlightConfig:
-    """Return the settings of `training_flight`."""
+    """Return the settings of `training_flight`.
+
+    Args:
+        experiment: its name.
+        solver: of the MPC.
+        vehicle, reality: as of `configure`.
+    """
     config = load_experiment(experiment, vehicle, reality)
     config.duration = load_experiment(experiment).duration
     config.controller.kind, config.controller.solver = "nominal", solver
@@ -132,7 +154,12 @@ def train_models(
 ) -> dict[tuple[str, str], str]:
     """Train one model for every (training experiment, configuration) of `rows` and return their files.
 
-    Args: vehicle, reality: of the training flight, as of `configure`.
+    Args:
+        rows: of the table.
+        folder: takes the model files.
+        seed: of training flights and trainings.
+        solver: of the training flights' controller.
+        vehicle, reality: of the training flights, as of `configure`.
     """
     files: dict[tuple[str, str], str] = {}
     flights: dict[str, FlightResult] = {}
@@ -160,6 +187,10 @@ def table(summaries: list[dict], rows: tuple[Row, ...] = ROWS) -> list[dict]:
 
     They are means over seeds with 95 % interval (Student) and standard deviation, and the reduction relative to
     nominal.
+
+    Args:
+        summaries: of the flights.
+        rows: of the table.
     """
     order = {row.name: number for number, row in enumerate(rows)}
     lines = []

@@ -11,7 +11,10 @@ def plane_tracks(laps: dict[tuple[str, str], dict[str, np.ndarray]], title: str 
     """Plot the last lap of each row, the reference dotted.
 
     An error along the track does not show here; the table has it.
-    Args: laps: (track, row): x_true, p_ref (n, 2) [m].
+
+    Args:
+        laps: (track, row): x_true, p_ref (n, 2) [m].
+        title: above both panels.
     """
     figure, axes = new_figure(1, len(TRACKS), width=10.0, height=4.6)
     rows = list(dict.fromkeys(row for _, row in laps))

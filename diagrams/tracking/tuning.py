@@ -2,7 +2,6 @@
 
 import dataclasses as dc
 import itertools
-from collections.abc import Callable
 
 import numpy as np
 
@@ -10,7 +9,7 @@ from diagrams.batch.campaign import Case
 from diagrams.batch.columns import tabulate
 from diagrams.batch.run import NoOptions as Options
 from diagrams.batch.run import Report, Run
-from diagrams.batch.workers import Workers, failures, results
+from diagrams.batch.workers import failures, results
 from diagrams.loop.experiments import load_experiment, settings_of
 from diagrams.loop.flight_result import fly
 
@@ -23,7 +22,8 @@ LAG = 0.06  # of the motors: twice what flies, so that the loop keeps its margin
 def score(case: Case) -> dict:
     """Return error and effort of the nominal MPC on the lemniscate without payload and with slower motors.
 
-    Args: case: {"position", "torque": factors, "seed", "duration"}.
+    Args:
+        case: {"position", "torque": factors, "seed", "duration"}.
     """
     position, torque, seed, duration = (case[key] for key in ("position", "torque", "seed", "duration"))
     config = load_experiment("lemniscate")
@@ -44,32 +44,34 @@ def score(case: Case) -> dict:
     return {**named, "E_xy": m["E_xy"], "E_z": m["E_z"], "torque_rms": float(effort), "allowed": allowed}
 
 
-def weight_table(
-    *,
-    seed: int,
-    duration: float = 20.0,
-    workers: Workers | None = None,
-    on_progress: Callable[[int, int], None] = lambda done, total: None,
-) -> list[dict]:
+def weight_table(run: Run, duration: float = 20.0) -> list[dict]:
     """Return every combination of the factors, best first: least E_xy within the effort allowed.
 
-    Factors 1, 1 are those of `MpcConfig`. Flights without a result are missing; the records of `workers` say why.
-    Args: duration: of a flight, after the ramp [s].
+    Factors 1, 1 are those of `MpcConfig`. Flights without a result are missing; the records of the run's workers say
+    why.
+
+    Args:
+        run: seed of the noise, workers and progress.
+        duration: of a flight, after the ramp [s].
     Raises: FailedRun: if no flight has a result.
     """
     cases = [
-        {"position": position, "torque": torque, "seed": seed, "duration": duration}
+        {"position": position, "torque": torque, "seed": run.seed, "duration": duration}
         for position, torque in itertools.product(POSITION, TORQUE)
     ]
     config = {"motor_lag": LAG, "allowed": EFFORT, "lemniscate": settings_of(load_experiment("lemniscate"))}
-    records = (workers or Workers()).run(score, cases, config=config, on_progress=on_progress)
+    records = run.cases("weights", "", score, cases, config=config)
     return sorted(results(records), key=lambda line: (not line["allowed"], line["E_xy"]))
 
 
 def run(run: Run, options: Options) -> Report:
-    """How the MPC's weights were chosen. On the vehicle without payload."""
-    with run.counting("weights") as on_progress:
-        lines = weight_table(seed=run.seed, workers=run.workers, on_progress=on_progress)
+    """How the MPC's weights were chosen. On the vehicle without payload.
+
+    Args:
+        run: seed, folders, workers and progress.
+        options: of the study.
+    """
+    lines = weight_table(run)
     title = f"factors on the frozen weights; lemniscate, no payload, motor lag {LAG} s, seed {run.seed}"
     columns = (
         ("position", "position"),

@@ -11,15 +11,14 @@ import numpy as np
 import pytest
 
 from diagrams.batch import campaign
-from diagrams.batch.processes import as_they_finish
 
 
 @pytest.fixture
 def in_this_process(monkeypatch):
     """Cases of campaigns run in this process, where a test can change what they call."""
 
-    def here(work, cases, *, jobs, isolated):
-        return as_they_finish(work, cases, jobs=1)
+    def here(work, cases, jobs):
+        return ((number, work(case)) for number, case in enumerate(cases))
 
     monkeypatch.setattr(campaign, "as_they_finish", here)
 

@@ -26,25 +26,59 @@ class Film:
         self.animation.set_repetitions(FOREVER)
 
     def quadrotor(self, frame: int, path: str, x: np.ndarray) -> None:
-        """Show a quadrotor in state x (13,)."""
+        """Show a quadrotor.
+
+        Args:
+            frame: number of the picture.
+            path: of the object.
+            x: (13,) its state.
+        """
         self.animation.SetTransform(frame, path, pose(x))
 
     def payload(self, frame: int, x: np.ndarray, hook: np.ndarray, p_WP: np.ndarray, path: str = "") -> None:
-        """Show a payload at p_WP (3,) [m] on its tether from the hook of a vehicle in x (13,)."""
+        """Show a payload on its tether.
+
+        Args:
+            frame: number of the picture.
+            x: (13,) state of the vehicle.
+            hook: (3,) where the tether begins, in B [m].
+            p_WP: (3,) position of the payload in W [m].
+            path: in front of the objects' names.
+        """
         self.animation.SetTransform(frame, f"{path}payload", RigidTransform(p_WP))
         self.bar(frame, f"{path}tether", *tether_pose(x, hook, p_WP))
 
     def arrow(self, frame: int, path: str, start: np.ndarray, vector: np.ndarray) -> None:
-        """Show an arrow from `start` (3,) [m] along `vector` (3,) [m]."""
+        """Show an arrow.
+
+        Args:
+            frame: number of the picture.
+            path: of the object.
+            start: (3,) of the arrow, in W [m].
+            vector: (3,) from there to its tip, in W [m].
+        """
         self.bar(frame, path, along(start, vector), max(float(np.linalg.norm(vector)), SHORTEST))
 
     def bar(self, frame: int, path: str, X_W: RigidTransform, length: float) -> None:
-        """Show an object of unit length along its z axis at a pose, `length` long [m]."""
+        """Show an object of unit length along its z axis.
+
+        Args:
+            frame: number of the picture.
+            path: of the object.
+            X_W: its pose.
+            length: at which it is shown [m].
+        """
         self.animation.SetTransform(frame, path, X_W)
         self.animation.SetProperty(frame, path, "scale", [1.0, 1.0, length])
 
     def visible(self, frame: int, path: str, shown: bool) -> None:
-        """Show or hide an object from `frame` on."""
+        """Show or hide an object.
+
+        Args:
+            frame: number of the picture from which on.
+            path: of the object.
+            shown: whether it is seen.
+        """
         self.animation.SetProperty(frame, path, "visible", shown)
 
     def show(self, meshcat: Meshcat) -> None:

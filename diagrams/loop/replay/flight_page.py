@@ -29,6 +29,9 @@ _THRUST = 3.0  # length of the arrow of hover thrust over the arm [1]
 def write_replay(flight: FlightResult, path: str | Path) -> None:
     """Write an HTML page that plays the flight: vehicle, payload, flown and reference path, thrust, force, errors.
 
+    Args:
+        flight: that was simulated.
+        path: of the page.
     Raises: OSError: if it cannot be written.
     """
     meshcat, film, s = new_scene(), Film(), flight.signals

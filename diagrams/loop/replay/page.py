@@ -86,6 +86,10 @@ class Page:
 def write_page(meshcat: Meshcat, page: Page, path: str | Path) -> None:
     """Write the scene with its film as one HTML file.
 
+    Args:
+        meshcat: the scene, with its animation.
+        page: what stands over it.
+        path: of the file.
     Raises: OSError: if it cannot be written.
     """
     head, rest = meshcat.StaticHtml().split("<title>Drake MeshCat</title>", 1)

@@ -41,9 +41,13 @@ def arm_length(vehicle: Vehicle) -> float:
 def add_quadrotor(
     meshcat: Meshcat, vehicle: Vehicle, path: str = "quadrotor", overlay: Rgba | None = None
 ) -> None:
-    """Add body, arms and rotors at the vehicle's size under `path`, in body axes.
+    """Add body, arms and rotors at the vehicle's size, in body axes.
 
-    Args: overlay: one colour, with its transparency, of all parts; None: solid, the front pair of rotors coloured.
+    Args:
+        meshcat: the scene.
+        vehicle: whose size and rotors are shown.
+        path: of the object.
+        overlay: one colour, with its transparency, of all parts; None: solid, the front pair of rotors coloured.
     """
     size = arm_length(vehicle)
     meshcat.SetObject(f"{path}/body", Box(0.5 * size, 0.5 * size, 0.2 * size), overlay or DARK)
@@ -63,14 +67,26 @@ def add_payload(
 ) -> None:
     """Add `{path}payload`, a sphere, and `{path}tether`, a bar of unit length along z.
 
-    Args: size: of the vehicle, for the thickness of the tether [m].
+    Args:
+        meshcat: the scene.
+        radius: of the sphere [m].
+        size: of the vehicle, for the thickness of the tether [m].
+        path: in front of the objects' names.
+        overlay: colour of both; None: their own.
     """
     meshcat.SetObject(f"{path}payload", Sphere(radius), overlay or RED)
     meshcat.SetObject(f"{path}tether", Cylinder(0.02 * size, 1.0), overlay or DARK)
 
 
 def add_arrow(meshcat: Meshcat, path: str, radius: float, color: Rgba) -> None:
-    """Add an arrow of unit length along z from the origin of `path`; its z scale is its length."""
+    """Add an arrow of unit length along z; its z scale is its length.
+
+    Args:
+        meshcat: the scene.
+        path: of the object, at whose origin it begins.
+        radius: of the shaft [m].
+        color: of the arrow.
+    """
     meshcat.SetObject(f"{path}/shaft", Cylinder(radius, 0.75), color)
     meshcat.SetTransform(f"{path}/shaft", RigidTransform([0, 0, 0.375]))
     meshcat.SetObject(f"{path}/tip", MeshcatCone(0.25, 2.5 * radius, 2.5 * radius), color)
@@ -80,7 +96,15 @@ def add_arrow(meshcat: Meshcat, path: str, radius: float, color: Rgba) -> None:
 
 
 def add_trail(meshcat: Meshcat, path: str, points: np.ndarray, radius: float, color: Rgba) -> None:
-    """Add one tube along points (n, 3) [m], whose faces stand in the order of the points."""
+    """Add one tube along points, whose faces stand in the order of the points.
+
+    Args:
+        meshcat: the scene.
+        path: of the object.
+        points: (n, 3) in W [m].
+        radius: of the tube [m].
+        color: of the tube.
+    """
     direction = np.gradient(points, axis=0)
     direction /= np.maximum(np.linalg.norm(direction, axis=1, keepdims=True), 1e-9)
     steep = np.abs(direction[:, 2:]) > 0.9
@@ -103,13 +127,24 @@ def pose(x: np.ndarray) -> RigidTransform:
 
 
 def along(start: np.ndarray, vector: np.ndarray) -> RigidTransform:
-    """Return the pose whose origin is `start` (3,) [m] and whose z axis is along `vector` (3,)."""
+    """Return the pose whose z axis is along a vector.
+
+    Args:
+        start: (3,) origin of the pose in W [m].
+        vector: (3,) in W.
+    """
     length = np.linalg.norm(vector)
     axis = vector / length if length > 1e-9 else np.array([0.0, 0.0, 1.0])
     return RigidTransform(RotationMatrix.MakeFromOneVector(axis, 2), start)
 
 
 def tether_pose(x: np.ndarray, hook: np.ndarray, p_WP: np.ndarray) -> tuple[RigidTransform, float]:
-    """Return pose and length [m] of the tether's bar between the hook of a vehicle in x (13,) and the payload."""
+    """Return pose and length [m] of the tether's bar.
+
+    Args:
+        x: (13,) state of the vehicle.
+        hook: (3,) where the tether begins, in B [m].
+        p_WP: (3,) position of the payload in W [m].
+    """
     span = p_WP - pose(x) @ np.asarray(hook, float)
     return along(p_WP - 0.5 * span, span), max(float(np.linalg.norm(span)), SHORTEST)

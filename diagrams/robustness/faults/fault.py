@@ -11,9 +11,7 @@ from np_drake.faults.measurement import MeasurementFault
 from np_drake.faults.solver import SolverFault
 from systems.payload_event import PayloadEvent
 
-Part = (
-    MeasurementFault | SolverFault | EffectEntry | PayloadEvent
-)  # the one place in the loop where a fault acts
+Part = MeasurementFault | SolverFault | EffectEntry | PayloadEvent  # by the place in the loop where it acts
 
 
 @dc.dataclass(frozen=True)
@@ -48,14 +46,14 @@ class Kind:
     make: Callable[[Fault, FlightConfig], Part]
     says: str
 
-    @property
-    def physical(self) -> bool:
-        """Whether it changes the vehicle or the air, and not what the controller reads or computes."""
-        return self.place not in ("sensors", "solver")
-
 
 def apply(config: FlightConfig, parts: Sequence[Part]) -> tuple[FlightConfig, Faults]:
-    """Return the flight with the effects and events among the parts, and the other parts by place."""
+    """Return the flight with the effects and events among the parts, and the other parts by place.
+
+    Args:
+        config: of the flight without faults.
+        parts: what the faults become in it.
+    """
     effects = [part for part in parts if isinstance(part, EffectEntry)]
     reality = dc.replace(config.reality, effects=[*config.reality.effects, *effects])
     faults = Faults(

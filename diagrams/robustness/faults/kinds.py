@@ -178,13 +178,7 @@ KINDS = (
         lambda f, c: attach(f.onset, f.values["mass"]),
         "50 to 250 g more on the 260 g",
     ),
-    Kind(
-        "cable cut",
-        "payload",
-        lambda rng: (None, {}),
-        lambda f, c: release(f.onset),
-        "the payload falls",
-    ),
+    Kind("cable cut", "payload", lambda rng: (None, {}), lambda f, c: release(f.onset), "the payload falls"),
     Kind(
         "cable snap",
         "payload",
@@ -192,13 +186,7 @@ KINDS = (
         lambda f, c: push(f.onset, [0.0, 0.0, f.values["impulse"]]),
         "payload tossed up with 0.1 to 0.4 N·s; the cable goes slack and snaps taut",
     ),
-    Kind(
-        "wind step",
-        "air",
-        _wind,
-        _effect("constant_wind"),
-        "2 to 8 m/s, horizontal, at once; lasts",
-    ),
+    Kind("wind step", "air", _wind, _effect("constant_wind"), "2 to 8 m/s, horizontal, at once; lasts"),
     Kind(
         "battery sag",
         "battery",
@@ -215,7 +203,9 @@ APART = (0.0, 1.0)  # onset of the second after the first [s]
 def draw_faults(rng: np.random.Generator, places: tuple[str, ...]) -> list[Fault]:
     """Return one fault or, with the same probability, two of different kinds, each kind equally likely.
 
-    Args: places: of kinds that can reach the controller.
+    Args:
+        rng: source of the draw.
+        places: of kinds that can reach the controller.
     """
     kinds = [kind for kind in KINDS if kind.place in places]
     count, onset, faults = 1 + int(rng.integers(2)), float(rng.uniform(*FIRST)), []

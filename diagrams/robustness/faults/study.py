@@ -1,22 +1,36 @@
 """Study `faults`: flights with random faults under every controller."""
 
 import dataclasses as dc
+from collections.abc import Sequence
 from typing import Annotated
 
+from matplotlib.figure import Figure
 from typer import Option
 
 from diagrams.batch.campaign import Record
 from diagrams.batch.columns import MISSING, Column, tabulate
-from diagrams.batch.flown import FlownOptions, FlownRun, choose_rows
-from diagrams.batch.run import Report, Run, Table, counted
+from diagrams.batch.flown import FlownOptions, choose_rows
+from diagrams.batch.run import Report, Run, Table
 from diagrams.batch.workers import require_result
 from diagrams.robustness.faults import campaign as experiment
-from diagrams.robustness.faults.figure import faults_figure
-from diagrams.robustness.faults.table import by_controller, by_fault, loss_cells, ours_to_mend, verdicts
-from diagrams.robustness.sweep import make_sweep, trained
+from diagrams.robustness.faults.campaign import BACK, DURATION, RAMP
+from diagrams.robustness.faults.kinds import FIRST
+from diagrams.robustness.faults.table import (
+    OURS,
+    PHYSICS,
+    by_controller,
+    by_fault,
+    loss_cells,
+    ours_to_mend,
+    verdicts,
+)
+from diagrams.robustness.robustness import sweep_of
+from np_drake.files.figure_file import PALETTE, new_figure
 
 Flights = Annotated[int, Option("--flights", min=1, max=100_000, help="Flights, of seeds seed + 1, …")]
 SHORT = {"payload_filter": "filter"}  # names of rows that would make the table too wide
+_EDGE = RAMP + DURATION - FIRST[0]  # longest time after an onset [s]
+SHADES = {PHYSICS: ("0.6", "", "the oracle loses it too"), OURS: (PALETTE[1], "////", "the oracle survives")}
 _COUNTS: tuple[Column, ...] = (
     ("flights", "flights"),
     ("errors", "exceptions"),
@@ -39,19 +53,15 @@ class Options(FlownOptions):
 
 
 def run(run: Run, options: Options) -> Report:
-    """Random faults of sensors, solver, rotors, payload, air. --out DIR: figure, and cases to resume from."""
-    run = FlownRun.of(run, options)
-    sweep = make_sweep(run, experiment.DURATION)
+    """Random faults of sensors, solver, rotors, payload, air. --out DIR: figure, and cases to resume from.
+
+    Args:
+        run: seed, folders, workers and progress.
+        options: of the study.
+    """
+    run = sweep_of(run, options, DURATION)
     rows = choose_rows(experiment.ROWS, options.only, always=())
-    with run.progress("faults") as advance:
-        trainings, flights, beside = experiment.run_faults(
-            sweep,
-            seeds=run.seeds,
-            rows=rows,
-            on_training=trained(advance),
-            on_progress=counted(advance, "flights"),
-            on_oracle=counted(advance, "oracle flights on the draws of lost ones"),
-        )
+    trainings, flights, beside = experiment.run_faults(run, rows)
     require_result(flights)
     verdict = verdicts(flights, beside)
     lines, kinds, cells = by_controller(flights, verdict), by_fault(flights, verdict), loss_cells(flights)
@@ -59,7 +69,11 @@ def run(run: Run, options: Options) -> Report:
     config = experiment.campaign_config(run.seed, run.solver) | {"seeds": run.seeds}
     named = ours_to_mend(flights, verdict)
     return Report(
-        [controllers_printed(lines, title), faults_printed(kinds), losses_printed(cells, rows)],
+        [
+            tabulate(f"controllers; {title}", lines, (("controller", "row"), *_COUNTS)),
+            tabulate("faults, all controllers but the oracle", kinds, (("fault", "fault"), *_COUNTS)),
+            _losses(cells, rows),
+        ],
         config=config,
         metrics={
             "table": lines,
@@ -88,17 +102,7 @@ def _time(value: float | None) -> str:
     return MISSING if value is None else f"{value:.2f}"
 
 
-def controllers_printed(lines: list[dict], title: str) -> Table:
-    """Return the table of counts and times by controller."""
-    return tabulate(f"controllers; {title}", lines, (("controller", "row"), *_COUNTS))
-
-
-def faults_printed(lines: list[dict]) -> Table:
-    """Return the table of counts and times by kind of fault."""
-    return tabulate("faults, all controllers but the oracle", lines, (("fault", "fault"), *_COUNTS))
-
-
-def losses_printed(lines: list[dict], rows: tuple) -> Table:
+def _losses(lines: list[dict], rows: tuple) -> Table:
     """Return the table of lost of flown vehicles by kind of fault and controller."""
 
     def cell(name: str):
@@ -107,3 +111,59 @@ def losses_printed(lines: list[dict], rows: tuple) -> Table:
     columns: list[Column] = [("fault", "fault")]
     columns += [(SHORT.get(row.name, row.name), cell(row.name)) for row in rows]
     return tabulate("lost of flown, by fault and controller", lines, columns)
+
+
+def faults_figure(lines: Sequence[dict], title: str = "") -> Figure:
+    """Plot the share of lost vehicles and the time to recover of every kind of fault.
+
+    Args:
+        lines: of `by_fault`.
+        title: above both panels.
+    """
+    figure, axes = new_figure(1, 2, width=7.5, height=1.6 + 0.25 * len(lines), sharey=True)
+    losses, times = axes[0]
+    places = list(range(len(lines)))[::-1]
+    for mark, start in ((PHYSICS, None), (OURS, PHYSICS)):
+        _bars(losses, places, lines, mark, start)
+    for place, line in zip(places, lines, strict=True):
+        total = f"{line['lost']} of {line['flights']}"
+        losses.text(100 * _share(line, "lost") + 1.5, place, total, va="center", fontsize=7)
+        _range(times, place, line)
+    losses.set_yticks(places, [line["fault"] for line in lines], fontsize=8)
+    losses.set_xlim(0, 115)
+    losses.set_xticks((0, 25, 50, 75, 100))
+    losses.set_xlabel("lost vehicles [%]")
+    times.set_xlabel(f"time to recover to {100 * BACK:g} cm [s]")
+    times.set_xlim(-0.1, 1.05 * _EDGE)
+    times.plot([], [], "o-", color=PALETTE[0], markersize=4, label="median to 90 %")
+    times.plot([], [], ">", color=PALETTE[0], markersize=5, label="90 % not back by the end")
+    for ax in (losses, times):
+        ax.grid(axis="x", alpha=0.3, linewidth=0.4)
+        ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=2, fontsize=7, frameon=False)
+    figure.suptitle(title, fontsize=9)
+    return figure
+
+
+def _share(line: dict, key: str) -> float:
+    return line[key] / line["flights"] if line["flights"] else 0.0
+
+
+def _bars(ax, places: list[int], lines: Sequence[dict], mark: str, start: str | None) -> None:
+    """Draw the part of the losses with this verdict, behind that of `start`."""
+    colour, hatch, label = SHADES[mark]
+    left = [100 * _share(line, start) if start else 0.0 for line in lines]
+    width = [100 * _share(line, mark) for line in lines]
+    ax.barh(
+        places, width, left=left, color=colour, hatch=hatch, edgecolor="white", label=label, linewidth=0.0
+    )
+
+
+def _range(ax, place: int, line: dict) -> None:
+    """Draw median and 90 % quantile of the time to recover."""
+    if line["recovery"] is None:
+        return
+    end = _EDGE if line["recovery_90"] is None else line["recovery_90"]
+    ax.plot([line["recovery"], end], [place, place], "-", color=PALETTE[0], linewidth=1.2)
+    ax.plot(line["recovery"], place, "o", color=PALETTE[0], markersize=4)
+    if line["recovery_90"] is None:
+        ax.plot(end, place, ">", color=PALETTE[0], markersize=5)

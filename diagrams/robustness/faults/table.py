@@ -6,7 +6,7 @@ import numpy as np
 
 from diagrams.batch.campaign import Record
 from diagrams.robustness.faults.campaign import ORACLE, ROWS, lost
-from diagrams.robustness.faults.kinds import KIND, KINDS
+from diagrams.robustness.faults.kinds import KINDS
 
 PHYSICS, OURS = "physics", "ours"  # verdicts on a lost vehicle
 
@@ -20,6 +20,10 @@ def verdicts(flights: Sequence[Record], beside: Sequence[Record]) -> dict[int, s
     """Return by seed of every lost flight `physics`, where the oracle loses the same draw too, or `ours`.
 
     A lost oracle is physics. An oracle flight without a result explains nothing.
+
+    Args:
+        flights: records of all flights.
+        beside: records of the oracle on the draws of the lost ones.
     """
     excused = {record["case"]["seed"] for record in beside if lost(record)}
     found = {}
@@ -48,6 +52,9 @@ def loss_cells(flights: Sequence[Record]) -> list[dict]:
 def summary(records: Sequence[Record], verdict: dict[int, str]) -> dict:
     """Return the counts and times of some flights.
 
+    Args:
+        records: of the flights.
+        verdict: on the lost ones, by seed.
     Returns: {"flights", "exceptions": flights that ended with one or whose integrator gave up, "nan": periods with a
         NaN command, "lost", "physics", "ours", "away": not lost and not back at the end, "recovery", "recovery_90":
         median and 90 % quantile of the time to recover [s], over all that were not lost; None where it is not back}.
@@ -77,7 +84,12 @@ def _quantile(times: list[float], share: float) -> float | None:
 
 
 def by_controller(flights: Sequence[Record], verdict: dict[int, str]) -> list[dict]:
-    """Return `summary` of every row that flew, and of all."""
+    """Return `summary` of every row that flew, and of all.
+
+    Args:
+        flights: records of the flights.
+        verdict: on the lost ones, by seed.
+    """
     lines = []
     for row in ROWS:
         mine = [record for record in flights if record["case"]["row"] == row.name]
@@ -86,7 +98,12 @@ def by_controller(flights: Sequence[Record], verdict: dict[int, str]) -> list[di
 
 
 def by_fault(flights: Sequence[Record], verdict: dict[int, str]) -> list[dict]:
-    """Return `summary` of every kind of fault over all controllers but the oracle; two faults count in both."""
+    """Return `summary` of every kind of fault over all controllers but the oracle; two faults count in both.
+
+    Args:
+        flights: records of the flights.
+        verdict: on the lost ones, by seed.
+    """
     mine = [record for record in flights if record["case"]["row"] != ORACLE]
     return [
         {
@@ -99,7 +116,12 @@ def by_fault(flights: Sequence[Record], verdict: dict[int, str]) -> list[dict]:
 
 
 def ours_to_mend(flights: Sequence[Record], verdict: dict[int, str]) -> list[str]:
-    """Return a line on every lost flight that the oracle survives."""
+    """Return a line on every lost flight that the oracle survives.
+
+    Args:
+        flights: records of the flights.
+        verdict: on the lost ones, by seed.
+    """
     return [
         f"seed {record['case']['seed']}, {record['case']['row']}: {_says(record)}; lost at "
         f"{record['result']['lost_at']:.2f} s"
@@ -121,8 +143,3 @@ def _short(value) -> str:
     if isinstance(value, list):
         return f"{np.linalg.norm(value):.3g}"
     return f"{value:.3g}" if isinstance(value, float) else str(value)
-
-
-def physical(record: Record) -> bool:
-    """Return whether a fault of the flight changes the vehicle or the air."""
-    return any(KIND[name].physical for name in kinds_of(record))

@@ -3,6 +3,7 @@
 from functools import cache
 
 from diagrams.tracking.tracking import ROWS as TRACKING_ROWS
+from diagrams.tracking.tracking import named
 from np_drake.vehicle import Vehicle, load_vehicle
 from np_drake.vehicle_estimate import Measured, estimate
 
@@ -10,7 +11,7 @@ TRACKS = ("circle", "fast_lemniscate", "steps", "vertical")  # experiments that 
 VEHICLES = ("35g", "paper", "6kg")  # that fly, in ascending order of mass
 # Rows of the tracking comparison that are flown.
 SHOWN = ("nominal", "hold", "hold + total mass", "np", "payload_filter", "oracle")
-ROWS = tuple(next(row for row in TRACKING_ROWS if row.name == name) for name in SHOWN)
+ROWS = tuple(named(TRACKING_ROWS, name) for name in SHOWN)
 # Measures of a 6 kg vehicle. Source: published diagonal wheelbase and 21-inch propellers of the DJI Matrice 300 RTK;
 # own choice: the mass, and a hover throttle of 0.7, hence a thrust of twice the weight.
 SIX_KILOGRAMS = Measured(mass=6.0, wheelbase=0.895, propeller=0.5334, hover_throttle=0.7)

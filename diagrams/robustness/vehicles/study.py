@@ -6,32 +6,25 @@ that flies (`scaled`); the noise of the sensors is the same for all.
 
 import dataclasses as dc
 import itertools
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Collection, Sequence
+from functools import partial
 from typing import Annotated
 
 from typer import Option
 
 from diagrams.batch.campaign import Case, Record
-from diagrams.batch.flown import FlownOptions, FlownRun, choose_rows
+from diagrams.batch.flown import FlownOptions, choose_rows
 from diagrams.batch.options import Duration, Seeds
-from diagrams.batch.run import Report, Run, counted
+from diagrams.batch.run import Report, Run
 from diagrams.batch.workers import require_result
 from diagrams.loop.experiments import settings_of
 from diagrams.loop.flight import FlightConfig
 from diagrams.robustness.measures import LOST, SETTLING
-from diagrams.robustness.robustness import (
-    SCORED,
-    TRAINING,
-    Progress,
-    Sweep,
-    flown,
-    model_digests,
-)
-from diagrams.robustness.sweep import make_sweep, title_of, trained
+from diagrams.robustness.robustness import SCORED, TRAINING, Sweep, configurations, flown, sweep_of
 from diagrams.robustness.vehicles.fleet import ROWS, TRACKS, VEHICLES, fleet
 from diagrams.robustness.vehicles.table import ORACLE, lost_flights, vehicle_table, vehicles_printed
-from diagrams.tracking.model_files import model_of, trained_file
-from diagrams.tracking.tracking import Row, configure, training_config
+from diagrams.tracking.model_files import Training, digest_of, model_of
+from diagrams.tracking.tracking import Row, configure, named, training_config
 from np_drake.scaling import ratios
 
 Models = dict[tuple[str, str], bytes]  # content of the model files by vehicle and configuration
@@ -40,25 +33,16 @@ Models = dict[tuple[str, str], bytes]  # content of the model files by vehicle a
 def flight_config(case: Case, *, solver: str, model: str = "", duration: float = SCORED) -> FlightConfig:
     """Return the track of the case with its vehicle and controller.
 
-    Args: model: file of the row's model.   duration: after the ramp, of the paper's vehicle [s].
+    Args:
+        case: row, vehicle and track.
+        solver: of the controller.
+        model: file of the row's model.
+        duration: after the ramp, of the paper's vehicle [s].
     """
-    row, vehicle = next(row for row in ROWS if row.name == case["row"]), fleet()[case["vehicle"]]
+    row, vehicle = named(ROWS, case["row"]), fleet()[case["vehicle"]]
     config = configure(case["track"], row, solver=solver, model=model, vehicle=vehicle)
     config.duration = duration * ratios(vehicle).time
     return config.check()
-
-
-@dc.dataclass(frozen=True)
-class Training:
-    """Work of a training case: {"vehicle", "model": configuration} -> {"file": model file in base 64}."""
-
-    seed: int
-    solver: str
-
-    def __call__(self, case: Case) -> dict:
-        """Train the model of the case."""
-        row = next(row for row in ROWS if row.configuration == case["model"])
-        return trained_file(row, seed=self.seed, solver=self.solver, vehicle=fleet()[case["vehicle"]])
 
 
 @dc.dataclass(frozen=True)
@@ -74,12 +58,9 @@ class Flying:
 
     def __call__(self, case: Case) -> dict:
         """Fly the case and return its measures."""
-        row = next(row for row in ROWS if row.name == case["row"])
-
-        def configured(path: str) -> FlightConfig:
-            return flight_config(case, solver=self.solver, model=path, duration=self.duration)
-
-        return flown(configured, self.models.get((case["vehicle"], row.configuration)), case["seed"])
+        model = self.models.get((case["vehicle"], named(ROWS, case["row"]).configuration))
+        configured = partial(flight_config, case, solver=self.solver, duration=self.duration)
+        return flown(lambda path: configured(model=path), model, case["seed"])
 
 
 def flight_cases(
@@ -92,46 +73,51 @@ def flight_cases(
     """Return every row on every track with every vehicle and seed, where the row's model was trained.
 
     A case names its model by the digest of its file, so that no result of another one is taken for it.
+
+    Args:
+        rows: of the table.
+        seeds: of the flights.
+        models: content of the model files by vehicle and configuration.
+        vehicles, tracks: names of those that are flown.
     """
     cases = []
     for seed, vehicle, track, row in itertools.product(seeds, vehicles, tracks, rows):
         key = (vehicle, row.configuration)
         if not row.configuration or key in models:
-            digest = model_digests({"": models[key]})[""] if row.configuration else ""
-            cases.append({"row": row.name, "model": digest, "vehicle": vehicle, "track": track, "seed": seed})
+            model = digest_of(models.get(key))
+            cases.append({"row": row.name, "model": model, "vehicle": vehicle, "track": track, "seed": seed})
     return cases
 
 
 def run_vehicles(
-    sweep: Sweep,
-    *,
-    seeds: Sequence[int],
-    rows: Sequence[Row] = ROWS,
-    vehicles: Sequence[str] = VEHICLES,
-    tracks: Sequence[str] = TRACKS,
-    on_training: Progress,
-    on_progress: Progress,
+    sweep: Sweep, rows: Sequence[Row], vehicles: Sequence[str], tracks: Sequence[str]
 ) -> tuple[list[Record], list[Record]]:
     """Train what `rows` need for every vehicle, then fly every case.
 
+    Args:
+        sweep: seeds, workers and progress.
+        rows: of the table.
+        vehicles, tracks: names of those that are flown.
     Returns: the records of the trainings and of the flights. Rows whose training failed do not fly.
     """
-
-    def run(work: Callable[[Case], dict], cases: Sequence[Case], progress: Progress) -> list[Record]:
-        return sweep.run(
-            work, cases, progress, campaign_config(sweep.training_seed, sweep.solver, sweep.duration)
-        )
-
-    wanted = list(dict.fromkeys(row.configuration for row in rows if row.configuration))
-    needed = [{"vehicle": vehicle, "model": name} for vehicle in vehicles for name in wanted]
-    trainings = run(Training(sweep.training_seed, sweep.solver), needed, on_training)
+    config = campaign_config(sweep.seed, sweep.solver, sweep.duration)
+    needed = [{"vehicle": vehicle, "model": name} for vehicle in vehicles for name in configurations(rows)]
+    training = Training(sweep.seed, sweep.solver, vehicles=fleet())
+    trainings = sweep.cases("training", "models", training, needed, config=config)
     models = {(r["case"]["vehicle"], r["case"]["model"]): model_of(r) for r in trainings if "result" in r}
-    cases = flight_cases(rows, seeds, models, vehicles, tracks)
-    return trainings, run(Flying(models, sweep.solver, sweep.duration), cases, on_progress)
+    work = Flying(models, sweep.solver, sweep.duration)
+    cases = flight_cases(rows, sweep.seeds, models, vehicles, tracks)
+    return trainings, sweep.cases("vehicles", "flights", work, cases, config=config)
 
 
 def campaign_config(training_seed: int, solver: str, duration: float = SCORED) -> dict:
-    """Return all that the results depend on other than the case itself."""
+    """Return all that the results depend on other than the case itself.
+
+    Args:
+        training_seed: of training flights and trainings.
+        solver: of every controller.
+        duration: of a flight, after the ramp, of the paper's vehicle [s].
+    """
     return {
         "solver": solver, "training": TRAINING, "training_seed": training_seed,
         "scored": duration, "settling": SETTLING, "lost": LOST,
@@ -184,34 +170,28 @@ def run(run: Run, options: Options) -> Report:
     """35 g, 2 kg and 6 kg on four tracks, each trained on 60 s of its own. --out DIR: cases to resume from.
 
     Durations are those of the paper's vehicle and scale with the others.
-    """
-    run = FlownRun.of(run, options)
-    sweep = make_sweep(run, options.duration)
 
-    chosen = chosen_of("--vehicle", options.vehicle, VEHICLES), chosen_of("--track", options.track, TRACKS)
+    Args:
+        run: seed, folders, workers and progress.
+        options: of the study.
+    """
+    run = sweep_of(run, options, options.duration)
+    vehicles = _chosen("--vehicle", options.vehicle, VEHICLES)
+    tracks = _chosen("--track", options.track, TRACKS)
     rows = choose_rows(ROWS, options.only, always=("nominal", ORACLE))
-    with run.progress("vehicles") as advance:
-        trainings, flights = run_vehicles(
-            sweep,
-            seeds=run.seeds,
-            rows=rows,
-            vehicles=chosen[0],
-            tracks=chosen[1],
-            on_training=trained(advance),
-            on_progress=counted(advance, "flights"),
-        )
+    trainings, flights = run_vehicles(run, rows, vehicles, tracks)
     require_result(flights)
     lines = vehicle_table(flights)
     config = campaign_config(run.seed, run.solver, options.duration) | {"seeds": run.seeds}
     return Report(
-        vehicles_printed(lines, title_of(run, options.duration)),
+        vehicles_printed(lines, run.span),
         config=config,
         metrics={"table": lines, "runs": [*trainings, *flights]},
         notes=_notes(trainings, flights),
     )
 
 
-def chosen_of(option: str, names: Collection[str] | None, known: Sequence[str]) -> list[str]:
+def _chosen(option: str, names: Collection[str] | None, known: Sequence[str]) -> list[str]:
     """Return the known names that are asked for, all where none is.
 
     Raises: ValueError: on an unknown one.

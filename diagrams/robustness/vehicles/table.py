@@ -49,7 +49,12 @@ def lost_flights(records: Sequence[Record]) -> list[str]:
 
 
 def vehicles_printed(lines: list[dict], title: str) -> list[Table]:
-    """Return a table for every vehicle, a block for every track; errors in cm."""
+    """Return a table for every vehicle, a block for every track; errors in cm.
+
+    Args:
+        lines: of `vehicle_table`.
+        title: what was flown.
+    """
 
     def error(key: str):
         value = spread(key, 3)

@@ -105,7 +105,7 @@ def test_without_the_extra_it_is_one_line(monkeypatch, capsys):
 @pytest.mark.parametrize("status", ["lost", "pending"])
 def test_an_answer_that_its_dead_worker_took_along_is_asked_for_again(status):
     pytest.importorskip("distributed", reason="needs the extra `cluster`")
-    assert isinstance(cluster._outcome(SimpleNamespace(status=status)).error, DeadProcess)
+    assert isinstance(cluster._outcome(SimpleNamespace(status=status)), DeadProcess)
 
 
 def test_a_case_that_the_scheduler_drops_ends_in_one_line():

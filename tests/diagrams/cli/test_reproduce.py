@@ -73,7 +73,7 @@ def test_a_study_that_is_gone_says_what_took_its_place(name, capsys):
 
 
 def test_a_study_runs_in_silence_from_python(tmp_path, capfd, monkeypatch):
-    monkeypatch.setattr(tuning, "weight_table", lambda **given: [])
+    monkeypatch.setattr(tuning, "weight_table", lambda run: [])
     report = tuning.run(Run(seed=3, scratch=tmp_path), tuning.Options())
     assert report.tables[0][0].endswith("seed 3")
     assert capfd.readouterr() == ("", "")

@@ -8,7 +8,7 @@ from scipy import signal
 
 from diagrams.loop.controllers import NP_MODEL
 from diagrams.loop.flight_result import fly
-from diagrams.payload import attach
+from diagrams.payload import attach, attach_study
 from diagrams.payload.figures import event_responses
 from np_drake.lifting.model.encoders import DelayEncoder
 from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
@@ -58,7 +58,7 @@ def test_a_signal_that_never_arrives_has_no_rise_time():
 def test_the_labels_deviation_is_the_filtered_noise_of_the_accelerometer(config):
     raw = config.vehicle.mass * 0.1 * np.random.default_rng(0).normal(size=200_000)
     filtered = signal.sosfilt(config.controller.label.filters(config.controller.period)[0][1], raw)
-    assert attach.label_deviation(config) == pytest.approx(filtered.std(), rel=0.01)  # [N]
+    assert attach_study.label_deviation(config) == pytest.approx(filtered.std(), rel=0.01)  # [N]
 
 
 def test_a_payload_tossed_up_is_slack_until_it_has_fallen_back():
@@ -76,7 +76,7 @@ def test_an_encoder_that_averages_its_window_shows_a_step_in_proportion():
     system = LiftedLinearSystem(np.eye(6), np.zeros((6, 6)), np.eye(6), 0.02)
     encoder = DelayEncoder(E.reshape(6, -1), 10, offset=np.ones(6))
     model = LiftedModel(DELAY_MODAL, system, encoder, 10, np.ones(6), np.ones(6), False)
-    np.testing.assert_allclose(attach.encoder_step(model), np.linspace(0.0, 1.0, 11), atol=1e-12)
+    np.testing.assert_allclose(attach_study.encoder_step(model), np.linspace(0.0, 1.0, 11), atol=1e-12)
 
 
 def made_runs():

@@ -4,10 +4,12 @@ import numpy as np
 import pytest
 
 from diagrams.batch.failed_run import FailedRun
+from diagrams.batch.flown import FlownRun
 from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight_result import fly
 from diagrams.payload import hover_swing
 from diagrams.payload.figures import payload_distance
+from diagrams.payload.hover_study import verdict
 
 
 def made_run(row, seed, error, rate, settling=5.0):
@@ -43,7 +45,7 @@ def test_the_table_holds_means_intervals_and_cuts():
 
 
 def test_a_swing_grows_only_where_its_interval_is_above_zero():
-    said = hover_swing.verdict(hover_swing.hover_table(made_runs()))
+    said = verdict(hover_swing.hover_table(made_runs()))
     assert "cut by 87.5 %" in said[0]
     assert f"nominal decays, hold grows, np neither, {hover_swing.DAMPED} decays." in said[1]
     assert said[2].endswith("with: hold.")
@@ -57,7 +59,7 @@ def test_a_lost_vehicle_is_an_infinite_error_and_loses_no_other_flight(
         raise FailedRun("hover: nominal lost the vehicle before 6.0 s.")
 
     monkeypatch.setattr(hover_swing, "fly_hover", lose)
-    runs = hover_swing.run_hover(tmp_path, seeds=[1, 2], training_seed=0, rows=hover_swing.ROWS[:1])
+    runs = hover_swing.run_hover(FlownRun(0, tmp_path, count=2), hover_swing.ROWS[:1])
     assert [run["metrics"]["position_rmse"] for run in runs] == [np.inf, np.inf]
     assert "lost the vehicle" in runs[0]["lost"]
     assert hover_swing.hover_table(runs)[0]["position_rmse"] == np.inf

@@ -20,11 +20,11 @@ from diagrams.tracking.model_files import file_name, key_of
 def made_hover(monkeypatch):
     """No flight: runs of three seeds, made."""
 
-    def runs(folder, *, seeds, rows, **_):
+    def runs(run, rows):
         t = np.linspace(0.0, 20.0, 50)
         made = []
         for row in rows:
-            for seed in seeds:
+            for seed in run.seeds:
                 values = dict.fromkeys(hover_swing.KEYS, 0.04 if row.kind == "nominal" else 0.01)
                 values |= {"rate": -0.1, "settling": np.inf}
                 found = {**values, "solve_failures": 0, "fallbacks": 0}
@@ -61,8 +61,8 @@ def test_a_swing_that_stays_never_settles_and_a_lost_vehicle_is_lost():
 def test_attach_flies_twenty_seeds_unless_told(monkeypatch, capsys):
     asked = []
 
-    def runs(model, *, seeds, **_):
-        asked.append(seeds)
+    def runs(run, models):
+        asked.append(run.seeds)
         t = 0.02 * np.arange(-300, 200)
         f = np.where(t >= 0, -1.0, 0.0)
         shared = {"t": t, "slack": 0.24, "chi_hat": f, "label": f, "height": 0 * t}
@@ -70,15 +70,15 @@ def test_attach_flies_twenty_seeds_unless_told(monkeypatch, capsys):
             {"event": e, "row": row.name, "seed": s, **shared, "solve_failures": 0, "fallbacks": 0}
             for e in attach.EVENTS
             for row in attach.ROWS
-            for s in seeds
+            for s in run.seeds
         ]
 
     monkeypatch.setattr(attach, "run_attach", runs)
 
-    def train(workers, folder, **_):
+    def train(run):
         files = dict(zip(attach.ROWS, (NP_MODEL, FILTER_MODEL), strict=True))
         return {
-            key_of(row): Path(shutil.copy(file, folder / file_name(key_of(row)))).read_bytes()
+            key_of(row): Path(shutil.copy(file, run.folder / file_name(key_of(row)))).read_bytes()
             for row, file in files.items()
         }
 

@@ -3,7 +3,7 @@ import importlib
 import numpy as np
 import pytest
 
-from diagrams.performance.casadi_peer import CasadiSolver, RigidBodyInCasadi
+from diagrams.performance.casadi_peer import CasadiSolver, ProblemInCasadi
 from np_drake.mpc.sqp import SqpSolver
 from np_drake.rigid_body import state_derivative
 
@@ -14,11 +14,11 @@ def dut(vehicle, config):
     return CasadiSolver(vehicle, config)
 
 
-def test_the_peer_flies_eq_1(dut, vehicle):
+def test_the_peer_flies_eq_1(dut, vehicle, config):
     import casadi
 
     x, u, chi = (casadi.SX.sym("v", n) for n in (13, 4, 6))
-    f = casadi.Function("f", [x, u, chi], [RigidBodyInCasadi(vehicle, 0.04).derivative(x, u, chi)])
+    f = casadi.Function("f", [x, u, chi], [ProblemInCasadi(vehicle, config).derivative(x, u, chi)])
     rng = np.random.default_rng(0)
     values = [rng.normal(size=n) for n in (13, 4, 6)]
     np.testing.assert_allclose(np.array(f(*values)).ravel(), state_derivative(vehicle, *values), atol=1e-12)

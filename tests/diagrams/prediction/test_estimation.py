@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from diagrams.batch.run import Run
 from diagrams.performance.predictor_bench import synthetic_flight
 from diagrams.prediction import array_flights, estimation
 from diagrams.prediction.estimation_figures import FAR, window, window_figure
@@ -21,7 +22,9 @@ def model(flown, name):
 
 
 def test_one_step_ahead_the_default_is_below_the_paper_in_every_cell(flown):
-    table = estimation.estimation_table({"mode-dictionary": model(flown, "mode-dictionary")}, flown[1:])
+    table = estimation.estimation_table(
+        Run(), {"mode-dictionary": model(flown, "mode-dictionary")}, flown[1:], {}
+    )
     assert set(table.cells) == set(PUBLISHED)
     assert table.at_or_below("ours, mode-dictionary") == 60
     assert table.worst("ours, mode-dictionary") < 0.25
@@ -32,7 +35,7 @@ def test_one_step_ahead_the_default_is_below_the_paper_in_every_cell(flown):
 
 def test_one_step_ahead_the_papers_configuration_is_below_the_paper_on_race_track_1(flown):
     """One flight only, for time; `np-drake reproduce estimation` does all."""
-    table = estimation.estimation_table({"paper": model(flown, "paper")}, [flown[2]])
+    table = estimation.estimation_table(Run(), {"paper": model(flown, "paper")}, [flown[2]], {})
     assert list(table.cells) == ["race track 1"]
     assert table.at_or_below("ours, paper") == len(COLUMNS)
     found = table.stability["paper"]["race track 1"]
@@ -42,7 +45,9 @@ def test_one_step_ahead_the_papers_configuration_is_below_the_paper_on_race_trac
 
 def test_published_rows_stand_as_printed(flown):
     short = array_flights.Flight("melon 2", synthetic_flight(300, 0))
-    table = estimation.estimation_table({"mode-dictionary": model(flown, "mode-dictionary")}, [short])
+    table = estimation.estimation_table(
+        Run(), {"mode-dictionary": model(flown, "mode-dictionary")}, [short], {}
+    )
     for method in estimation.METHODS:
         assert tuple(table.cells["melon 2"][method].values()) == PUBLISHED["melon 2"][method]
 

@@ -2,6 +2,7 @@
 
 import pytest
 
+from diagrams.batch.run import Run
 from diagrams.performance.predictor_bench import synthetic_flight
 from diagrams.prediction import response as dut
 from diagrams.prediction.array_flights import Flight
@@ -14,7 +15,7 @@ def lines():
     tests = [Flight(f"test {k}", synthetic_flight(1500, k)) for k in (1, 2)]
     config = make_config("mode-dictionary", frame="body")
     models = {"mode-dictionary": train([training.segment], config).model}
-    return dut.response_lines(models, training, tests, config=config, horizons=(10, 20))
+    return dut.response_lines(Run(), models, training, tests, config=config, settings={}, horizons=(10, 20))
 
 
 def test_every_row_flight_and_horizon_is_there(lines):

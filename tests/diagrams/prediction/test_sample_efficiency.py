@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from diagrams.batch.run import Run
 from diagrams.performance.predictor_bench import synthetic_flight
 from diagrams.prediction import sample_efficiency as dut
 from diagrams.prediction.array_flights import Flight
@@ -19,7 +20,7 @@ CONFIGS = {
 @pytest.fixture(scope="module")
 def points():
     training, test = Flight("training", synthetic_flight(1250, 0)), Flight("test", synthetic_flight(700, 1))
-    return dut.sample_efficiency(training, test, CONFIGS, sizes=SIZES)
+    return dut.sample_efficiency(Run(), training, test, CONFIGS, sizes=SIZES)
 
 
 def test_pieces_are_disjoint_and_of_one_size():
@@ -55,4 +56,4 @@ def test_the_figure_has_a_panel_a_horizon_and_kind(points):
 def test_too_short_a_segment_is_an_error():
     short = Flight("training", synthetic_flight(900, 0))
     with pytest.raises(ValueError, match="must have 1200 samples; got 900"):
-        dut.sample_efficiency(short, short, CONFIGS, sizes=SIZES)
+        dut.sample_efficiency(Run(), short, short, CONFIGS, sizes=SIZES)

@@ -4,6 +4,7 @@ import dataclasses as dc
 
 import pytest
 
+from diagrams.batch.run import Run
 from diagrams.prediction import array_flights, theorem
 from np_drake.lifting.training.train import make_config, train
 
@@ -33,7 +34,7 @@ def lines(flown):
             ),
         ).model,
     }
-    return theorem.bound_table(models, flown)
+    return theorem.bound_table(Run(), models, flown, spacing=1, config={})
 
 
 def of(lines, alpha, *models):

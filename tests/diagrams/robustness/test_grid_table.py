@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from diagrams.robustness.axes import Grid, distinct
-from diagrams.robustness.grid_figure import grid_figure
+from diagrams.robustness.grid_report import grid_figure
 from diagrams.robustness.grid_table import NAIVE, grid_by_speed, grid_points, grid_table
 
 GRID = Grid().thinned(2)  # payloads 0, 0.5 kg; tethers 0.4, 1.6 m; speeds 0.5, 2.5 m/s: 6 points

@@ -113,7 +113,7 @@ def test_the_table_has_means_and_marks_the_end_of_the_search():
 
 
 def test_the_verb_prints_the_margins_of_every_seed(monkeypatch, tmp_path, capsys):
-    def runs(sweep, **_):
+    def runs(sweep, rows):
         found = records(
             lambda case: (
                 None

@@ -196,8 +196,8 @@ def test_a_short_flight_has_figures_and_repeats(monkeypatch):
 def made_flights(monkeypatch):
     """No flight: hold is better than nominal below 2 m/s, and lost at 3 m/s with one seed."""
 
-    def runs(sweep, *, seeds, rows, axes=FLOWN, grid=None, **_):
-        records = []
+    def runs(sweep, rows, axes=FLOWN, grid=None):
+        records, seeds = [], sweep.seeds
         for case in flight_cases(rows, seeds, MODELS, axes, grid):
             error = 0.02 if case["row"] == "nominal" else 0.01 * case["speed"] / 1.0
             lost = case["row"] == "hold" and case["speed"] == 3.0 and case["seed"] == seeds[0]
@@ -262,7 +262,7 @@ def test_grid_values_without_a_grid_are_refused(made_flights, capsys):
 
 
 def test_a_lost_flight_leaves_no_mean(made_flights):
-    _, records = robustness.run_robustness(Sweep(0), seeds=[1, 2], rows=ROWS[:2])
+    _, records = robustness.run_robustness(Sweep(0, count=2), ROWS[:2])
     lines = robustness_table(records)
     speed = next(line for line in lines if (line["axis"], line["row"]) == ("speed", "hold"))
     assert [p["E_xy"] is None for p in speed["points"]] == [False] * 5 + [True]
@@ -283,7 +283,7 @@ def test_the_grid_is_tabled_and_drawn_for_every_neural_predictor(made_flights, t
 
 @pytest.mark.parametrize("count", [1, 5, 6, len(FLOWN)])
 def test_the_figure_has_two_panels_for_each_axis(made_flights, count):
-    _, records = robustness.run_robustness(Sweep(0), seeds=[1], rows=ROWS[:1], axes=FLOWN[:count])
+    _, records = robustness.run_robustness(Sweep(0, count=1), ROWS[:1], FLOWN[:count])
     figure = robustness_figure(robustness_table(records, FLOWN[:count]))
     named = [ax.get_xlabel().split(" [")[0] for ax in figure.axes if ax.get_xlabel()]
     assert len(figure.axes) == 2 * count

@@ -1,9 +1,11 @@
 import json
+from contextlib import contextmanager
 
 import numpy as np
 import pytest
 
 from diagrams.batch.failed_run import FailedRun
+from diagrams.batch.flown import FlownRun
 from diagrams.cli.main import run
 from diagrams.loop.experiments import load_experiment
 from diagrams.tracking import campaign, tracking
@@ -58,15 +60,15 @@ def test_every_row_configures_a_flight_of_the_same_vehicle_and_weights():
 def test_a_campaign_trains_once_a_model_and_flies_every_row(tmp_path, short_experiments):
     rows = tuple(r for r in tracking.ROWS if r.name in ("nominal", "np"))
     seen = []
-    runs = campaign.run_tracking(
-        tmp_path,
-        seeds=[3],
-        training_seed=1,
-        rows=rows,
-        on_progress=lambda done, total: seen.append((done, total)),
-    )
+
+    @contextmanager
+    def bar(title, total):
+        yield lambda done, text="": seen.append((title, text))
+
+    runs = campaign.run_tracking(FlownRun(1, tmp_path, bar=bar, count=1), rows)
     assert [path.name for path in tmp_path.iterdir()] == ["delay-modal_training_circle.safetensors"]
-    assert seen == [(k, 4) for k in (1, 2, 3, 4)]
+    assert seen[:1] == [("training", "1 of 1 models")]
+    assert seen[1:] == [("tracking", f"{k} of 4 flights") for k in (1, 2, 3, 4)]
     assert {(r["row"], r["experiment"]) for r in runs} == {
         (row, track) for row in ("nominal", "np") for track in tracking.TRACKS
     }

@@ -10,21 +10,22 @@ from diagrams.cli.main import run
 from diagrams.loop.flight_diagram import NO_FAULTS
 from diagrams.loop.flight_result import simulate
 from diagrams.robustness.faults.campaign import (
+    BACK,
     ROWS,
     TRAINED,
     Flying,
     case_faults,
     fault_cases,
     flight_config,
+    measures,
     oracle_cases,
     reaching,
-    row_of,
 )
 from diagrams.robustness.faults.fault import Fault, apply
-from diagrams.robustness.faults.figure import faults_figure
 from diagrams.robustness.faults.kinds import KIND, KINDS
-from diagrams.robustness.faults.measures import BACK, measures
+from diagrams.robustness.faults.study import faults_figure
 from diagrams.robustness.faults.table import OURS, PHYSICS, by_controller, by_fault, verdicts
+from diagrams.tracking.tracking import named
 
 MODELS = {row.configuration: b"a model file" for row in TRAINED}
 CASES = fault_cases(range(3000), ROWS, MODELS)
@@ -58,23 +59,22 @@ def test_every_kind_and_every_controller_is_drawn_as_often_as_stated():
 
 
 def test_a_cascade_meets_no_fault_of_a_solver():
-    assert "solver" not in reaching(row_of("cascade"))
+    assert "solver" not in reaching(named(ROWS, "cascade"))
     met = {f.kind for case in CASES if case["row"] == "cascade" for f in case_faults(case)}
     assert met == {kind.name for kind in KINDS if kind.place != "solver"}
 
 
 @pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.name)
 def test_every_draw_of_a_kind_can_be_flown(kind):
-    config = flight_config(row_of("nominal"), solver="sqp")
+    config = flight_config(named(ROWS, "nominal"), solver="sqp")
     for seed in range(20):
         duration, values = kind.draw(np.random.default_rng(seed))
         fault = Fault(kind.name, 3.0, duration, values)
-        assert (kind.place == "sensors" or kind.place == "solver") != kind.physical
         apply(config, [kind.make(fault, config)])
 
 
 def test_without_a_fault_a_flight_is_what_it_was():
-    config = flight_config(row_of("nominal"), solver="sqp")
+    config = flight_config(named(ROWS, "nominal"), solver="sqp")
     config.duration = 0.5
     plain, none = simulate(config, seed=1), simulate(config, seed=1, faults=NO_FAULTS)
     np.testing.assert_array_equal(plain["x_true"], none["x_true"])

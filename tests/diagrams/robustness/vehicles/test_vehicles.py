@@ -21,7 +21,7 @@ from diagrams.robustness.vehicles.study import (
     run_vehicles,
 )
 from diagrams.robustness.vehicles.table import vehicle_table
-from diagrams.tracking import tracking
+from diagrams.tracking import model_files, tracking
 from np_drake.files.atomic_file import plain
 from np_drake.scaling import numbers, ratios
 
@@ -100,13 +100,20 @@ def test_the_distance_at_which_a_vehicle_is_lost_scales_with_it():
 
 def test_work_trains_and_flies_with_the_vehicle_of_the_case(monkeypatch):
     seen = {}
-    monkeypatch.setattr(study, "trained_file", lambda row, **of: seen.setdefault("trained", (row, of)))
+
+    def train(rows, folder, **of):
+        seen["trained"] = (*rows, of)
+        (folder / "model").touch()
+        return {"": str(folder / "model")}
+
+    monkeypatch.setattr(model_files, "train_models", train)
     monkeypatch.setattr(
         study, "flown", lambda configure, model, seed: seen.setdefault("flown", (model, seed))
     )
-    study.Training(7, "sqp")({"vehicle": "6kg", "model": "payload_filter"})
+    study.Training(7, "sqp", vehicles=fleet())({"vehicle": "6kg", "model": "payload_filter"})
     row, of = seen["trained"]
-    assert (row.name, of["vehicle"], of["seed"]) == ("payload_filter", fleet()["6kg"], 7)
+    assert (row.training, row.configuration) == ("training_circle", "payload_filter")
+    assert (of["vehicle"], of["seed"]) == (fleet()["6kg"], 7)
     study.Flying(MODELS, "sqp")({"row": "np", "vehicle": "35g", "track": "steps", "seed": 3})
     assert seen["flown"] == (b"35g", 3)
 
@@ -115,8 +122,8 @@ def test_work_trains_and_flies_with_the_vehicle_of_the_case(monkeypatch):
 def made_flights(monkeypatch):
     """No flight: the oracle has 1 mm, every other controller 3 mm; hold is lost once with the 6 kg vehicle."""
 
-    def runs(sweep, *, seeds, rows, vehicles, tracks, **_):
-        records = []
+    def runs(sweep, rows, vehicles, tracks):
+        records, seeds = [], sweep.seeds
         for case in flight_cases(rows, seeds, MODELS, vehicles, tracks):
             lost = (case["row"], case["vehicle"], case["seed"]) == ("hold", "6kg", seeds[0])
             error = None if lost else 0.001 if case["row"] == "oracle" else 0.003
@@ -129,7 +136,7 @@ def made_flights(monkeypatch):
 
 
 def test_ratios_are_to_the_oracle_of_the_same_vehicle_and_track(made_flights):
-    _, records = study.run_vehicles(None, seeds=[1, 2], rows=ROWS, vehicles=[*VEHICLES], tracks=TRACKS)
+    _, records = study.run_vehicles(study.Sweep(0, count=2), ROWS, VEHICLES, TRACKS)
     lines = vehicle_table(records)
     assert len(lines) == 3 * 4 * len(ROWS)
     assert {line["E_xy_ratio"] for line in lines if line["row"] == "oracle"} == {1.0}
@@ -191,12 +198,9 @@ def test_a_campaign_goes_on_with_fewer_vehicles_and_tracks(tmp_path, monkeypatch
 
     monkeypatch.setattr("diagrams.batch.workers.run_campaign", campaign)
     for vehicles, tracks in ((["35g"], ["steps"]), ([*VEHICLES], TRACKS)):
-        run_vehicles(
-            study.Sweep(1), seeds=[2], rows=ROWS[:1], vehicles=vehicles, tracks=tracks,
-            on_training=lambda *_: None, on_progress=lambda *_: None,
-        )  # fmt: skip
-    (_, first), (few, second), (_, third), (many, fourth) = calls
-    assert first == second == third == fourth
+        run_vehicles(study.Sweep(1, count=1), ROWS[:1], vehicles, tracks)
+    (few, first), (many, second) = calls
+    assert first == second
     assert len(few) == 1
     assert few[0] in many
     assert set(first["vehicles"]) == set(VEHICLES)
