@@ -193,8 +193,3 @@ class SimulatorPool:
         if index not in self._built:
             self._built[index] = self._make(self.configs[index])
         return self._built[index]
-
-    @property
-    def built(self) -> int:
-        """Number of simulators that exist."""
-        return len(self._built)

@@ -27,8 +27,11 @@ from np_drake.logs.formats.log_file import write_log
 from np_drake.logs.import_sheet import write_sheet
 
 ATTEMPTS = 12  # draws of one case before the set fails
-# fly(vehicle, plan, effects, *, t, onset, background) -> the exact FlightLog
-SIMULATORS: dict[str, Callable[..., FlightLog]] = {"drake": fly, "rotorpy": optional_import.fly}
+
+
+def simulators() -> dict[str, Callable[..., FlightLog]]:
+    """Return simulators by name: fly(vehicle, plan, effects, *, t, onset, background) -> the exact FlightLog."""
+    return {"drake": fly, "rotorpy": optional_import.fly}
 
 
 def make(
@@ -157,7 +160,7 @@ def fly_case(case: Case, simulator: str) -> tuple[dict[str, FlightLog], dict[str
     """
     exact, noisy = {}, {}
     for flight, (file, plan) in enumerate(case.plans.items()):
-        every = SIMULATORS[simulator](
+        every = simulators()[simulator](
             case.vehicle,
             plan,
             case.effects_of(file),
@@ -231,8 +234,8 @@ def check_request(
     here, there = out.resolve(), truth.resolve()
     if here == there or here in there.parents or there in here.parents:
         raise ValueError(f"make: neither of cases and truth may lie in the other; got {out} and {truth}.")
-    if simulator not in SIMULATORS:
-        raise ValueError(f"make: simulator must be one of {', '.join(SIMULATORS)}; got {simulator!r}.")
+    if simulator not in simulators():
+        raise ValueError(f"make: simulator must be one of {', '.join(simulators())}; got {simulator!r}.")
     if simulator == "rotorpy":
         optional_import.require_rotorpy()
     if quality not in QUALITIES:

@@ -72,7 +72,7 @@ class Plan:
         """Return the body rates (n, 3) of the attitude that the plan needs [rad/s]."""
         # Central difference on the rotation group: vector part of q(t - d)* q(t + d) over d.
         sooner, later = self._attitude(gravity, t - _DELTA), self._attitude(gravity, t + _DELTA)
-        turn = attitude.multiply(sooner * [1.0, -1.0, -1.0, -1.0], later)
+        turn = attitude.multiply(attitude.conjugate(sooner), later)
         return turn[:, 1:] * np.sign(turn[:, :1]) / _DELTA
 
     def rotor_thrust(self, vehicle: Vehicle, t: np.ndarray) -> np.ndarray:

@@ -23,6 +23,7 @@ def fly(
     t: np.ndarray,
     onset: float | None = None,
     background: Sequence[Effect] = (),
+    warm_up: float = WARM_UP,
 ) -> FlightLog:
     """Return the exact log: no noise; systematic sensor effects and the right-sided accelerations are in it.
 
@@ -33,10 +34,11 @@ def fly(
         t: (n,) instants of the rows [s]; the command is updated there too.
         onset: the effects act from the first row at or after it on [s]; None: from the start.
         background: effects that act throughout and are no cause (a vehicle file that is a percent off).
+        warm_up: hovering before the first row [s].
     Raises: FailedRun: if the vehicle is lost.
     """
     step = float(np.median(np.diff(t)))
-    before = t[0] - step * np.arange(round(WARM_UP / step), 0, -1)
+    before = t[0] - step * np.arange(round(warm_up / step), 0, -1)
     after = t[-1] + step * np.arange(1, round(MARGIN / step) + 1)
     rows = np.concatenate([before, t, after])
     signals = _signals(vehicle, plan, [*background, *effects], list(background), rows, onset)
