@@ -20,9 +20,9 @@ HEAD = f"""# Commands
 `{PROGRAM} VERB --help` prints the arguments, options and defaults of a verb. This page is generated
 from the command line by `docs/make_commands.py`.
 
-Every verb ends with exit code 0, with 2 on bad input (one line on stderr, nothing half-written), with 1 when a run
-failed, with 70 on a fault of the program, or with 128 + the number of a signal. Files appear whole or not at all, and
-no file that is read is written. `--debug`, anywhere, prints the traceback of an error before its line.
+Exit codes: 0; 2 on bad input (one line on stderr); 1 when a run failed; 70 on a fault of the program; 128 + the number
+of a signal. Files appear whole or not at all, and no file that is read is written. `--debug`, anywhere, prints the
+traceback of an error before its line.
 
 | verb | does | page |
 |---|---|---|

@@ -4,20 +4,30 @@ import dataclasses as dc
 import importlib.util
 import re
 from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 import pytest
 from pydrake.systems.analysis import SimulatorConfig
 
 from diagrams.loop.flight import FlightConfig
-from np_drake.effects.library import LIBRARY, effects_for
+from np_drake.effects.library import LIBRARY, effects_for, in_scenarios
 from np_drake.files.yaml_file import fields_of
 from np_drake.logs.columns import NAMES
 from np_drake.logs.importing.log_map import UNITS, LogMap, Source, load_map
-from np_drake.vehicle import Vehicle
+from np_drake.vehicle import MeasurementNoise, Vehicle
 
 ROOT = Path(__file__).parents[1]
 REFERENCE = ROOT / "docs" / "reference"
+ACTS_ON = r"^\| ([^|]*) \| (`[^|]*) \| [^|]* \|$"  # row of a place, names of its effects
+PLACES = {
+    "body, air": "wrench",
+    "body, through a tether": "wrench",
+    "thrust, after the command": "actuator",
+    "mass, inertia": "mass",
+    "sensors": "measurement",
+    "the written log": "measurement",
+}
 
 
 def sections(page: Path) -> dict[str, str]:
@@ -44,7 +54,9 @@ def nested(config: object, name: str) -> dict[str, object]:
 
 
 SCENARIO = [
-    ("scenario-file.md", name, config) for name, config in nested(FlightConfig(), "Top level").items()
+    ("scenario-file.md", name, config)
+    for name, config in nested(FlightConfig(), "Top level").items()
+    if not isinstance(config, MeasurementNoise)  # whose table is that of the vehicle file
 ]
 VEHICLE = [("vehicle-file.md", name, config) for name, config in nested(Vehicle(), "Fields").items()]
 
@@ -74,6 +86,14 @@ def test_a_table_states_every_default(page, name, config):
             assert float(text) == value, field
 
 
+def test_the_noise_of_a_scenario_is_that_of_a_vehicle_file_but_for_what_the_page_says():
+    noise, usual = dc.asdict(FlightConfig().reality.noise), dc.asdict(MeasurementNoise())
+    assert {name for name in noise if noise[name] != usual[name]} == {"attitude"}
+    text = " ".join(sections(REFERENCE / "scenario-file.md")["reality.noise"].split())
+    link = "[`measurement_noise`](vehicle-file.md#measurement_noise)"
+    assert f"the fields of {link}, with `attitude` {noise['attitude']:g} rad by default." in text
+
+
 def test_the_page_of_the_flight_log_names_every_column():
     text = (REFERENCE / "flight-log.md").read_text(encoding="utf-8")
     text = re.sub(r"`(\w+)1` … `\w+4`", lambda m: " ".join(f"`{m[1]}{i}`" for i in (1, 2, 3, 4)), text)
@@ -82,18 +102,33 @@ def test_the_page_of_the_flight_log_names_every_column():
     assert [name for name in NAMES if name not in documented] == []
 
 
-def test_the_page_of_the_commands_is_what_the_script_writes():
-    spec = importlib.util.spec_from_file_location("make_commands", ROOT / "docs" / "make_commands.py")
+def script(name: str) -> ModuleType:
+    """Script of docs/ as a module."""
+    spec = importlib.util.spec_from_file_location(name, ROOT / "docs" / f"{name}.py")
     assert spec is not None
     assert spec.loader is not None
-    script = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(script)
-    assert script.PAGE.read_text(encoding="utf-8") == script.page(), "run `make docs` and commit the page"
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
 
 
-def test_the_page_of_the_effects_names_every_effect_with_its_parameters():
-    text = (REFERENCE / "effects.md").read_text(encoding="utf-8").replace("−", "-")
-    ranges = text[text.index("## Range and prior") :]
+def test_the_page_of_the_commands_is_what_the_script_writes():
+    commands = script("make_commands")
+    assert commands.PAGE.read_text(encoding="utf-8") == commands.page(), "run `make docs` and commit the page"
+
+
+def test_the_page_of_the_effects_lists_every_effect_by_the_place_where_it_acts():
+    text = (REFERENCE / "effects.md").read_text(encoding="utf-8")
+    rows = {row: re.findall(r"`(\w+)`", names) for row, names in re.findall(ACTS_ON, text, re.M)}
+    places = {name: place for row, place in PLACES.items() for name in rows[row]}
+    assert places == {identifier: effect.place for identifier, effect in LIBRARY.items()}
+    assert f"The library holds {len(LIBRARY)} effects." in text
+
+
+def test_the_built_page_of_the_effects_states_every_effect_with_its_parameters():
+    text = script("generated_tables").page((REFERENCE / "effects.md").read_text(encoding="utf-8"))
+    assert re.findall(r"^### `(\w+)`$", text, re.M) == list(in_scenarios())
+    ranges = text[text.index("## Range and prior") :].replace("−", "-")
     rows = re.findall(r"^\| `(\w+)` \| (.*?) \| (.*?) \| (.*?) \| (.*?) to (.*?) \| (.*?) \|$", ranges, re.M)
     stated = {
         (effect, name): (unit, *map(float, figures))
@@ -105,7 +140,13 @@ def test_the_page_of_the_effects_names_every_effect_with_its_parameters():
         for effect, kind in effects_for("rotor_speed").items()
         for p in kind.parameters
     }
-    assert f"The library holds {len(LIBRARY)} effects." in text
+
+
+@pytest.mark.parametrize("mark", ["effects", "parameters", "exports"])
+def test_what_the_code_says_is_on_one_page_of_the_site(mark):
+    marked = [page for page in (ROOT / "docs").rglob("*.md") if f"<!-- {mark} -->" in page.read_text()]
+    assert len(marked) == 1
+    assert "<!--" not in script("generated_tables").page(marked[0].read_text(encoding="utf-8"))
 
 
 LOG_MAP = [("log-map.md", "Top level", LogMap()), ("log-map.md", "A quantity", Source())]

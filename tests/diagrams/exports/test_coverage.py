@@ -8,7 +8,7 @@ from typing import ClassVar
 import pytest
 
 from diagrams.exports.carried import EXACT, LEFT_OUT, carried, how_carried
-from diagrams.exports.coverage import FORMATS, coverage, coverage_markdown
+from diagrams.exports.coverage import FORMATS, coverage
 from np_drake.effects.base import Parameter, SensorEffect, WrenchEffect
 from np_drake.effects.battery_sag import BatterySag
 from np_drake.effects.library import LIBRARY, effects_for
@@ -101,14 +101,14 @@ def test_a_law_of_the_sensors_is_said():
     assert (line.how, line.note) == (LEFT_OUT, "an error of the sensors, not of the motion")
 
 
-def test_the_page_shows_the_table_of_the_code():
+def test_the_page_of_the_site_shows_the_table_of_the_code():
     header, rows = coverage()
     assert len(header) == 1 + len(FORMATS)
     sensors = [effect for effect in EFFECTS.values() if issubclass(effect, SensorEffect)]
     assert len(rows) == len(EFFECTS) - len(sensors)
     for form in FORMATS.values():  # as the page says of them in words
         assert {how_carried(effect, form.law)[0] for effect in sensors} == {LEFT_OUT}
-    assert coverage_markdown() in PAGE.read_text(encoding="utf-8"), "copy coverage_markdown() to the page"
+    assert "<!-- exports -->" in PAGE.read_text(encoding="utf-8")  # where the site has `coverage_markdown`
 
 
 def test_two_drags_add_up_and_two_scales_multiply():

@@ -23,7 +23,6 @@ from np_drake.effects.combine import mass_properties, split_effects
 from np_drake.effects.motor_lag import MotorLag
 from np_drake.effects.rotor_gyroscopic import RotorGyroscopic
 from np_drake.effects.thrust_scale import ThrustScale
-from np_drake.rigid_body import Q as ATTITUDE
 from np_drake.vehicle import Vehicle
 
 # rotorpy's own aerodynamics and motors, which no effect of this project has exactly: drag of the body, drag and inflow
@@ -178,7 +177,6 @@ class RealMultirotor(Multirotor):
     def _motion(self, speed: np.ndarray) -> Motion:
         """Return what the effects depend on, at rotor speeds (4,) [rad/s]."""
         x, spin_up = from_rotorpy(self._s, self.center), (self._command - speed) / self.tau_m
-        x[ATTITUDE] /= math.sqrt(float(x[ATTITUDE] @ x[ATTITUDE]))  # stages of Runge-Kutta leave the sphere
         return Motion(self._t, x, self.thrust(self._t, speed), self._s[WIND], spin_up)
 
     def _turning(self, speed: np.ndarray, now: Motion) -> Motion:
