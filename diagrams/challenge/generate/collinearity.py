@@ -6,7 +6,7 @@ import numpy as np
 
 from np_drake.diagnosis.forward_model import NEVER, StageCache, Term, predicted_residual
 from np_drake.diagnosis.numerics import NoiseModel
-from np_drake.diagnosis.options import Priors
+from np_drake.diagnosis.options import Priors, Tolerance
 from np_drake.diagnosis.regressors import (
     Candidate,
     Onset,
@@ -18,7 +18,6 @@ from np_drake.diagnosis.regressors import (
     wind_candidates,
 )
 from np_drake.diagnosis.residuals import FlightResiduals
-from np_drake.diagnosis.tolerance import Tolerance
 from np_drake.effects.base import Effect
 from np_drake.effects.clock_offset import ClockOffset
 from np_drake.effects.command_delay import CommandDelay

@@ -10,12 +10,10 @@ from diagrams.challenge.generate.case import FILES, Case
 from diagrams.challenge.generate.collinearity import Collinearity
 from diagrams.challenge.generate.flight_pair import FlightPair, best_onset, left_by
 from diagrams.challenge.generate.sensor_quality import WILD
-from np_drake.diagnosis.forward_model.term import Term
-from np_drake.diagnosis.numerics.autoregressive_noise import fit_noise
-from np_drake.diagnosis.options import Options
-from np_drake.diagnosis.regressors import with_input
-from np_drake.diagnosis.regressors.nuisance import tolerance_of
-from np_drake.diagnosis.tolerance import Tolerance
+from np_drake.diagnosis.forward_model import Term
+from np_drake.diagnosis.numerics import fit_noise
+from np_drake.diagnosis.options import Options, Tolerance
+from np_drake.diagnosis.regressors import tolerance_of, with_input
 from np_drake.effects.base import Effect
 from np_drake.flight_log import FlightLog
 

@@ -34,19 +34,22 @@ class Asked:
             known = value["count"] / value["n"] if value["n"] else None
             text = f"{value['count']}/{value['n']}"
         else:
-            known, text = value, f"{value:.3g}" if value is not None else NOTHING
-        asked, bounds = NOTHING, getattr(self, quality)
-        if bounds is not None:
-            low, high = bounds
-            asked = (
-                f"≥ {low:g}"
-                if high == INFINITY
-                else f"≤ {high:g}"
-                if low == -INFINITY
-                else f"{low:g} … {high:g}"
-            )
-            text = text if known is None or low <= known <= high else f"**{text}**"
-        return self.label, asked, text if known is not None else NOTHING
+            known, text = value, f"{value or 0.0:.3g}"
+        bounds = getattr(self, quality)
+        if known is None:
+            text = NOTHING
+        elif bounds is not None and not bounds[0] <= known <= bounds[1]:
+            text = f"**{text}**"
+        return self.label, _range(bounds), text
+
+
+def _range(bounds: tuple[float, float] | None) -> str:
+    if bounds is None:
+        return NOTHING
+    low, high = bounds
+    if high == INFINITY:
+        return f"≥ {low:g}"
+    return f"≤ {high:g}" if low == -INFINITY else f"{low:g} … {high:g}"
 
 
 def _least(*bounds: float) -> list[tuple[float, float]]:
