@@ -119,7 +119,7 @@ def test_an_effect_that_a_library_effect_explains_is_drawn_again(monkeypatch):
     assert made["truth"]["attempt"] == 1
 
 
-def test_a_case_that_cannot_be_flown_leaves_nothing_behind(tmp_path, monkeypatch):
+def test_a_case_that_cannot_be_flown_leaves_nothing_behind(tmp_path, monkeypatch, in_this_process):
     def lost(case, simulator):
         raise FailedRun("lost")
 
