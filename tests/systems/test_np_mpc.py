@@ -116,7 +116,7 @@ class Slow:
 
 
 def test_a_late_answer_is_discarded_and_its_time_is_told():
-    dut, context = mpc_at(LEVEL, solver=Slow(0.0, 0.06, 0.0), deadline=0.05)
+    dut, context = mpc_at(LEVEL, solver=Slow(0.0, 0.6, 0.0), deadline=0.5)
     statuses, times = [], []
     for _ in range(3):
         event(dut, context)
@@ -124,8 +124,8 @@ def test_a_late_answer_is_discarded_and_its_time_is_told():
         times.append(evaluate(dut, context, "solve_time")[0])
     assert statuses[1] == MpcStatus.SHIFTED_PLAN
     assert max(statuses[0], statuses[2]) <= MpcStatus.ITERATION_LIMIT
-    assert times[1] >= 0.06  # [s]
-    assert max(times[0], times[2]) < 0.05
+    assert times[1] >= 0.6  # [s]
+    assert max(times[0], times[2]) < 0.5
 
 
 def test_a_late_first_answer_leaves_hover():
