@@ -37,7 +37,6 @@ RANGES = {
     "drops": (0.005, 0.01),
     "jitter": (JITTER, JITTER),
 }
-COLOURED = ("wander_time", "velocity_wander", "velocity_time", "rate_flicker", "acceleration_flicker")
 ROTOR = 0.01  # of the speed in hover [1]
 OFF = 0.01  # of mass and thrust, to either side [1]
 DIGITS = 4  # of an uncertainty in a vehicle file
@@ -123,7 +122,11 @@ def draw_sensor_quality(name: str, rng: np.random.Generator, spin: float) -> Sen
         name=REAL,
         attitude=rng.uniform(*RANGES["attitude"]),
         wander=np.deg2rad(rng.uniform(*WANDER)),
-        **{name: rng.uniform(*RANGES[name]) for name in COLOURED},
+        wander_time=rng.uniform(*RANGES["wander_time"]),
+        velocity_wander=rng.uniform(*RANGES["velocity_wander"]),
+        velocity_time=rng.uniform(*RANGES["velocity_time"]),
+        rate_flicker=rng.uniform(*RANGES["rate_flicker"]),
+        acceleration_flicker=rng.uniform(*RANGES["acceleration_flicker"]),
         rotor=float(rng.choice([ROTOR * spin, -1.0])),
         drops=rng.uniform(*RANGES["drops"]),
         turned=bool(rng.integers(2)),

@@ -24,7 +24,7 @@ def figures(score: dict[str, Any]) -> dict[str, Callable[[], Figure]]:
     """Return what draws every figure that the set gives, by file name."""
     shrinks = _shrinks(score["cases"])
     errors = [row for row in score["parameters"]["rows"] if row["kind"] == "relative"]
-    made = {
+    made: dict[str, tuple[Callable[..., Figure], tuple, Any]] = {
         "detection.png": (_detection, (score["detection"],), score["detection"]["n"]),
         "confusion.png": (_confusion, (score["confusion"],), score["confusion"]["true"]),
         "reliability.png": (_reliability, (score["reliability"],), score["reliability"]["n"]),

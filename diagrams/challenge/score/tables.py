@@ -1,8 +1,6 @@
 """A score as tables."""
 
-import operator
 from collections.abc import Callable
-from functools import reduce
 from typing import Any
 
 from diagrams.batch.run import Table
@@ -58,7 +56,10 @@ def at(score: dict[str, Any], keys: str) -> Any:
         score: as `score` returns it.
         keys: under which it stands there, with dots between.
     """
-    return reduce(operator.getitem, keys.split("."), score)
+    value: Any = score
+    for key in keys.split("."):
+        value = value[key]
+    return value
 
 
 def _detection_table(parts: dict[str, dict[str, Any]]) -> Table:
