@@ -31,17 +31,24 @@ def solve(
     again: bool = False,
     on_progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> dict[str, Any]:
-    """Writes <answers>/<case>/diagnosis.json for every case folder in `cases`; whole answers that are there stay.
+    """Write <answers>/<case>/diagnosis.json for every case folder; whole answers that are there stay.
 
-    Args: workers: read `cases` under the same path.   replay: in Drake too.   again: solve what is solved.
+    Args:
+        cases: folder of case folders, under the same path on every worker.
+        answers: folder for the answers.
+        workers: where cases are solved; default: in this process.
+        replay: whether held-out flights are replayed in Drake.
+        again: whether what is solved is solved again.
+        on_progress: called with the number of cases done and that of all.
     Returns: {"cases": all, "skipped": solved before, "solved": [{"case", "wall" [s], "peak_memory" [byte]}],
         "failed": [{"case", "error": one line}]}, sorted by case.
     Raises: ValueError: if `cases` holds no case folder, or a file is in an answer's place; OSError: if an answer
         cannot be written.
     """
     folders = case_folders(cases)
-    for folder in folders:
-        require_place(answers / folder.name)
+    for out in (answers / folder.name for folder in folders):
+        if out.exists() and not out.is_dir():
+            raise NotADirectoryError(f"{out}: must be a folder for the answer; it is a file. Move it away.")
     left = [f for f in folders if again or kept_json(answers / f.name / ANSWER_FILE) is None]
 
     def keep(case: Case, result: dict) -> dict:
@@ -63,7 +70,7 @@ def solve(
 
 
 def case_folders(cases: Path) -> list[Path]:
-    """Every folder with a vehicle file or a flight to fit, complete or not, sorted.
+    """Return every folder with a vehicle file or a flight to fit, complete or not, sorted.
 
     Raises: ValueError: if there is none.
     """
@@ -89,23 +96,16 @@ class Solving:
         start = time.perf_counter()
         answer = diagnose_folder(self.cases / case["case"], self.replay)
         wall = time.perf_counter() - start
-        return {
-            "answer": answer,
-            "cost": {"wall": wall, "peak_memory": peak_memory(), "replay": self.replay},
-        }
-
-
-def require_place(out: Path) -> None:
-    """Check before a diagnosis that its answer has a place.
-
-    Raises: NotADirectoryError: where there is a file.
-    """
-    if out.exists() and not out.is_dir():
-        raise NotADirectoryError(f"{out}: must be a folder for the answer; it is a file. Move it away.")
+        return {"answer": answer, "cost": {"wall": wall, "peak_memory": peak_memory(), "replay": self.replay}}
 
 
 def write_answer(out: Path, result: dict) -> dict:
-    """Write answer and cost of a case into its folder, the answer last, and return the cost."""
+    """Write answer and cost of a case, the answer last, and return the cost.
+
+    Args:
+        out: folder of the case's answer.
+        result: of `Solving`.
+    """
     out.mkdir(parents=True, exist_ok=True)
     write_json(out / COST, result["cost"])
     write_json(out / ANSWER_FILE, result["answer"])
@@ -113,7 +113,7 @@ def write_answer(out: Path, result: dict) -> dict:
 
 
 def peak_memory() -> int:
-    """Most that this process has held [byte]; where the system says no more, its parent's until it was born too."""
+    """Return the most that this process has held [byte]; where the system says no more, its parent's before too."""
     if STATUS.is_file():
         line = next(line for line in STATUS.read_text().splitlines() if line.startswith("VmHWM:"))
         return int(line.split()[1]) * KIBIBYTE
@@ -121,9 +121,13 @@ def peak_memory() -> int:
 
 
 def diagnose_folder(folder: Path, replay: bool) -> dict[str, Any]:
-    """The content of diagnosis.json for a case folder: of the second answer where there is one, else of the first.
+    """Return the content of diagnosis.json: of the second answer where there is one, else of the first.
 
     A second answer knows half of every held-out flight that shows what training flights do not (`Diagnosis.refit`).
+
+    Args:
+        folder: of the case.
+        replay: whether held-out flights are replayed in Drake.
     """
     vehicle, train, held_out = open_case(folder)
     simulator = None
@@ -138,5 +142,5 @@ def diagnose_folder(folder: Path, replay: bool) -> dict[str, Any]:
 
 @cache
 def _keep_what_is_loaded() -> None:
-    """Modules are not gone through for garbage again and again while this process lives."""
+    """Keep the garbage collector from going through all modules again and again."""
     gc.freeze()

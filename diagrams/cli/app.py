@@ -19,7 +19,7 @@ from diagrams.cli import (
     train,
     vehicle,
 )
-from diagrams.cli.challenge import app as challenge
+from diagrams.cli.challenge import challenge
 from diagrams.cli.outcome import PROGRAM
 from diagrams.cli.output import say
 from diagrams.cli.reproduce import VERB, reproduce
@@ -46,7 +46,7 @@ app.command(
 app.add_typer(vehicle.vehicle, name="vehicle")
 app.command("export")(export.export)
 app.command("bench")(bench.bench)
-app.add_typer(challenge.challenge, name="challenge")
+app.add_typer(challenge, name="challenge")
 
 
 @app.callback(invoke_without_command=True)

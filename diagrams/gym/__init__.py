@@ -1,7 +1,6 @@
 """Experiments as Gymnasium environments; an import registers `np_drake/Track-v0` where gymnasium is installed."""
 
-from diagrams.gym.extra import installed
-from diagrams.gym.registration import make_env, register
+from diagrams.gym.registration import installed, make_env, register
 
 __all__ = ["make_env", "register"]
 

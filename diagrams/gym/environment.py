@@ -8,7 +8,7 @@ from gymnasium.error import ResetNeeded
 from gymnasium.spaces import Box
 from pydrake.gym import DrakeGymEnv
 
-from diagrams.gym.pool import SimulatorPool
+from diagrams.gym.simulator import SimulatorPool
 from np_drake.control.tracking_task import ACTION_SIZE
 
 
@@ -46,7 +46,12 @@ class TrackingEnv(DrakeGymEnv):
         self._flight.start(context, int(self.np_random.integers(2**31)))
 
     def reset(self, *, seed: int | None = None, options: dict | None = None):
-        """Begin an episode and return its first observation and info."""
+        """Begin an episode and return its first observation and info.
+
+        Args:
+            seed: of all randomness from now on; None: it goes on.
+            options: without influence.
+        """
         observation, _ = super().reset(seed=seed, options=options)
         return observation, self._info()
 

@@ -1,13 +1,12 @@
 """The environment by name and by function."""
 
 import dataclasses as dc
+from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from diagrams.gym.extra import require_gymnasium
-from diagrams.gym.pool import Draw, SimulatorPool
-from diagrams.gym.simulator import ActionConfig, TrackingSimulator
+from diagrams.gym.simulator import ActionConfig, Draw, SimulatorPool, TrackingSimulator
 from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight import FlightConfig
 from np_drake.control.tracking_task import TrackingTask, task_for
@@ -17,6 +16,16 @@ if TYPE_CHECKING:
     from diagrams.gym.environment import TrackingEnv
 
 ID = "np_drake/Track-v0"
+
+
+def installed() -> bool:
+    """Return whether gymnasium is installed."""
+    return find_spec("gymnasium") is not None
+
+
+def _require_gymnasium() -> None:
+    if not installed():
+        raise ImportError("diagrams.gym: gymnasium must be installed; pip install 'np_drake[gym]'.")
 
 
 def make_env(
@@ -49,7 +58,7 @@ def make_env(
         draw_seed: of these draws, another one for other simulators.
     Raises: ImportError: where gymnasium is not installed.   ValueError: on impossible values.
     """
-    require_gymnasium()
+    _require_gymnasium()
     from diagrams.gym.environment import TrackingEnv
 
     if vehicle is not None and not isinstance(experiment, str):
@@ -84,7 +93,7 @@ def register() -> None:
 
     Raises: ImportError: where gymnasium is not installed.
     """
-    require_gymnasium()
+    _require_gymnasium()
     import gymnasium
 
     if ID not in gymnasium.registry:

@@ -1,6 +1,7 @@
-"""One simulated vehicle whose command is a policy's action."""
+"""Simulated vehicles whose command is a policy's action."""
 
 import dataclasses as dc
+from collections.abc import Callable
 
 import numpy as np
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator
@@ -20,6 +21,7 @@ from systems.cascaded_controller import CascadedController
 from systems.sensor_model import add_sensor_model
 from systems.tracking_observation import TrackingObservation
 
+Draw = Callable[[np.random.Generator], FlightConfig]
 BASES = ("hover", "cascade")  # commands that an action is added to
 
 
@@ -42,7 +44,7 @@ class ActionConfig:
         return self
 
 
-def make_tracking_diagram(config: FlightConfig, task: TrackingTask, action: ActionConfig) -> Diagram:
+def _make_tracking_diagram(config: FlightConfig, task: TrackingTask, action: ActionConfig) -> Diagram:
     """Return real vehicle, sensors, base command and observation as one Diagram.
 
     | port | size | meaning | unit |
@@ -96,7 +98,11 @@ def cascade_period(config: FlightConfig) -> float:
 class TrackingSimulator:
     """Simulator of an experiment, its reference and its task.
 
-    Args: period: between two decisions; default: the controller's [s].
+    Args:
+        config: the experiment.
+        task: observation and reward.
+        action: what an action means.
+        period: between two decisions; default: the controller's [s].
     Raises: ValueError: if the period is no whole multiple of the controller's, at which the sensors are read.
     """
 
@@ -111,7 +117,7 @@ class TrackingSimulator:
                 f"TrackingSimulator: period must be a whole multiple of {config.controller.period:g} s, at which the "
                 f"sensors are read; got {period}."
             )
-        self.simulator = Simulator(make_tracking_diagram(config, task, action))
+        self.simulator = Simulator(_make_tracking_diagram(config, task, action))
         self._vehicle = self.simulator.get_system().GetSubsystemByName("tethered_quadrotor")
 
     @property
@@ -120,7 +126,12 @@ class TrackingSimulator:
         return max(1, round(self.config.end / self.period))
 
     def start(self, context: Context, seed: int) -> None:
-        """Set the vehicle hovering at the start of its reference, and the noise by its seed."""
+        """Set the vehicle hovering at the start of its reference.
+
+        Args:
+            context: of the whole diagram.
+            seed: of the sensors' noise.
+        """
         diagram = self.simulator.get_system()
         set_initial_state(diagram, context, self.config, seed=seed)
         diagram.GetInputPort("action").FixValue(context, np.zeros(ACTION_SIZE))
@@ -150,3 +161,35 @@ class TrackingSimulator:
         if not np.linalg.norm(self.error(context)) < self.task.tolerance:
             return f"it was more than {self.task.tolerance:.3g} m off its reference"
         return ""
+
+
+class SimulatorPool:
+    """At most `size` simulators, each built when it is first asked for and kept.
+
+    Drake never frees a diagram with callbacks in Python, 1.5 to 2.5 MB each. A pool bounds their number whatever the
+    number of episodes. The configurations are drawn at once, so that an impossible one is refused before any episode.
+
+    Args:
+        draw: a configuration from a random generator.
+        make: simulator of a configuration.
+        size: largest number of simulators.
+        seed: of the draws, each of which has a generator of its own.
+    Raises: ValueError: on a size below one or an impossible configuration.
+    """
+
+    def __init__(
+        self, draw: Draw, make: Callable[[FlightConfig], TrackingSimulator], *, size: int, seed: int = 0
+    ):
+        if size < 1:
+            raise ValueError(f"SimulatorPool: simulators must be at least 1; got {size}.")
+        self.configs = [draw(np.random.default_rng([seed, i])).check() for i in range(size)]
+        self._make = make
+        self._built: dict[int, TrackingSimulator] = {}
+
+    def __len__(self) -> int:
+        return len(self.configs)
+
+    def __getitem__(self, index: int) -> TrackingSimulator:
+        if index not in self._built:
+            self._built[index] = self._make(self.configs[index])
+        return self._built[index]

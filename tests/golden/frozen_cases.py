@@ -10,6 +10,7 @@ Exit code 1 where an answer differs from the stored one.
 """
 
 import argparse
+import dataclasses as dc
 import json
 import os
 import sys
@@ -20,7 +21,7 @@ from typing import Any
 from joblib import Parallel, delayed
 
 from diagrams.challenge.generate.case import CaseDraw, case_name
-from diagrams.challenge.generate.make import make_case
+from diagrams.challenge.generate.make import Making, write_case
 from diagrams.challenge.solve import diagnose_folder
 from diagrams.gap.real_flights import agile_flights
 from np_drake.diagnosis.diagnose import diagnose
@@ -102,7 +103,7 @@ def answer(name: str, neurobem: Path | None = None) -> dict[str, Any]:
         cases, truth = Path(scratch) / "cases", Path(scratch) / "truth"
         cases.mkdir()
         truth.mkdir()
-        make_case(draw, cases, truth, simulator=simulator, quality=quality, seconds=SECONDS, seed=SEED)
+        write_case(Making(simulator, quality, SECONDS, SEED)(dc.asdict(draw)), cases, truth)
         return summary(diagnose_folder(cases / case_name(SEED, draw.index), replay=False))
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from diagrams.challenge.generate.logged_input import LoggedInput, draw_logged_input
 from diagrams.challenge.generate.magnitudes import draw_effect
-from diagrams.challenge.generate.sensor_quality import SensorQuality, draw_sensor_quality
+from diagrams.challenge.generate.sensor_quality import WILD, SensorQuality, draw_sensor_quality
 from diagrams.challenge.generate.trajectories import draw_plans
 from diagrams.challenge.generate.vehicles import draw_vehicle
 from diagrams.challenge.out_of_library.draw import draw_out_of_library
@@ -17,9 +17,10 @@ from diagrams.challenge.simulators.flight_plan import Plan
 from np_drake.effects.base import Effect
 from np_drake.vehicle import Vehicle
 
+CLEAN, OUT_OF_LIBRARY = "clean", "foreign"  # kinds of cases
 FILES = ("train_1.csv", "train_2.csv", "heldout_1.csv")
 # Streams of random numbers that do not touch each other: the effect decides about nothing else.
-_VEHICLE, PLANS, _SENSORS, _EFFECT, _ONSET, NOISE, _INPUT = range(7)
+_VEHICLE, _PLANS, _SENSORS, _EFFECT, _ONSET, NOISE, _INPUT = range(7)
 
 
 @dc.dataclass(frozen=True)
@@ -33,6 +34,21 @@ class CaseDraw:
     kind: str
     names: tuple[str, ...] = ()
     attempt: int = 0
+
+    @property
+    def out_of_library(self) -> bool:
+        """Return whether its effects are not in the library."""
+        return self.kind == OUT_OF_LIBRARY
+
+    def stream(self, seed: int, which: int, flight: int = 0) -> np.random.Generator:
+        """Return the random numbers of one purpose.
+
+        Args:
+            seed: of the set.
+            which: the purpose, one of the streams of this module.
+            flight: number of the flight, where it is drawn for each.
+        """
+        return np.random.default_rng([seed, self.index, self.attempt, which, flight])
 
 
 @dc.dataclass(frozen=True)
@@ -50,44 +66,35 @@ class Case:
     onset: dict[str, float | None]
     input: LoggedInput = dc.field(default_factory=LoggedInput)
 
-    def stream(self, which: int, flight: int = 0) -> np.random.Generator:
-        """Return the random numbers of one purpose."""
-        return stream(self.seed, self.draw, which, flight)
-
     def instants(self, file: str) -> np.ndarray:
         """Return the times (n,) of the rows of a flight, before any is dropped [s]."""
-        return self.instants_in(FILES.index(file), self.seconds)
-
-    def instants_in(self, flight: int, seconds: float) -> np.ndarray:
-        """Return the times (n,) of the rows of flight number `flight` of `seconds` [s], before any is dropped [s]."""
-        return self.quality.instants(self.stream(_SENSORS, flight + 1), seconds)
+        rng = self.draw.stream(self.seed, _SENSORS, FILES.index(file) + 1)
+        return self.quality.instants(rng, self.seconds)
 
     def effects_of(self, file: str) -> list[Effect]:
         """Return the effects as they act in one flight: what is random (a gust) differs from flight to flight."""
-        return self.effects_in(FILES.index(file))
-
-    def effects_in(self, flight: int) -> list[Effect]:
-        """Return the effects as they act in flight number `flight`; those after the files' are further flights."""
-        seed = int(self.stream(_EFFECT, flight + 1).integers(2**31))
+        seed = int(self.draw.stream(self.seed, _EFFECT, FILES.index(file) + 1).integers(2**31))
         return [dc.replace(e, seed=seed) if hasattr(e, "seed") else e for e in self.effects]  # type: ignore
 
 
-def stream(seed: int, draw: CaseDraw, which: int, flight: int = 0) -> np.random.Generator:
-    """Random numbers for one purpose of one case."""
-    return np.random.default_rng([seed, draw.index, draw.attempt, which, flight])
-
-
 def draw_case(draw: CaseDraw, *, quality: str, seed: int, seconds: float) -> Case:
-    """Return the case that `draw` names; equal arguments give equal cases."""
-    sensors, known = stream(seed, draw, _SENSORS), SensorQuality(quality)
-    vehicle = draw_vehicle(stream(seed, draw, _VEHICLE), known.stated_noise())
+    """Return the case that `draw` names; equal arguments give equal cases.
+
+    Args:
+        draw: index, kind and names of effects.
+        quality: of the sensors: clean | real | wild.
+        seed: of the set.
+        seconds: length of every flight [s].
+    """
+    known = SensorQuality(quality)
+    vehicle = draw_vehicle(draw.stream(seed, _VEHICLE), known.stated_noise())
     vehicle = dc.replace(vehicle, **known.stated_uncertainty())  # type: ignore[arg-type]
-    logged = LoggedInput() if quality != "wild" else draw_logged_input(stream(seed, draw, _INPUT), draw.names)
+    logged = draw_logged_input(draw.stream(seed, _INPUT), draw.names) if quality == WILD else LoggedInput()
     if not logged.held:
         vehicle = dc.replace(vehicle, command_timing="unknown")
     spin = math.sqrt(vehicle.mass * vehicle.gravity / 4 / vehicle.thrust_coefficient)
-    plans = draw_plans(stream(seed, draw, PLANS), vehicle, seconds, len(FILES))
-    drawn = draw_sensor_quality(quality, sensors, spin)
+    plans = draw_plans(draw.stream(seed, _PLANS), vehicle, seconds, len(FILES))
+    drawn = draw_sensor_quality(quality, draw.stream(seed, _SENSORS), spin)
     if logged.kind == "rotor_speed":
         drawn = dc.replace(drawn, rotor=abs(drawn.rotor))
     return Case(
@@ -98,22 +105,27 @@ def draw_case(draw: CaseDraw, *, quality: str, seed: int, seconds: float) -> Cas
         vehicle=vehicle,
         quality=drawn,
         plans=dict(zip(FILES, plans, strict=True)),
-        effects=tuple(draw_effects(draw, stream(seed, draw, _EFFECT), vehicle, seconds)),
-        onset=draw_onset(draw, stream(seed, draw, _ONSET), seconds),
+        effects=tuple(_draw_effects(draw, draw.stream(seed, _EFFECT), vehicle, seconds)),
+        onset=_draw_onset(draw, draw.stream(seed, _ONSET), seconds),
         input=logged,
     )
 
 
 def case_name(seed: int, index: int) -> str:
-    """Return a folder's name that tells nothing, not even the order in which cases were drawn."""
+    """Return a folder's name that tells nothing, not even the order in which cases were drawn.
+
+    Args:
+        seed: of the set.
+        index: of the case.
+    """
     return hashlib.sha256(f"challenge {seed} {index}".encode()).hexdigest()[:10]
 
 
-def draw_effects(
+def _draw_effects(
     draw: CaseDraw, rng: np.random.Generator, vehicle: Vehicle, seconds: float
 ) -> Sequence[Effect]:
     """Return the effects of a case, each name once (a wind's drag may be there already)."""
-    if draw.kind == "foreign":
+    if draw.out_of_library:
         return [draw_out_of_library(name, rng, vehicle) for name in draw.names]
     effects: dict[str, Effect] = {}
     for name in draw.names:
@@ -122,7 +134,7 @@ def draw_effects(
     return list(effects.values())
 
 
-def draw_onset(draw: CaseDraw, rng: np.random.Generator, seconds: float) -> dict[str, float | None]:
+def _draw_onset(draw: CaseDraw, rng: np.random.Generator, seconds: float) -> dict[str, float | None]:
     """Draw onsets by file [s]: mid-flight in the first flight, mid-flight or from the start in the others."""
     onset: dict[str, float | None] = dict.fromkeys(FILES)
     if draw.kind == "onset":

@@ -4,11 +4,11 @@ from itertools import combinations
 
 import numpy as np
 
-from diagrams.challenge.generate.case import CaseDraw
+from diagrams.challenge.generate.case import CLEAN, OUT_OF_LIBRARY, CaseDraw
 from diagrams.challenge.out_of_library.draw import DEVELOPMENT, HOLDOUT
 from np_drake.effects.library import LIBRARY
 
-SHARES = {"pair": 0.15, "triple": 0.08, "onset": 0.12, "foreign": 0.15}  # the rest are single effects
+SHARES = {"pair": 0.15, "triple": 0.08, "onset": 0.12, OUT_OF_LIBRARY: 0.15}  # the rest are single effects
 TWO_AT_ONCE = 1 / 3  # of the out-of-library cases of `wild`: two out-of-library effects act [1]
 # Physically the same, or nearly so: never in one case together.
 EQUIVALENT = (
@@ -30,28 +30,34 @@ def compatible(names: tuple[str, ...]) -> bool:
 def compose(cases: int, clean: int, seed: int, *, unseen: bool = False, two: float = 0.0) -> list[CaseDraw]:
     """Draw `cases` with an effect and `clean` without, in shuffled order; single effects cycle through the library.
 
-    unseen: all with an out-of-library effect that is held out from the other sets.
-    two: share of the out-of-library cases that have two such effects at once [1].
+    Args:
+        cases: how many with an effect.
+        clean: how many without.
+        seed: of the set.
+        unseen: whether all have an out-of-library effect that is held out from the other sets.
+        two: share of the out-of-library cases that have two such effects at once [1].
     """
     rng = np.random.default_rng([seed, 7])
-    shares = {"foreign": 1.0} if unseen else SHARES
+    shares = {OUT_OF_LIBRARY: 1.0} if unseen else SHARES
     counts = {kind: round(share * cases) for kind, share in shares.items()}
     kinds = ["single"] * (cases - sum(counts.values()))
-    kinds += [kind for kind, count in counts.items() for _ in range(count)] + ["clean"] * clean
-    foreign = HOLDOUT if unseen else DEVELOPMENT
+    kinds += [kind for kind, count in counts.items() for _ in range(count)] + [CLEAN] * clean
+    strange = HOLDOUT if unseen else DEVELOPMENT
     names = {
         "single": _cycle(rng, [(name,) for name in LIBRARY]),
         "onset": _cycle(rng, [(name,) for name, effect in LIBRARY.items() if effect.begins]),
-        "foreign": _cycle(rng, [(name,) for name in foreign]),
-        "two foreign": _cycle(rng, list(combinations(foreign, 2))),
+        OUT_OF_LIBRARY: _cycle(rng, [(name,) for name in strange]),
+        "two at once": _cycle(rng, list(combinations(strange, 2))),
         "pair": _cycle(rng, [c for c in combinations(LIBRARY, 2) if compatible(c)]),
         "triple": _cycle(rng, [c for c in combinations(LIBRARY, 3) if compatible(c)]),
-        "clean": _cycle(rng, [()]),
+        CLEAN: _cycle(rng, [()]),
     }
     drawn = [(kind, next(names[kind])) for kind in kinds]
-    both = [i for i, kind in enumerate(kinds) if kind == "foreign"][: round(two * counts["foreign"])]
+    both = [i for i, kind in enumerate(kinds) if kind == OUT_OF_LIBRARY][
+        : round(two * counts[OUT_OF_LIBRARY])
+    ]
     for i in both:
-        drawn[i] = "foreign", next(names["two foreign"])
+        drawn[i] = OUT_OF_LIBRARY, next(names["two at once"])
     order = rng.permutation(len(drawn))
     return [CaseDraw(index, *drawn[i]) for index, i in enumerate(order)]
 

@@ -71,7 +71,12 @@ class LoggedInput:
 
 
 def draw_logged_input(rng: np.random.Generator, names: Sequence[str]) -> LoggedInput:
-    """Draw the input of a case's logs among those that can tell the effects with these names."""
+    """Draw the input of a case's logs among those that can tell its effects.
+
+    Args:
+        rng: source of the draw.
+        names: of the effects.
+    """
     hidden = {kind: {*unobservable(kind), *ABSORBED.get(kind, ())} for kind in INPUTS}
     kind = str(rng.choice([kind for kind in INPUTS if not hidden[kind] & set(names)]))
     timed = bool(set(COMMAND_TIME) & set(names))
@@ -80,12 +85,24 @@ def draw_logged_input(rng: np.random.Generator, names: Sequence[str]) -> LoggedI
 
 
 def per_row(log: FlightLog, finer: int) -> FlightLog:
-    """Return every `finer`-th row with the mean of the commands until the next, as who knows all commands sees it."""
+    """Return every `finer`-th row with the mean of the commands until the next, as who knows all commands sees it.
+
+    Args:
+        log: with a row a command.
+        finer: commands in an interval of rows [1].
+    """
     return log if finer == 1 else as_logged(log, "averaged", finer)
 
 
 def as_logged(log: FlightLog, semantics: str, finer: int, late: int = 0) -> FlightLog:
-    """Return every `finer`-th row, with a command as these semantics log it. late: the command that is sampled."""
+    """Return every `finer`-th row, with a command as these semantics log it.
+
+    Args:
+        log: with a row a command.
+        semantics: as of `LoggedInput`.
+        finer: commands in an interval of rows [1].
+        late: number of the command that is sampled.
+    """
     u, rows = log.u, np.arange(0, len(log), finer)
     if semantics == "held_before":
         u = np.concatenate([u[:1], u[:-1]])
@@ -97,7 +114,13 @@ def as_logged(log: FlightLog, semantics: str, finer: int, late: int = 0) -> Flig
 
 
 def with_input(log: FlightLog, vehicle: Vehicle, kind: str) -> FlightLog:
-    """Return the log with one kind of input, as a file is to hold it."""
+    """Return the log with one kind of input, as a file is to hold it.
+
+    Args:
+        log: whose input is a command.
+        vehicle: that flew.
+        kind: as `FlightLog.input`.
+    """
     if kind == "command":
         return log
     if kind == "rotor_speed":
@@ -110,10 +133,16 @@ def with_input(log: FlightLog, vehicle: Vehicle, kind: str) -> FlightLog:
 
 
 def best_known(log: FlightLog, command: np.ndarray, vehicle: Vehicle, kind: str) -> FlightLog:
-    """Return the log with the input of the true model, which knows all commands (n, 4) [N, N·m] and no rotor's speed.
+    """Return the log with the input of the true model, which knows all commands and no rotor's speed.
 
     Where rotor speed is the input it is what the log measures. A throttle's scale and exponent are known; a torque that
     the file does not hold is not.
+
+    Args:
+        log: as a file holds it.
+        command: (n, 4) of every row [N, N·m].
+        vehicle: that flew.
+        kind: of the input, as `FlightLog.input`.
     """
     log = dc.replace(log, u=command, throttle=None, input="command")
     if kind == "rotor_speed":

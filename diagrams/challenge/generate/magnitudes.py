@@ -9,11 +9,6 @@ from np_drake.effects.random_sizes import drag_coefficients
 from np_drake.vehicle import Vehicle
 
 
-def companion_drag(rng: np.random.Generator, vehicle: Vehicle) -> LinearDrag:
-    """Return a drag through which a wind is felt."""
-    return LinearDrag(*drag_coefficients(rng, vehicle, 0.05, 0.3))
-
-
 def draw_effect(name: str, rng: np.random.Generator, vehicle: Vehicle, seconds: float) -> list[Effect]:
     """Return the effect `name` with random parameters, and the drag that it acts through where it needs one.
 
@@ -24,4 +19,4 @@ def draw_effect(name: str, rng: np.random.Generator, vehicle: Vehicle, seconds: 
         seconds: duration of the flights [s].
     """
     effect = LIBRARY[name].of(LIBRARY[name].draw(rng, vehicle, seconds))
-    return [effect, companion_drag(rng, vehicle)] if effect.needs else [effect]
+    return [effect, LinearDrag(*drag_coefficients(rng, vehicle, 0.05, 0.3))] if effect.needs else [effect]

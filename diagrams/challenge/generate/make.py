@@ -9,21 +9,16 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
 
 from diagrams.batch.failed_run import FailedRun
 from diagrams.batch.workers import Workers
 from diagrams.challenge.generate.case import FILES, NOISE, Case, CaseDraw, case_name, draw_case
 from diagrams.challenge.generate.composition import TWO_AT_ONCE, compose
-from diagrams.challenge.generate.ground_truth import (
-    FlightPair,
-    equivalent_library_effects,
-    flight_pairs,
-    truth,
-)
+from diagrams.challenge.generate.ground_truth import TRUTH_FILE, GroundTruth
 from diagrams.challenge.generate.logged_input import as_logged, per_row, with_input
-from diagrams.challenge.generate.sensor_quality import kept_rows, rows_of, with_sensor_noise
+from diagrams.challenge.generate.sensor_quality import QUALITIES, WILD, kept_rows, rows_of, with_sensor_noise
 from diagrams.challenge.generate.vehicles import vehicle_file
+from diagrams.challenge.simulators.drake.simulator import fly
 from diagrams.challenge.simulators.rotorpy import optional_import
 from np_drake.files.atomic_file import write_json, write_text
 from np_drake.flight_log import FlightLog
@@ -32,14 +27,10 @@ from np_drake.logs.formats.log_file import write_log
 from np_drake.logs.import_sheet import write_sheet
 
 ATTEMPTS = 12  # draws of one case before the set fails
-TRUTH_FILE = "truth.json"
-QUALITIES = ("clean", "real", "wild")
 
 
-def simulators() -> dict[str, Callable]:
+def simulators() -> dict[str, Callable[..., FlightLog]]:
     """Return simulators by name: fly(vehicle, plan, effects, *, t, onset, background) -> the exact FlightLog."""
-    from diagrams.challenge.simulators.drake.simulator import fly
-
     return {"drake": fly, "rotorpy": optional_import.fly}
 
 
@@ -57,19 +48,27 @@ def make(
     workers: Workers | None = None,
     on_progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> dict:
-    """Writes `cases` + `clean` case folders into `out` and as many truths into `truth`.
+    """Write a challenge set: case folders, and their truth elsewhere. Cases of the same request that are there stay.
 
-    Cases of the same request that are there already stay.
-
-    unseen: all `cases` have an out-of-library effect that is held out from other sets.
+    Args:
+        out: folder for the case folders.
+        truth: folder for the truths.
+        simulator: drake | rotorpy.
+        quality: of the sensors: clean (ideal) | real | wild (ill-calibrated).
+        cases: how many with an effect.
+        clean: how many without.
+        seconds: length of every flight [s].
+        seed: of every draw.
+        unseen: whether all `cases` have an out-of-library effect that is held out from other sets.
+        workers: where cases are flown; default: in this process.
+        on_progress: called with the number of cases done and that of all.
     Returns: {"written", "kinds": {kind: count}, "redrawn": how many draws were lost on the way, "lost": which}.
     Raises: ValueError: on impossible arguments; FailedRun: where a case cannot be flown in any draw.
     """
-    check_request(out, truth, simulator=simulator, quality=quality, seconds=seconds, cases=cases + clean)
-    require_no_other_set(out, truth, seed=seed, cases=cases + clean)
+    check_request(out, truth, simulator, quality, cases + clean, seconds, seed)
     for folder in (out, truth):
         folder.mkdir(parents=True, exist_ok=True)
-    draws = compose(cases, clean, seed, unseen=unseen, two=TWO_AT_ONCE if quality == "wild" else 0.0)
+    draws = compose(cases, clean, seed, unseen=unseen, two=TWO_AT_ONCE if quality == WILD else 0.0)
     making = Making(simulator, quality, seconds, seed)
     left = [draw for draw in draws if not making.is_there(draw, out, truth)]
 
@@ -82,10 +81,10 @@ def make(
     )
     if failed := [record["error"] for record in records if "error" in record]:
         raise FailedRun(f"{failed[0]} ({len(failed)} of {len(draws)} cases failed)")
-    return set_summary(draws, truth, seed)
+    return _set_summary(draws, truth, seed)
 
 
-def set_summary(draws: Sequence[CaseDraw], truth: Path, seed: int) -> dict:
+def _set_summary(draws: Sequence[CaseDraw], truth: Path, seed: int) -> dict:
     """Return what `make` returns of a whole set."""
     lost: dict[str, int] = {}
     for draw in draws:
@@ -111,32 +110,35 @@ class Making:
 
         Raises: FailedRun: if no draw can be flown.
         """
-        draw = CaseDraw(**{**case, "names": tuple(case["names"])})
         last: FailedRun | None = None
         for attempt in range(ATTEMPTS):
-            drawn = draw_case(
-                dc.replace(draw, attempt=attempt),
-                quality=self.quality,
-                seed=self.seed,
-                seconds=self.seconds,
-            )
+            draw = CaseDraw(case["index"], case["kind"], tuple(case["names"]), attempt)
+            drawn = draw_case(draw, quality=self.quality, seed=self.seed, seconds=self.seconds)
             try:
                 exact, noisy = fly_case(drawn, self.simulator)
-                flights = flight_pairs(drawn, exact, noisy)
-                require_no_library_equivalent(drawn, flights)
+                truth = GroundTruth.of(drawn, exact, noisy)
+                if same := truth.equivalent_library_effects():
+                    names = " with ".join(draw.names)
+                    raise FailedRun(f"make: {names} must be no {same[0]} where it is flown.")
             except FailedRun as error:
                 last = error
                 continue
             asked = {"seconds": self.seconds, "version": version("np_drake")}
             return {
                 "name": drawn.name,
-                "files": case_files(drawn, noisy),
-                "truth": {**truth(drawn, self.simulator, flights), **asked},
+                "files": _case_files(drawn, noisy),
+                "truth": {**truth.content(self.simulator), **asked},
             }
-        raise FailedRun(f"make: no draw of {draw.names} could be flown; the last: {last}")
+        raise FailedRun(f"make: no draw of {tuple(case['names'])} could be flown; the last: {last}")
 
     def is_there(self, draw: CaseDraw, out: Path, truth: Path) -> bool:
-        """Return whether both folders of the case are there and of this request."""
+        """Return whether both folders of the case are there and of this request.
+
+        Args:
+            draw: settings of the case.
+            out: folder of the case folders.
+            truth: folder of the truths.
+        """
         name = case_name(self.seed, draw.index)
         if not (out / name / VEHICLE).is_file():
             return False
@@ -149,56 +151,35 @@ class Making:
         return all(found.get(key) == value for key, value in asked.items()) and set(draw.names) <= named
 
 
-def make_case(draw: CaseDraw, out: Path, truth: Path, **request: Any) -> int:
-    """Make one case and write it.
-
-    Args: request: fields of `Making`.
-    Returns: how many draws were lost.
-    """
-    made = Making(**request)(dc.asdict(draw))
-    write_case(made, out, truth)
-    return made["truth"]["attempt"]
-
-
 def fly_case(case: Case, simulator: str) -> tuple[dict[str, FlightLog], dict[str, FlightLog]]:
-    """Return the exact and the noisy logs of a case by file, with the same rows; the noisy hold the case's input."""
-    fly, exact, noisy = simulators()[simulator], {}, {}
-    background = case.quality.background(case.vehicle)
+    """Return the exact and the noisy logs of a case by file, with the same rows; the noisy hold the case's input.
+
+    Args:
+        case: as drawn.
+        simulator: drake | rotorpy.
+    """
+    exact, noisy = {}, {}
     for flight, (file, plan) in enumerate(case.plans.items()):
-        every = fly(
+        every = simulators()[simulator](
             case.vehicle,
             plan,
             case.effects_of(file),
-            t=case.input.instants(case.instants(file)),
+            t=case.input.instants(case.instants(file)),  # a row a command
             onset=case.onset[file],
-            background=background,
+            background=case.quality.background(case.vehicle),
         )
         every.name = file.removesuffix(".csv")
-        exact[file], noisy[file] = as_measured(case, every, flight)
+        rng = case.draw.stream(case.seed, NOISE, flight)
+        log = per_row(every, case.input.finer)
+        rows = kept_rows(rng, case.quality, len(log))
+        sensed = with_sensor_noise(log, case.vehicle, case.quality, rng)
+        u = as_logged(every, case.input.semantics, case.input.finer, case.input.late).u
+        logged = with_input(dc.replace(sensed, u=u), case.vehicle, case.input.kind)
+        exact[file], noisy[file] = rows_of(log, rows), rows_of(logged, rows)
     return exact, noisy
 
 
-def as_measured(case: Case, every: FlightLog, flight: int) -> tuple[FlightLog, FlightLog]:
-    """Return the exact and the noisy log of flight number `flight`, with the same rows.
-
-    Args: every: exact log with a row a command.
-    """
-    rng = case.stream(NOISE, flight)
-    log = per_row(every, case.input.finer)
-    rows = kept_rows(rng, case.quality, len(log))
-    sensed = with_sensor_noise(log, case.vehicle, case.quality, rng)
-    u = as_logged(every, case.input.semantics, case.input.finer, case.input.late).u
-    logged = with_input(dc.replace(sensed, u=u), case.vehicle, case.input.kind)
-    return rows_of(log, rows), rows_of(logged, rows)
-
-
-def require_no_library_equivalent(case: Case, flights: dict[str, FlightPair]) -> None:
-    """Raise FailedRun where a library effect explains what an out-of-library effect leaves in the flights."""
-    if case.draw.kind == "foreign" and (names := equivalent_library_effects(case, flights)):
-        raise FailedRun(f"make: {' with '.join(case.draw.names)} must be no {names[0]} where it is flown.")
-
-
-def case_files(case: Case, noisy: dict[str, FlightLog]) -> dict[str, str]:
+def _case_files(case: Case, noisy: dict[str, FlightLog]) -> dict[str, str]:
     """Return the text of every file of a case folder by its name."""
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
@@ -211,16 +192,22 @@ def case_files(case: Case, noisy: dict[str, FlightLog]) -> dict[str, str]:
 
 
 def write_case(made: dict, out: Path, truth: Path) -> None:
-    """Write both folders of what a `Making` returned, each whole or not at all."""
-    with whole_folder(truth / made["name"]) as folder:
+    """Write both folders of a case, each whole or not at all.
+
+    Args:
+        made: what a `Making` returned.
+        out: folder of the case folders.
+        truth: folder of the truths.
+    """
+    with _whole_folder(truth / made["name"]) as folder:
         write_json(folder / TRUTH_FILE, made["truth"])
-    with whole_folder(out / made["name"]) as folder:
+    with _whole_folder(out / made["name"]) as folder:
         for name, text in made["files"].items():
             (folder / name).write_bytes(text.encode())
 
 
 @contextmanager
-def whole_folder(path: Path) -> Iterator[Path]:
+def _whole_folder(path: Path) -> Iterator[Path]:
     """Yield a temporary folder beside `path` that takes its name at the end; an older folder gives way.
 
     Its name is that of `path` behind a dot, so that what a killed run left is taken away.
@@ -237,20 +224,13 @@ def whole_folder(path: Path) -> Iterator[Path]:
         shutil.rmtree(temporary, ignore_errors=True)
 
 
-def require_no_other_set(out: Path, truth: Path, *, seed: int, cases: int) -> None:
-    """Raise ValueError where a folder holds what is not of this set: two sets could not be told apart there."""
-    own = {case_name(seed, index) for index in range(cases)}
-    own |= {f".{name}" for name in own}  # of a run that was killed
-    for folder in (out, truth):
-        others = sorted({path.name for path in folder.glob("[!.]*")} - own) if folder.is_dir() else []
-        if others:
-            raise ValueError(f"make: {folder} holds another set, or {others[0]}; give an empty folder.")
-
-
 def check_request(
-    out: Path, truth: Path, *, simulator: str, quality: str, seconds: float, cases: int
+    out: Path, truth: Path, simulator: str, quality: str, cases: int, seconds: float, seed: int
 ) -> None:
-    """Raise ValueError where `make` would, before any work."""
+    """Raise ValueError where `make` would, before any work.
+
+    Args: as of `make`; `cases` with an effect and without.
+    """
     here, there = out.resolve(), truth.resolve()
     if here == there or here in there.parents or there in here.parents:
         raise ValueError(f"make: neither of cases and truth may lie in the other; got {out} and {truth}.")
@@ -264,3 +244,10 @@ def check_request(
         raise ValueError(f"make: seconds must be 5 … 300 [s]; got {seconds}.")
     if cases < 1:
         raise ValueError("make: there must be at least one case; got none.")
+    # Two sets in one folder could not be told apart.
+    own = {case_name(seed, index) for index in range(cases)}
+    own |= {f".{name}" for name in own}  # of a run that was killed
+    for folder in (out, truth):
+        others = sorted({path.name for path in folder.glob("[!.]*")} - own) if folder.is_dir() else []
+        if others:
+            raise ValueError(f"make: {folder} holds another set, or {others[0]}; give an empty folder.")

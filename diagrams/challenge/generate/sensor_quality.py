@@ -1,4 +1,4 @@
-"""Sensor quality: from an exact log to what ideal (`clean`), real or ill-known (`wild`) sensors would have logged.
+"""Sensor quality: from an exact log to what ideal (`clean`), real or ill-calibrated (`wild`) sensors would have logged.
 
 Every figure of `wild` is drawn from three times the range of `real`: log-uniform from a third of the lower bound to
 three times the upper one, signed figures within three times their bounds. A constant of `real` counts as a range
@@ -18,6 +18,7 @@ from np_drake.effects.thrust_scale import ThrustScale
 from np_drake.flight_log import FlightLog
 from np_drake.vehicle import MeasurementNoise, Vehicle
 
+CLEAN, REAL, WILD = QUALITIES = ("clean", "real", "wild")
 JITTER = 0.05  # of the instants, of the interval [1]
 RATE = 100.0  # rows a second [Hz]
 WIDER = 3.0  # the range of `wild` over that of `real`, to either side [1]
@@ -51,7 +52,7 @@ class SensorQuality:
     motion capture, MEMS sensors and a Kalman filter's velocity.
     """
 
-    name: str = "clean"  # clean | real | wild
+    name: str = CLEAN
     attitude: float = 0.0  # white [rad]
     wander: float = 0.0  # RMS [rad]
     wander_time: float = 10.0
@@ -72,7 +73,7 @@ class SensorQuality:
     @property
     def real(self) -> bool:
         """Return whether the sensors are no ideal ones."""
-        return self.name != "clean"
+        return self.name != CLEAN
 
     def background(self, vehicle: Vehicle) -> list[Effect]:
         """Return what the vehicle file is off by; it acts throughout and is no cause."""
@@ -89,25 +90,36 @@ class SensorQuality:
 
         `wild`: the standard deviation of the uniform error that is drawn; others state nothing.
         """
-        if self.name != "wild":
+        if self.name != WILD:
             return {}
         deviation = round(WIDER * OFF / np.sqrt(3.0), DIGITS)
         return {"mass_uncertainty": deviation, "thrust_uncertainty": deviation}
 
     def instants(self, rng: np.random.Generator, seconds: float) -> np.ndarray:
-        """Return the times (n,) of the rows [s]."""
+        """Return the times (n,) of the rows [s].
+
+        Args:
+            rng: source of the jitter.
+            seconds: length of the flight [s].
+        """
         t = np.arange(round(seconds * self.rate)) / self.rate
         return t + (self.jitter / self.rate * rng.uniform(-1, 1, len(t)) if self.real else 0.0)
 
 
 def draw_sensor_quality(name: str, rng: np.random.Generator, spin: float) -> SensorQuality:
-    """Draw sensors of that quality. spin: rotor speed in hover [rad/s]."""
-    if name == "clean":
+    """Draw sensors of a quality.
+
+    Args:
+        name: one of `QUALITIES`.
+        rng: source of the draw.
+        spin: rotor speed in hover [rad/s].
+    """
+    if name == CLEAN:
         return SensorQuality()
-    if name == "wild":
-        return _draw_wild(rng, spin)
+    if name == WILD:
+        return _draw_ill_calibrated(rng, spin)
     return SensorQuality(
-        name="real",
+        name=REAL,
         attitude=rng.uniform(*RANGES["attitude"]),
         wander=np.deg2rad(rng.uniform(*WANDER)),
         wander_time=rng.uniform(*RANGES["wander_time"]),
@@ -123,12 +135,12 @@ def draw_sensor_quality(name: str, rng: np.random.Generator, spin: float) -> Sen
     )
 
 
-def _draw_wild(rng: np.random.Generator, spin: float) -> SensorQuality:
+def _draw_ill_calibrated(rng: np.random.Generator, spin: float) -> SensorQuality:
     """Draw every figure from three times the range of `real`; rotor columns are there in half of the cases."""
-    stated = dc.asdict(SensorQuality("real").stated_noise())
+    stated = dc.asdict(SensorQuality(REAL).stated_noise())
     white = {name: _wider(rng, value, value) for name, value in stated.items() if name != "attitude"}
     return SensorQuality(
-        name="wild",
+        name=WILD,
         **{name: _wider(rng, *bounds) for name, bounds in RANGES.items()},
         rotor=_wider(rng, ROTOR * spin, ROTOR * spin) * float(rng.choice([1.0, -1.0])),
         turned=bool(rng.integers(2)),
@@ -148,6 +160,11 @@ def kept_rows(rng: np.random.Generator, quality: SensorQuality, n: int) -> np.nd
     """Return the rows (m,) of n that are not dropped, never the first or last.
 
     Up to `longest_drop` are dropped in succession, two kept at least between one loss and the next.
+
+    Args:
+        rng: source of the draw.
+        quality: of the sensors.
+        n: number of rows.
     """
     count, longest = round(quality.drops * n), quality.longest_drop
     dropped: set[int] = set()
@@ -162,10 +179,16 @@ def kept_rows(rng: np.random.Generator, quality: SensorQuality, n: int) -> np.nd
 def with_sensor_noise(
     log: FlightLog, vehicle: Vehicle, quality: SensorQuality, rng: np.random.Generator
 ) -> FlightLog:
-    """Return the exact `log` (all rows) with sensor noise; every sensor has draws of its own.
+    """Return a log with sensor noise; every sensor has draws of its own.
 
     The accelerometer reads R^T (a + g z) + n in body axes; it comes to W with the true attitude or, where `turned`,
     with the measured one.
+
+    Args:
+        log: the exact one, all rows.
+        vehicle: whose file states the white noise.
+        quality: of the sensors.
+        rng: source of the draws.
     """
     if log.a is None or log.al is None or log.rotor is None:
         raise ValueError("measured: the exact log must have accelerations and rotor speed.")
@@ -180,7 +203,7 @@ def with_sensor_noise(
         v += gauss_markov(parts[1], log.t, 3, rms=quality.velocity_wander, tau=quality.velocity_time)
         w += flicker(parts[2], log.t, 3, rms=quality.rate_flicker)
         n_B += flicker(parts[3], log.t, 3, rms=quality.acceleration_flicker)
-    q = rotated_by(log.q, turn)
+    q = _rotated_by(log.q, turn)
     g = np.array([0.0, 0.0, vehicle.gravity])
     specific = attitude.rotate_back(log.q, log.a + g) + n_B
     rotor = None if quality.rotor < 0 else log.rotor + quality.rotor * parts[6].normal(size=(n, 4))
@@ -196,15 +219,20 @@ def with_sensor_noise(
     )
 
 
-def rotated_by(q: np.ndarray, turn: np.ndarray) -> np.ndarray:
-    """Return q (n, 4) after a small rotation (n, 3) in body axes [rad]."""
+def _rotated_by(q: np.ndarray, turn: np.ndarray) -> np.ndarray:
+    """Return q (n, 4) after a rotation (n, 3) in body axes [rad], to first order."""
     small = np.concatenate([np.ones((len(turn), 1)), 0.5 * turn], axis=1)
     out = attitude.multiply(q, small)
     return out / np.linalg.norm(out, axis=1, keepdims=True)
 
 
 def rows_of(log: FlightLog, rows: np.ndarray) -> FlightLog:
-    """Return the log with these rows alone."""
+    """Return the log with these rows alone.
+
+    Args:
+        log: of any kind.
+        rows: their numbers, or a mask.
+    """
     arrays = {f.name: getattr(log, f.name) for f in dc.fields(log)}
     cut = {name: value[rows] for name, value in arrays.items() if isinstance(value, np.ndarray)}
     return dc.replace(log, **cut)

@@ -105,15 +105,28 @@ KINDS: dict[str, Draw] = {
 }
 
 
-def draw_plan(rng: np.random.Generator, vehicle: Vehicle, seconds: float, kind: str | None = None) -> Plan:
-    """Draw one flight of `seconds` [s] that a nominal vehicle can fly; of a random kind if none is asked for."""
-    kind = kind or str(rng.choice(list(KINDS)))
+def draw_plan(rng: np.random.Generator, vehicle: Vehicle, seconds: float, kind: str) -> Plan:
+    """Draw one flight that a nominal vehicle can fly.
+
+    Args:
+        rng: source of the draw.
+        vehicle: that is to fly it.
+        seconds: length [s].
+        kind: one of `KINDS`.
+    """
     reference = KINDS[kind](rng, seconds)
     return within_limits(Plan(kind, reference, _draw_heading(rng)), vehicle, seconds)
 
 
 def draw_plans(rng: np.random.Generator, vehicle: Vehicle, seconds: float, flights: int) -> list[Plan]:
-    """Draw flights of different kinds, so that training and held-out flights differ; one hover in a case at most."""
+    """Draw flights of different kinds, so that training and held-out flights differ; one hover in a case at most.
+
+    Args:
+        rng: source of the draw.
+        vehicle: that is to fly them.
+        seconds: length of each [s].
+        flights: how many.
+    """
     kinds = rng.permutation(list(KINDS))[:flights]
     return [draw_plan(rng, vehicle, seconds, str(kind)) for kind in kinds]
 

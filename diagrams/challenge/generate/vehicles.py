@@ -1,5 +1,7 @@
 """The vehicles of a challenge set: a handful of sizes, as their vehicle files know them."""
 
+import dataclasses as dc
+
 import numpy as np
 from pydrake.common.yaml import yaml_dump_typed
 
@@ -65,10 +67,14 @@ VEHICLES: tuple[Vehicle, ...] = (
 
 
 def draw_vehicle(rng: np.random.Generator, noise: MeasurementNoise) -> Vehicle:
-    """Draw one of them, with the white noise that its file states; its logs hold commands from their row."""
+    """Draw one of `VEHICLES`; its logs hold commands from their row.
+
+    Args:
+        rng: source of the draw.
+        noise: white noise that its file states.
+    """
     kind = VEHICLES[rng.integers(len(VEHICLES))]
-    parts = {name: getattr(kind, name) for name in Vehicle.__dataclass_fields__}
-    return Vehicle(**{**parts, "measurement_noise": noise, "command_timing": "held"}).check()
+    return dc.replace(kind, measurement_noise=noise, command_timing="held").check()
 
 
 def vehicle_file(vehicle: Vehicle) -> str:

@@ -9,12 +9,17 @@ from typing import ClassVar
 import numpy as np
 
 from diagrams.challenge.out_of_library.base import (
+    UP,
+    Draw,
     OutOfLibraryActuator,
     OutOfLibraryWrench,
     chi_of_force,
     chi_of_torque,
+    ground_place,
+    weight,
 )
 from np_drake.effects.base import Motion
+from np_drake.effects.random_sizes import arm, direction, log_uniform, signed
 from np_drake.rigid_body import P, V, W
 from np_drake.vehicle import Vehicle
 
@@ -26,10 +31,8 @@ class PeriodicForce(OutOfLibraryWrench):
     force: tuple[float, float, float]  # [N]
     frequency: float  # [Hz]
     phase: float  # [rad]
-    identifier: ClassVar[str] = "periodic_force"
 
-    def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
-        """Return chi (..., 6) [N, N·m]."""
+    def _chi(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
         wave = np.sin(2 * np.pi * self.frequency * np.asarray(motion.t) + self.phase)
         return chi_of_force(np.broadcast_to(wave[..., None] * self.force, (*motion.x.shape[:-1], 3)))
 
@@ -41,10 +44,8 @@ class GroundTether(OutOfLibraryWrench):
     stiffness: float  # [N/m]
     slack: float  # [m]
     anchor: tuple[float, float, float]  # [m]
-    identifier: ClassVar[str] = "ground_tether"
 
-    def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
-        """Return chi (..., 6) [N, N·m]."""
+    def _chi(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
         r = motion.x[..., P] - self.anchor
         span = np.maximum(np.linalg.norm(r, axis=-1, keepdims=True), 1e-6)
         return chi_of_force(-self.stiffness * np.maximum(span - self.slack, 0.0) * r / span)
@@ -62,10 +63,8 @@ class WinchTether(OutOfLibraryWrench):
     friction: float  # of the drum, over the tension [1]
     creep: float  # speed at which the drum begins to slip [m/s]
     anchor: tuple[float, float, float]  # [m]
-    identifier: ClassVar[str] = "winch_tether"
 
-    def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
-        """Return chi (..., 6) [N, N·m]."""
+    def _chi(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
         r = motion.x[..., P] - self.anchor
         n = r / np.maximum(np.linalg.norm(r, axis=-1, keepdims=True), 1e-6)
         runs_out = np.sum(motion.x[..., V] * n, axis=-1, keepdims=True)
@@ -78,10 +77,8 @@ class RubbingLine(OutOfLibraryWrench):
 
     force: float  # of dry friction [N]
     creep: float  # speed at which it begins to slip [m/s]
-    identifier: ClassVar[str] = "rubbing_line"
 
-    def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
-        """Return chi (..., 6) [N, N·m]."""
+    def _chi(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
         v = motion.x[..., V]
         speed = np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), 1e-12)
         return chi_of_force(-self.force * np.tanh(speed / self.creep) * v / speed)
@@ -92,12 +89,10 @@ class LiftedCable(OutOfLibraryWrench):
     """The weight of what a vehicle has lifted of a cable on the ground: f_z = -density g z in W."""
 
     density: float  # of the cable [kg/m]
-    identifier: ClassVar[str] = "lifted_cable"
 
-    def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
-        """Return chi (..., 6) [N, N·m]."""
+    def _chi(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
         lifted = np.maximum(motion.x[..., P][..., 2], 0.0)
-        return chi_of_force(-self.density * vehicle.gravity * lifted[..., None] * np.array([0.0, 0.0, 1.0]))
+        return chi_of_force(-self.density * vehicle.gravity * lifted[..., None] * UP)
 
 
 @dc.dataclass(frozen=True)
@@ -105,10 +100,8 @@ class TwistedCable(OutOfLibraryWrench):
     """A power cable that was laid out straight twists back: tau = -k sin(heading) about the vertical."""
 
     k: float  # [N·m]
-    identifier: ClassVar[str] = "twisted_cable"
 
-    def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
-        """Return chi (..., 6) [N, N·m]."""
+    def _chi(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
         R = motion.R_WB
         heading = np.arctan2(R[..., 1, 0], R[..., 0, 0])
         return chi_of_torque(-self.k * np.sin(heading)[..., None] * R[..., 2, :])
@@ -123,10 +116,8 @@ class StickingAxis(OutOfLibraryWrench):
     torque: float  # [N·m]
     period: float  # [s]
     share: float  # [1]
-    identifier: ClassVar[str] = "sticking_axis"
 
-    def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
-        """Return chi (..., 6) [N, N·m]."""
+    def _chi(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
         stuck = np.mod(motion.t, self.period) < self.share * self.period
         chi = np.zeros((*motion.x.shape[:-1], 6))
         chi[..., 3 + self.axis] = stuck * (self.torque - self.drag * motion.x[..., W][..., self.axis])
@@ -138,10 +129,8 @@ class SpinningLidar(OutOfLibraryWrench):
     """A part that turns steadily, whatever the rotors do: tau = -w x h with h along body z."""
 
     h: float  # angular momentum [N·m·s]
-    identifier: ClassVar[str] = "spinning_lidar"
 
-    def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
-        """Return chi (..., 6) [N, N·m]."""
+    def _chi(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
         return chi_of_torque(-np.cross(motion.x[..., W], [0.0, 0.0, self.h]))
 
 
@@ -151,10 +140,8 @@ class SlidingLoad(OutOfLibraryWrench):
 
     moment: float  # weight times way [N·m]
     tilt: float  # [rad]
-    identifier: ClassVar[str] = "sliding_load"
 
-    def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
-        """Return chi (..., 6) [N, N·m]."""
+    def _chi(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
         n = motion.R_WB[..., 2, :]
         lean = np.maximum(np.hypot(n[..., 0], n[..., 1]), 1e-9)
         size = self.moment * np.tanh(lean / self.tilt) / lean
@@ -174,23 +161,19 @@ class SprungLoad(OutOfLibraryActuator):
     frequency: float  # [Hz]
     damping: float  # [1]
     share: float  # of the mass [1]
-    identifier: ClassVar[str] = "sprung_load"
     state_size: ClassVar[int] = 2
 
-    def state_at(self, vehicle: Vehicle, thrust: np.ndarray) -> np.ndarray:
+    def _rest(self, vehicle: Vehicle, thrust: np.ndarray) -> np.ndarray:
         """Return the state at rest: (..., 2) displacement in collective thrust [N] and its rate [N/s]."""
         total = np.sum(thrust, axis=-1)
         return np.stack([total, np.zeros_like(total)], axis=-1)
 
-    def state_rate(self, vehicle: Vehicle, state: np.ndarray, command: np.ndarray) -> np.ndarray:
+    def _rate(self, vehicle: Vehicle, state: np.ndarray, command: np.ndarray) -> np.ndarray:
         """Return the rate of the state (..., 2) [N/s, N/s²]."""
         w = 2 * np.pi * self.frequency
         return np.stack([state[..., 1], w**2 * self._unmoved(state, command)], axis=-1)
 
-    def thrust(
-        self, vehicle: Vehicle, state: np.ndarray, command: np.ndarray, t: np.ndarray | float = 0.0
-    ) -> np.ndarray:
-        """Return what the rotors give (..., 4) [N]."""
+    def _given(self, vehicle: Vehicle, state: np.ndarray, command: np.ndarray) -> np.ndarray:
         return command + self.share * self._unmoved(state, command)[..., None] * vehicle.unmixer[:, 0]
 
     def _unmoved(self, state: np.ndarray, command: np.ndarray) -> np.ndarray:
@@ -209,21 +192,59 @@ class LiquidSlosh(OutOfLibraryActuator):
     frequency: float  # [Hz]
     damping: float  # [1]
     gain: float  # [1]
-    identifier: ClassVar[str] = "liquid_slosh"
     state_size: ClassVar[int] = 4
 
-    def state_at(self, vehicle: Vehicle, thrust: np.ndarray) -> np.ndarray:
+    def _rest(self, vehicle: Vehicle, thrust: np.ndarray) -> np.ndarray:
         """Return the state at rest: (4,) displacement in torque [N·m] and its rate [N·m/s]."""
         return np.concatenate([vehicle.mixer[1:3] @ thrust, np.zeros(2)])
 
-    def state_rate(self, vehicle: Vehicle, state: np.ndarray, command: np.ndarray) -> np.ndarray:
+    def _rate(self, vehicle: Vehicle, state: np.ndarray, command: np.ndarray) -> np.ndarray:
         """Return the rate of the state (..., 4)."""
         w, s, rate = 2 * np.pi * self.frequency, state[..., :2], state[..., 2:]
         drive = w**2 * (command @ vehicle.mixer[1:3].T - s) - 2 * self.damping * w * rate
         return np.concatenate([rate, drive], axis=-1)
 
-    def thrust(
-        self, vehicle: Vehicle, state: np.ndarray, command: np.ndarray, t: np.ndarray | float = 0.0
-    ) -> np.ndarray:
-        """Return what the rotors give (..., 4) [N]."""
+    def _given(self, vehicle: Vehicle, state: np.ndarray, command: np.ndarray) -> np.ndarray:
         return command - self.gain * (state[..., :2] @ vehicle.unmixer[:, 1:3].T)
+
+
+def _sticking_axis(rng: np.random.Generator, vehicle: Vehicle) -> StickingAxis:
+    axis = int(rng.integers(3))
+    inertia = vehicle.J[axis, axis]
+    torque = float(rng.choice([-1, 1]) * log_uniform(rng, 0.6, 4.0) * inertia)
+    drag = log_uniform(rng, 0.5, 4.0) * inertia
+    return StickingAxis(axis, drag, torque, rng.uniform(1.5, 5.0), rng.uniform(0.15, 0.5))
+
+
+DRAWS: dict[str, Draw] = {
+    "periodic_force": lambda rng, v: PeriodicForce(
+        tuple(log_uniform(rng, 0.03, 0.2) * weight(v) * direction(rng)),
+        log_uniform(rng, 0.4, 4.0),
+        rng.uniform(0, 2 * np.pi),
+    ),
+    "ground_tether": lambda rng, v: GroundTether(
+        anchor=ground_place(rng), stiffness=log_uniform(rng, 0.3, 2.0) * v.mass, slack=rng.uniform(0.3, 1.2)
+    ),
+    "winch_tether": lambda rng, v: WinchTether(
+        tension=log_uniform(rng, 0.03, 0.25) * weight(v),
+        anchor=ground_place(rng),
+        friction=rng.uniform(0.1, 0.5),
+        creep=rng.uniform(0.05, 0.2),
+    ),
+    "rubbing_line": lambda rng, v: RubbingLine(
+        log_uniform(rng, 0.01, 0.12) * weight(v), rng.uniform(0.1, 0.4)
+    ),
+    "lifted_cable": lambda rng, v: LiftedCable(log_uniform(rng, 0.005, 0.06) * v.mass),
+    "twisted_cable": lambda rng, v: TwistedCable(log_uniform(rng, 0.5, 5.0) * v.J[2, 2]),
+    "sticking_axis": _sticking_axis,
+    "spinning_lidar": lambda rng, v: SpinningLidar(signed(rng, 0.5, 10.0) * v.J[0, 0]),
+    "sliding_load": lambda rng, v: SlidingLoad(
+        log_uniform(rng, 0.005, 0.05) * arm(v) * weight(v), rng.uniform(0.03, 0.15)
+    ),
+    "sprung_load": lambda rng, v: SprungLoad(
+        log_uniform(rng, 0.8, 2.5), rng.uniform(0.02, 0.15), log_uniform(rng, 0.12, 0.5)
+    ),
+    "liquid_slosh": lambda rng, v: LiquidSlosh(
+        rng.uniform(1.0, 4.0), rng.uniform(0.05, 0.2), log_uniform(rng, 0.1, 0.35)
+    ),
+}

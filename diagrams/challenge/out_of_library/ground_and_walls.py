@@ -4,18 +4,20 @@ Source of each law: own choice, of what vehicles are known to meet.
 """
 
 import dataclasses as dc
-from typing import ClassVar
 
 import numpy as np
 
 from diagrams.challenge.out_of_library.base import (
+    Draw,
     OutOfLibraryWrench,
     chi_along_z,
     chi_of_force,
     chi_of_rotors,
     chi_of_torque,
+    level_direction,
 )
 from np_drake.effects.base import Motion
+from np_drake.effects.random_sizes import arm, log_uniform
 from np_drake.rigid_body import P
 from np_drake.vehicle import Vehicle
 
@@ -31,10 +33,8 @@ class WallSuction(OutOfLibraryWrench):
     reach: float  # [m]
     normal: tuple[float, float, float]  # towards the wall
     from_origin: float  # distance of the wall [m]
-    identifier: ClassVar[str] = "wall_suction"
 
-    def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
-        """Return chi (..., 6) [N, N·m]."""
+    def _chi(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
         d = np.maximum(self.from_origin - motion.x[..., P] @ np.array(self.normal), 0.0)
         pull = self.strength * motion.rotor_thrust.sum(axis=-1) * np.exp(-d / self.reach)
         return chi_of_force(pull[..., None] * np.array(self.normal))
@@ -47,10 +47,8 @@ class CeilingEffect(OutOfLibraryWrench):
     strength: float  # [1]
     reach: float  # [m]
     height: float  # [m]
-    identifier: ClassVar[str] = "ceiling_effect"
 
-    def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
-        """Return chi (..., 6) [N, N·m]."""
+    def _chi(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
         below = np.maximum(self.height - motion.x[..., P][..., 2], 0.0)
         return chi_along_z(
             motion, self.strength * motion.rotor_thrust.sum(axis=-1) * np.exp(-below / self.reach)
@@ -67,10 +65,8 @@ class TiltedCushion(OutOfLibraryWrench):
 
     lever: float  # over a lean of one, on the ground [m]
     reach: float  # [m]
-    identifier: ClassVar[str] = "tilted_cushion"
 
-    def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
-        """Return chi (..., 6) [N, N·m]."""
+    def _chi(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
         near = np.exp(-np.maximum(motion.x[..., P][..., 2], 0.0) / self.reach)
         size = self.lever * motion.rotor_thrust.sum(axis=-1) * near
         return chi_of_torque(size[..., None] * np.cross([0.0, 0.0, 1.0], motion.R_WB[..., 2, :]))
@@ -90,13 +86,34 @@ class PlatformEdge(OutOfLibraryWrench):
     normal: tuple[float, float, float]  # level, inwards from the edge
     from_origin: float  # distance of the edge [m]
     edge: float  # half width over which it fades [m]
-    identifier: ClassVar[str] = "platform_edge"
 
-    def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
-        """Return chi (..., 6) [N, N·m]."""
+    def _chi(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
         rotors = motion.x[..., None, P] + np.array(vehicle.rotor_positions) @ np.swapaxes(motion.R_WB, -1, -2)
         above = np.maximum(rotors[..., 2] - self.height, 0.0)
         over = 0.5 * (1.0 + np.tanh((rotors @ np.array(self.normal) - self.from_origin) / self.edge))
         gained = self.strength * motion.rotor_thrust * np.exp(-above / self.reach) * over
-        given = gained @ vehicle.mixer.T
-        return chi_of_rotors(motion, given)
+        return chi_of_rotors(motion, gained @ vehicle.mixer.T)
+
+
+DRAWS: dict[str, Draw] = {
+    "wall_suction": lambda rng, v: WallSuction(
+        normal=level_direction(rng),
+        strength=log_uniform(rng, 0.04, 0.25),
+        reach=rng.uniform(0.3, 1.0),
+        from_origin=rng.uniform(0.8, 2.5),
+    ),
+    "ceiling_effect": lambda rng, v: CeilingEffect(
+        log_uniform(rng, 0.04, 0.25), rng.uniform(0.3, 1.0), rng.uniform(1.8, 3.0)
+    ),
+    "tilted_cushion": lambda rng, v: TiltedCushion(
+        log_uniform(rng, 0.03, 0.3) * arm(v), rng.uniform(0.5, 2.0)
+    ),
+    "platform_edge": lambda rng, v: PlatformEdge(
+        normal=level_direction(rng),
+        strength=log_uniform(rng, 0.06, 0.4),
+        reach=rng.uniform(0.8, 2.0),
+        height=rng.uniform(0.0, 0.3),
+        from_origin=rng.uniform(-0.7, 0.7),
+        edge=rng.uniform(0.05, 0.3),
+    ),
+}

@@ -5,12 +5,13 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+from diagrams.challenge.generate.case import CLEAN, OUT_OF_LIBRARY
+from diagrams.challenge.generate.ground_truth import TRUTH_FILE
 from diagrams.challenge.score.schema import SchemaValidator, list_of, object_of, or_null, record, violation
 from np_drake.diagnosis.result import UNKNOWN
 from np_drake.effects.library import LIBRARY, MEASURED_ROTORS
 from np_drake.files.input_file import read_json
 
-OUT_OF_LIBRARY, CLEAN = "foreign", "clean"
 KINDS = ("single", "pair", "triple", "onset", CLEAN, OUT_OF_LIBRARY)
 ANYTHING = {"description": "of any kind"}
 TEXT = {"description": "text", "type": "string"}
@@ -119,9 +120,8 @@ def _unlike(replay: dict[str, Any]) -> Iterator[str]:
             yield f"shrink.replay.{name}.position must hold an error for each of {asked} horizons; got {given}."
 
 
-TRUTH_FILE, ANSWER_FILE = "truth.json", "diagnosis.json"
-COMPANION = "linear_drag"  # through which a wind is felt, and which is then named too
-WINDS = ("constant_wind", "gusty_wind")
+ANSWER_FILE = "diagnosis.json"
+VISIBLE = 1.5  # least visibility of a case that must be found [1]
 
 
 @dc.dataclass(frozen=True)
@@ -131,6 +131,7 @@ class AnsweredCase:
     name: str
     truth: dict[str, Any]
     answer: dict[str, Any] | None
+    least: float = VISIBLE  # visibility from which the case must be found [1]
 
     @property
     def kind(self) -> str:
@@ -151,6 +152,11 @@ class AnsweredCase:
         if self.true_names and not self.must_be_named:
             return 1.0
         return float(self.truth["visibility"])
+
+    @property
+    def visible(self) -> bool:
+        """Return whether the case must be found."""
+        return self.visibility >= self.least
 
     @property
     def must_be_named(self) -> tuple[int, ...]:
@@ -175,9 +181,7 @@ class AnsweredCase:
     @property
     def main(self) -> str:
         """Return the effect that a case of one effect is about (a wind's drag comes after it), `foreign` or `clean`."""
-        if self.kind == "foreign":
-            return "foreign"
-        return next((n for n in self.true_names), "clean")
+        return OUT_OF_LIBRARY if self.kind == OUT_OF_LIBRARY else next(iter(self.true_names), CLEAN)
 
     @property
     def verdict(self) -> tuple[str, ...]:
@@ -195,9 +199,13 @@ class AnsweredCase:
         return {} if self.answer is None else {c["effect"]: c for c in self.answer["causes"]}
 
 
-def read_answered_cases(answers: Path, truth: Path) -> list[AnsweredCase]:
+def read_answered_cases(answers: Path, truth: Path, least: float = VISIBLE) -> list[AnsweredCase]:
     """Return every case that has a truth, sorted by name; of a folder of sets, `<set>/<case>`.
 
+    Args:
+        answers: folder of <case>/diagnosis.json, or of sets.
+        truth: folder of <case>/truth.json, or of sets.
+        least: visibility from which a case must be found [1].
     Raises: ValueError: if there is no truth, or a file is no JSON or not what docs/reference/files.md says: one line
         with file, field and what it must be; OSError: if one cannot be read.
     """
@@ -206,12 +214,12 @@ def read_answered_cases(answers: Path, truth: Path) -> list[AnsweredCase]:
     ]
     if not names:
         raise ValueError(f"{truth}: must hold <case>/{TRUTH_FILE}; got none.")
-    return [_read_case(str(name), truth / name / TRUTH_FILE, answers / name / ANSWER_FILE) for name in names]
-
-
-def _read_case(name: str, truth: Path, answer: Path) -> AnsweredCase:
-    found = _read(answer, fault_of_answer) if answer.is_file() else None
-    return AnsweredCase(name, _read(truth, fault_of_truth), found)
+    cases = []
+    for name in names:
+        file = answers / name / ANSWER_FILE
+        answer = _read(file, fault_of_answer) if file.is_file() else None
+        cases.append(AnsweredCase(str(name), _read(truth / name / TRUTH_FILE, fault_of_truth), answer, least))
+    return cases
 
 
 def _read(path: Path, fault_of: Callable[[dict[str, Any]], str | None]) -> dict[str, Any]:
@@ -225,11 +233,3 @@ def _read(path: Path, fault_of: Callable[[dict[str, Any]], str | None]) -> dict[
     if fault is not None:
         raise ValueError(f"{path}: {fault}")
     return content
-
-
-def same_flight(name: str) -> str:
-    """Return a flight's name without folder and suffix: `train_1.csv` and `train_1` are one flight."""
-    base = name.rsplit("/", 1)[-1]
-    for suffix in (".csv.gz", ".csv", ".parquet"):
-        base = base.removesuffix(suffix)
-    return base

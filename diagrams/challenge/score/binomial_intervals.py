@@ -4,20 +4,22 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import numpy as np
-from scipy.stats import binomtest
+from scipy.special import betaincinv
 
-LEVEL = 0.95
+TAIL = 0.025  # beyond either bound of a 95 % interval [1]
 
 
 def binomial_interval(outcomes: Iterable[bool]) -> dict[str, Any]:
     """Return {"count", "n", "rate", "ci95"} of outcomes; the rate of none is None.
 
-    ci95: the exact binomial interval. Source: Clopper and Pearson 1934.
+    ci95: the exact binomial interval.
     """
     values = [bool(outcome) for outcome in outcomes]
     k, n = sum(values), len(values)
-    interval = binomtest(k, n).proportion_ci(LEVEL, method="exact") if n else (0.0, 1.0)
-    return {"count": k, "n": n, "rate": k / n if n else None, "ci95": [float(bound) for bound in interval]}
+    # Clopper and Pearson 1934: a binomial tail is a beta distribution, P(K >= k) = I_p(k, n - k + 1).
+    low = float(betaincinv(k, n - k + 1, TAIL)) if k else 0.0
+    high = float(betaincinv(k + 1, n - k, 1 - TAIL)) if k < n else 1.0
+    return {"count": k, "n": n, "rate": k / n if n else None, "ci95": [low, high]}
 
 
 def binned(
@@ -25,7 +27,11 @@ def binned(
 ) -> list[dict[str, Any]]:
     """Return a row a bin with its edges and proportion; empty bins are left out.
 
-    Args: place: (n,) bin of every outcome.   columns: a statistic and the values that it is taken of, by name.
+    Args:
+        outcomes: (n,) 1 where it is true.
+        place: (n,) bin of every outcome.
+        edges: of all bins.
+        columns: a statistic and the values (n,) that it is taken of, by name.
     """
     rows = []
     for k in np.unique(place):

@@ -23,7 +23,12 @@ def abscissa(visibility: np.ndarray | float) -> np.ndarray:
 
 
 def detection(cases: Sequence[AnsweredCase], seed: int) -> dict[str, Any]:
-    """Return points, bins, curve (intercept, slope), and visibility of half with its 95 % interval."""
+    """Return points, bins, curve (intercept, slope), and visibility of half with its 95 % interval.
+
+    Args:
+        cases: of one effect each.
+        seed: of the bootstrap.
+    """
     visibility = np.array([c.visibility for c in cases])
     found = np.array([detected(c) for c in cases], float)
     curve = logistic(abscissa(visibility), found) if len(cases) >= ENOUGH else None
@@ -31,21 +36,24 @@ def detection(cases: Sequence[AnsweredCase], seed: int) -> dict[str, Any]:
         "n": len(cases),
         "visibility": visibility.tolist(),
         "found": found.astype(bool).tolist(),
-        "bins": bins(visibility, found),
+        "bins": binned(
+            found, np.maximum(np.digitize(visibility, EDGES) - 1, 0), EDGES, median=(np.median, visibility)
+        ),
         "curve": None if curve is None else list(curve),
         "half": None if curve is None else half_found(curve),
-        "half_ci95": None if curve is None else bootstrap(visibility, found, seed),
+        "half_ci95": None if curve is None else _bootstrap(visibility, found, seed),
     }
 
 
-def bins(visibility: np.ndarray, found: np.ndarray) -> list[dict[str, Any]]:
-    """Return the share found by visibility; empty bins are left out."""
-    place = np.clip(np.digitize(visibility, EDGES) - 1, 0, len(EDGES) - 2)
-    return binned(found, place, EDGES, median=(np.median, visibility))
-
-
 def logistic(x: np.ndarray, y: np.ndarray, steps: int = 60) -> tuple[float, float]:
-    """Fit intercept and slope of P(y = 1) = expit(a + b x) by damped Newton steps, lightly penalised."""
+    """Fit intercept and slope of P(y = 1) = expit(a + b x), lightly penalised.
+
+    Args:
+        x: (n,) abscissa.
+        y: (n,) 0 or 1.
+        steps: of the iteration.
+    """
+    # Newton's method on the ridge-penalised log-likelihood (iteratively reweighted least squares), steps held to 2.
     design = np.stack([np.ones_like(x), x], axis=1)
     penalty, theta = PRIOR * np.eye(2), np.zeros(2)
     for _ in range(steps):
@@ -63,7 +71,7 @@ def half_found(curve: tuple[float, float]) -> float | None:
     return None if slope <= 0 else float(1.0 + 10.0 ** np.clip(-intercept / slope, -6.0, 6.0))
 
 
-def bootstrap(visibility: np.ndarray, found: np.ndarray, seed: int) -> list[float] | None:
+def _bootstrap(visibility: np.ndarray, found: np.ndarray, seed: int) -> list[float] | None:
     """Return the 95 % interval of `half_found` over cases drawn with replacement."""
     rng, values = np.random.default_rng(seed), []
     for _ in range(DRAWS):

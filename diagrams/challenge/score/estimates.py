@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from diagrams.challenge.score.answered_case import AnsweredCase, same_flight
+from diagrams.challenge.score.answered_case import AnsweredCase
 from diagrams.challenge.score.binomial_intervals import binomial_interval, median
 from diagrams.challenge.score.identification import matches
 from np_drake.effects.base import Parameter
@@ -120,6 +120,12 @@ def _number(value: float | None) -> float:
 
 
 TOLERANCE = 0.2  # [s]
+LOG_SUFFIX = re.compile(r"\.(csv\.gz|csv|parquet)$")
+
+
+def same_flight(name: str) -> str:
+    """Return a flight's name without folder and suffix: `train_1.csv` and `train_1` are one flight."""
+    return LOG_SUFFIX.sub("", name.rsplit("/", 1)[-1])
 
 
 def onset_errors(case: AnsweredCase) -> list[dict[str, Any]]:
@@ -135,12 +141,14 @@ def onset_errors(case: AnsweredCase) -> list[dict[str, Any]]:
         for flight, true in (effect.get("onset") or {}).items():
             if true is not None:
                 given = estimates.get(same_flight(flight))
-                error = None if given is None else given - true
                 best = case.truth.get("best_onset", {}).get(flight, true)
-                told = abs(best - true) <= TOLERANCE
-                seen = case.visibility_in(flight)
-                row = {"flight": flight, "named": cause is not None, "error": error}
-                row |= {"told": told, "visibility": seen}
+                row = {
+                    "flight": flight,
+                    "named": cause is not None,
+                    "error": None if given is None else given - true,
+                    "told": abs(best - true) <= TOLERANCE,
+                    "visibility": case.visibility_in(flight),
+                }
                 rows[flight, true] = max(rows.get((flight, true), row), row, key=_badness)
     return list(rows.values())
 
@@ -154,19 +162,21 @@ def onset_within(row: dict[str, Any]) -> bool:
     return row["error"] is not None and abs(row["error"]) <= TOLERANCE
 
 
-def onset_summary(cases: Sequence[AnsweredCase], least: float) -> dict[str, Any]:
+def onset_summary(cases: Sequence[AnsweredCase]) -> dict[str, Any]:
     """Return the share of flights with the right onset, and the median error [s].
 
     within: of visible cases.   within_all: of all.   within_if_named: of visible cases whose effect is named.
-    within_if_seen: of visible cases, flights in which the effect is visible, as by visibility in that flight itself.
+    within_if_seen: of visible cases, flights in which the effect is visible.
     within_if_told: of visible cases, flights in which the onset bound (`ground_truth.best_onset`) is as near.
     """
-    rows = [row for case in cases if case.visibility >= least for row in onset_errors(case)]
+    every = [(case, row) for case in cases for row in onset_errors(case)]
+    rows = [row for case, row in every if case.visible]
+    seen = [row for case, row in every if case.visible and row["visibility"] >= case.least]
     return {
         "within": binomial_interval(onset_within(row) for row in rows),
-        "within_all": binomial_interval(onset_within(row) for case in cases for row in onset_errors(case)),
+        "within_all": binomial_interval(onset_within(row) for _, row in every),
         "within_if_named": binomial_interval(onset_within(row) for row in rows if row["named"]),
-        "within_if_seen": binomial_interval(onset_within(row) for row in rows if row["visibility"] >= least),
+        "within_if_seen": binomial_interval(onset_within(row) for row in seen),
         "within_if_told": binomial_interval(onset_within(row) for row in rows if row["told"]),
         "median_error": median(None if row["error"] is None else abs(row["error"]) for row in rows),
     }

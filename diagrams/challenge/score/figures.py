@@ -1,7 +1,7 @@
 """Figures of a score: detection, confusion, reliability, and gap reduction and parameters by effect."""
 
 from collections.abc import Callable, Sequence
-from pathlib import Path
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,7 @@ from scipy.special import expit
 
 from diagrams.challenge.score.detection import FAINTEST, abscissa
 from np_drake.effects.library import LIBRARY
-from np_drake.files.figure_file import PALETTE, new_figure, save
+from np_drake.files.figure_file import PALETTE, new_figure
 
 BLUE, ORANGE = PALETTE[0], PALETTE[1]
 GREY = "0.45"
@@ -20,28 +20,21 @@ TICKS = (1.001, 1.01, 1.1, 1.5, 2.0, 4.0, 11.0, 51.0)  # of visibility [1]
 JITTER = 0.035  # of points that would hide each other [1]
 
 
-def write_figures(score: dict[str, Any], folder: Path) -> list[Path]:
-    """Write <folder>/<name>.png for every figure that the set gives."""
-    makers: dict[str, Callable[[dict[str, Any]], Figure | None]] = {
-        "detection": detection_figure,
-        "confusion": confusion_figure,
-        "reliability": reliability_figure,
-        "effects": effect_figure,
+def figures(score: dict[str, Any]) -> dict[str, Callable[[], Figure]]:
+    """Return what draws every figure that the set gives, by file name."""
+    shrinks = _shrinks(score["cases"])
+    errors = [row for row in score["parameters"]["rows"] if row["kind"] == "relative"]
+    made: dict[str, tuple[Callable[..., Figure], tuple, Any]] = {
+        "detection.png": (_detection, (score["detection"],), score["detection"]["n"]),
+        "confusion.png": (_confusion, (score["confusion"],), score["confusion"]["true"]),
+        "reliability.png": (_reliability, (score["reliability"],), score["reliability"]["n"]),
+        "effects.png": (_effects, (shrinks, errors), shrinks or errors),
     }
-    written = []
-    for name, make in makers.items():
-        figure = make(score)
-        if figure is not None:
-            written.append(folder / f"{name}.png")
-            save(figure, written[-1])
-    return written
+    return {name: partial(draw, *content) for name, (draw, content, given) in made.items() if given}
 
 
-def detection_figure(score: dict[str, Any]) -> Figure | None:
-    """Share of effects found against visibility: every case, bins with intervals, the logistic curve."""
-    found = score["detection"]
-    if not found["n"]:
-        return None
+def _detection(found: dict[str, Any]) -> Figure:
+    """Draw the share of effects found against visibility: every case, bins with intervals, the logistic curve."""
     figure, axes = new_figure(1, 1, width=6.4, height=3.9)
     ax = axes[0, 0]
     _points(ax, np.array(found["visibility"]), np.array(found["found"]))
@@ -54,8 +47,7 @@ def detection_figure(score: dict[str, Any]) -> Figure | None:
     ticks = [tick for tick in TICKS if tick - 1 <= ax.get_xlim()[1]]
     ax.set_xticks([tick - 1 for tick in ticks], ["≤ 1.001", *(f"{tick:g}" for tick in ticks[1:])])
     ax.minorticks_off()
-    ax.set_xlabel("visibility: residual / noise, most visible channel [1]")
-    ax.set_ylabel("effect found [1]")
+    ax.set(xlabel="visibility: residual / noise, most visible channel [1]", ylabel="effect found [1]")
     ax.set_ylim(-0.13, 1.13)
     figure.legend(loc="outside lower center", ncols=3, fontsize=8)
     return figure
@@ -91,11 +83,8 @@ def _curve(ax: Axes, found: dict[str, Any]) -> None:
         ax.plot([FAINTEST, half - 1], [0.5] * 2, "--", color=ORANGE, linewidth=1, label=text)
 
 
-def reliability_figure(score: dict[str, Any]) -> Figure | None:
-    """Share of named causes that are true, by reported probability, with counts."""
-    found = score["reliability"]
-    if not found["n"]:
-        return None
+def _reliability(found: dict[str, Any]) -> Figure:
+    """Draw the share of named causes that are true, by reported probability, with counts."""
     rows = found["bins"]
     figure, axes = new_figure(1, 1, width=5.4, height=3.9)
     ax = axes[0, 0]
@@ -105,13 +94,10 @@ def reliability_figure(score: dict[str, Any]) -> Figure | None:
     _bins(ax, rows, list(range(len(rows))), "share that is true, 95 % interval")
     names = [f"{row['lower']:g}–{row['upper']:g}\nn = {row['n']}" for row in rows]
     ax.set_xticks(range(len(rows)), names, fontsize=8)
-    ax.set_xlim(-0.6, len(rows) - 0.4)
-    ax.set_ylim(-0.03, 1.03)
-    ax.set_xlabel("reported probability of a named cause [1]")
-    ax.set_ylabel("share that is true [1]")
+    ax.set(xlim=(-0.6, len(rows) - 0.4), ylim=(-0.03, 1.03))
+    ax.set(xlabel="reported probability of a named cause [1]", ylabel="share that is true [1]")
     ax.grid(axis="y", color="0.9", linewidth=0.5)
-    title = f"Brier score {found['brier']:.3f}, calibration error {found['ece']:.3f}"
-    ax.set_title(title, fontsize=9)
+    ax.set_title(f"Brier score {found['brier']:.3f}, calibration error {found['ece']:.3f}", fontsize=9)
     figure.legend(loc="outside lower center", ncols=2, fontsize=8)
     return figure
 
@@ -121,19 +107,15 @@ CELL = 0.27  # [inch]
 DARK = 0.55  # share from which a count is printed in white [1]
 
 
-def confusion_figure(score: dict[str, Any]) -> Figure | None:
-    """Counts; shaded by their share of the row, so that a column without any colour was never named."""
-    matrix = score["confusion"]
+def _confusion(matrix: dict[str, Any]) -> Figure:
+    """Draw the counts, shaded by their share of the row, so that a column without any colour was never named."""
     counts = np.array(matrix["counts"])
-    if not counts.size:
-        return None
     used = counts.sum(axis=0) > 0
     used |= np.isin(matrix["named"], [*matrix["true"], "unknown", "several", "none"])
     names = [name for name, shown in zip(matrix["named"], used, strict=True) if shown]
     counts = counts[:, used]
     share = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
-    size = {"width": 2.6 + CELL * len(names), "height": 2.2 + CELL * len(counts)}
-    figure, axes = new_figure(1, 1, **size)
+    figure, axes = new_figure(1, 1, width=2.6 + CELL * len(names), height=2.2 + CELL * len(counts))
     ax = axes[0, 0]
     ax.imshow(share, cmap=SHADES, vmin=0, vmax=1, aspect="equal")
     for i, j in np.argwhere(counts > 0):
@@ -146,8 +128,7 @@ def confusion_figure(score: dict[str, Any]) -> Figure | None:
     ax.set_yticks(np.arange(-0.5, len(counts)), minor=True)
     ax.grid(which="minor", color="0.85", linewidth=0.5)
     ax.tick_params(which="minor", length=0)
-    ax.set_xlabel("named")
-    ax.set_ylabel("acts")
+    ax.set(xlabel="named", ylabel="acts")
     return figure
 
 
@@ -166,16 +147,12 @@ def _words(name: str) -> str:
     return name.replace("_", " ")
 
 
-LEAST, MOST = 1e-4, 10.0  # of relative errors that are drawn [1]
+ERRORS = (1e-4, 10.0)  # smallest and largest relative error that is drawn [1]
 ROW = 0.2  # [inch]
 
 
-def effect_figure(score: dict[str, Any]) -> Figure | None:
-    """Left: shrink of every case with a gap. Right: median relative error of every parameter that was named."""
-    shrinks = _shrinks(score["cases"])
-    errors = [row for row in score["parameters"]["rows"] if row["kind"] == "relative"]
-    if not shrinks and not errors:
-        return None
+def _effects(shrinks: dict[str, list[float]], errors: list[dict[str, Any]]) -> Figure:
+    """Draw the shrink of every case with a gap, and the median relative error of every parameter that was named."""
     rows = max(len(shrinks), len(errors), 4)
     figure, axes = new_figure(1, 2, width=9.5, height=1.0 + ROW * rows)
     _draw_shrinks(axes[0, 0], shrinks)
@@ -210,14 +187,14 @@ def _draw_shrinks(ax: Axes, shrinks: dict[str, list[float]]) -> None:
 def _draw_errors(ax: Axes, errors: list[dict[str, Any]]) -> None:
     """Median relative error a parameter, with coverage and number of cases behind it."""
     errors = errors[::-1]
-    sizes = np.clip([row["median_error"] for row in errors], LEAST, MOST)
+    sizes = np.clip([row["median_error"] for row in errors], *ERRORS)
     ax.plot(sizes, range(len(errors)), "s", color=PALETTE[0], markersize=5)
     for i, row in enumerate(errors):
         inside = row["coverage"]
         text = f"n = {row['n']}, {inside['count']} of {inside['n']}"
         ax.annotate(text, (1.02, i), xycoords=("axes fraction", "data"), va="center", fontsize=7)
     ax.set_xscale("log")
-    ax.set_xlim(0.7 * LEAST, 1.4 * MOST)
+    ax.set_xlim(0.7 * ERRORS[0], 1.4 * ERRORS[1])
     ax.axvline(0.1, color="0.45", linestyle="--", linewidth=1)
     _name_rows(
         ax, [f"{row['effect'].replace('_', ' ')}: {row['parameter'].replace('_', ' ')}" for row in errors]

@@ -35,7 +35,10 @@ SchemaValidator = extend(Draft202012Validator, type_checker=TYPES)
 def violation(form: Validator, value: Any, place: str = "") -> str | None:
     """Return where the value first violates the schema, what it must be there and what it is; None where it suits.
 
-    Args: form: `SchemaValidator(schema)`.   place: of the value, as `effects[0].onset`; empty for the whole file.
+    Args:
+        form: `SchemaValidator(schema)`.
+        value: of any kind.
+        place: of the value, as `effects[0].onset`; empty for the whole file.
     """
     error = next(form.iter_errors(value), None)
     if error is None:
@@ -61,7 +64,12 @@ def object_of(value: Schema) -> Schema:
 
 
 def record(fields: Mapping[str, Schema], spare: Mapping[str, Schema] | None = None) -> Schema:
-    """Return the schema of an object with these fields, and possibly with `spare`; other fields are ignored."""
+    """Return the schema of an object; fields that it does not know are ignored.
+
+    Args:
+        fields: by name, those that it has.
+        spare: those that it may have.
+    """
     known = {**fields, **(spare or {})}
     must = f"an object with {', '.join(known)}"
     # In the order in which a violation is looked for: what is there, then what is missing.

@@ -51,7 +51,12 @@ class Plan:
         return np.concatenate([self.reference.sample(zero)[0, 0], self._attitude(gravity, zero)[0]])
 
     def targets(self, gravity: float, t: np.ndarray) -> np.ndarray:
-        """Return the targets (n, 16) of `np_drake.control.cascade` at times t (n,) [s]."""
+        """Return the targets (n, 16) of `np_drake.control.cascade`.
+
+        Args:
+            gravity: [m/s²].
+            t: (n,) times [s].
+        """
         p, v, a = self.reference.sample(t)[:3]
         sooner, now, later = (self._rate(gravity, t + shift) for shift in (-_DELTA, 0.0, _DELTA))
         al = (later - sooner) / (2 * _DELTA)
@@ -64,12 +69,18 @@ class Plan:
 
     def _rate(self, gravity: float, t: np.ndarray) -> np.ndarray:
         """Return the body rates (n, 3) of the attitude that the plan needs [rad/s]."""
+        # Central difference on the rotation group: vector part of q(t - d)* q(t + d) over d.
         sooner, later = self._attitude(gravity, t - _DELTA), self._attitude(gravity, t + _DELTA)
-        turn = attitude.multiply(sooner * [1.0, -1.0, -1.0, -1.0], later)
+        turn = attitude.multiply(attitude.conjugate(sooner), later)
         return turn[:, 1:] * np.sign(turn[:, :1]) / _DELTA
 
     def rotor_thrust(self, vehicle: Vehicle, t: np.ndarray) -> np.ndarray:
-        """Return the rotor thrusts (n, 4) that the plan asks of a nominal vehicle [N]."""
+        """Return the rotor thrusts (n, 4) that the plan asks of a nominal vehicle [N].
+
+        Args:
+            vehicle: that flies it.
+            t: (n,) times [s].
+        """
         target = self.targets(vehicle.gravity, t)
         a, w, al = target[:, 6:9], target[:, 9:12], target[:, 12:15]
         f = vehicle.mass * np.linalg.norm(a + [0.0, 0.0, vehicle.gravity], axis=1, keepdims=True)
@@ -78,14 +89,27 @@ class Plan:
 
 
 def require_flying(x: np.ndarray, target: np.ndarray, t: float) -> None:
-    """Raise FailedRun where a vehicle in state `x` (13,) at `t` [s] is lost: far off, low or upside down."""
+    """Raise FailedRun where a vehicle is lost: far off, low or upside down.
+
+    Args:
+        x: (13,) its state.
+        target: (16,) of the controller.
+        t: time [s].
+    """
     upright = 1 - 2 * (x[4] ** 2 + x[5] ** 2)
     if not (np.linalg.norm(x[:3] - target[:3]) < FARTHEST and x[2] > LOWEST and upright > LEAST_UPRIGHT):
         raise FailedRun(f"challenge: the vehicle was lost at {t:.2f} s.")
 
 
 def within_limits(plan: Plan, vehicle: Vehicle, seconds: float) -> Plan:
-    """Return the plan, slowed down until a nominal vehicle can fly it. Raises ValueError: if no pace is slow enough."""
+    """Return the plan, slowed down until a nominal vehicle can fly it.
+
+    Args:
+        plan: at its own pace.
+        vehicle: that is to fly it.
+        seconds: length of the flight [s].
+    Raises: ValueError: if no pace is slow enough.
+    """
     t = np.arange(0.0, seconds, 0.02)
     low, high = np.array(ROTOR_SHARE) * vehicle.max_rotor_thrust
     for factor in 0.9 ** np.arange(25):

@@ -240,7 +240,7 @@ def test_resets_build_no_more_simulators_than_the_cap():
     dut = make_env(some_payload, simulators=3)
     taken = [dut.reset(seed=seed)[1]["simulator"] for seed in range(40)]
     assert set(taken) == {0, 1, 2}
-    assert dut.pool.built == 3
+    assert len(dut.pool._built) == 3
 
 
 @pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="memory is read from /proc")

@@ -8,7 +8,7 @@ pytest.importorskip("gymnasium", reason="gymnasium is not installed: pip install
 
 import gymnasium
 
-from diagrams.gym import extra, make_env, register
+from diagrams.gym import make_env, register, registration
 from diagrams.gym.registration import ID
 from diagrams.loop.experiments import load_experiment
 
@@ -96,7 +96,7 @@ def test_a_configuration_is_left_as_it_was():
 
 
 def test_without_gymnasium_one_line_names_the_remedy(monkeypatch):
-    monkeypatch.setattr(extra, "find_spec", lambda name: None)
+    monkeypatch.setattr(registration, "find_spec", lambda name: None)
     with pytest.raises(ImportError, match=r"pip install 'np_drake\[gym\]'\.$"):
         make_env("circle")
     with pytest.raises(ImportError, match="gymnasium must be installed"):

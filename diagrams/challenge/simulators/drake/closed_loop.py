@@ -27,7 +27,7 @@ CABLE_RATE, CABLE_DAMPING = 250.0, 0.3  # of the cable: frequency [rad/s] and da
 STEP, CABLE_STEP, LAG_SHARE = 0.0112, 0.0037, 0.2
 
 
-def largest_step(vehicle: Vehicle, places: EffectsByPlace) -> float:
+def _largest_step(vehicle: Vehicle, places: EffectsByPlace) -> float:
     """Return a step at which runge_kutta3 is stable and follows the lags to a few parts in a thousand [s]."""
     lags = [vehicle.rotor_time_constant] if vehicle.rotor_time_constant > 0 else []
     for effect in places.actuator:
@@ -36,18 +36,18 @@ def largest_step(vehicle: Vehicle, places: EffectsByPlace) -> float:
 
 
 def stiff_cable(effect: SuspendedPayload | None, vehicle: Vehicle) -> PayloadConfig:
-    """Return the payload on a cable as stiff as the integrator's step allows."""
+    """Return the payload on a cable as stiff as the integrator's step allows.
+
+    Args:
+        effect: the payload; None: there is none.
+        vehicle: that carries it.
+    """
     payload = payload_config(effect)
     if payload.tether == "none":
         return payload
     reduced = payload.mass * vehicle.mass / (payload.mass + vehicle.mass)
     stiffness, damping = reduced * CABLE_RATE**2, 2 * CABLE_DAMPING * reduced * CABLE_RATE
     return dc.replace(payload, stiffness=stiffness, damping=damping)
-
-
-def acting_order(effects: list) -> list:
-    """Return actuator effects as they act: first what changes how rotors turn, then what turning rotors give."""
-    return sorted(effects, key=lambda effect: not effect.turns_rotor)
 
 
 class DrakeLoop:
@@ -57,6 +57,12 @@ class DrakeLoop:
     """
 
     def __init__(self, vehicle: Vehicle, effects: Sequence[Effect]):
+        """Build the diagram.
+
+        Args:
+            vehicle: nominal vehicle, for which the controller is made.
+            effects: that act.
+        """
         places = split_effects(effects)
         self._vehicle, self._payload = vehicle, stiff_cable(places.payload, vehicle)
         self._dead_time = sum(effect.dead_time for effect in places.actuator)
@@ -66,7 +72,10 @@ class DrakeLoop:
             vehicle,
             self._payload,
             wrench_effects=places.wrench,
-            actuator_effects=acting_order([e for e in places.actuator if e.dead_time == 0.0]),
+            # As they act: first what changes how rotors turn, then what turning rotors give.
+            actuator_effects=sorted(
+                (e for e in places.actuator if e.dead_time == 0.0), key=lambda effect: not effect.turns_rotor
+            ),
             mass_effects=places.mass,
         )
         builder.AddSystem(self._real)
@@ -77,7 +86,7 @@ class DrakeLoop:
         self._simulator = Simulator(builder.Build())
         config = SimulatorConfig(
             integration_scheme="runge_kutta3",
-            max_step_size=largest_step(vehicle, places),
+            max_step_size=_largest_step(vehicle, places),
             use_error_control=False,
         )
         ApplySimulatorConfig(config, self._simulator)
@@ -85,9 +94,12 @@ class DrakeLoop:
         self._command(vehicle.hover_input)
 
     def start(self, t: float, x: np.ndarray, before: "DrakeLoop | None" = None) -> None:
-        """Puts the vehicle into state `x` (13,) at `t` [s]; a payload hangs still under the moving hook.
+        """Put the vehicle into a state; a payload hangs still under the moving hook.
 
-        Args: before: whose controller, commands under way and rotors carry on in this loop.
+        Args:
+            t: time [s].
+            x: (13,) state.
+            before: loop whose controller, commands under way and rotors carry on in this one.
         """
         self._root.SetTime(t)
         q, v, w_W = x[3:7], x[7:10], attitude.rotate(x[3:7], x[10:13])
@@ -112,14 +124,18 @@ class DrakeLoop:
         self._plant.SetFreeBodySpatialVelocity(context=context, body=body, V_JpJc=V_WB)
 
     def _keep_rotors(self, thrust: np.ndarray) -> None:
-        """Rotors turn on as fast as they do at `thrust` (4,) [N]."""
+        """Let rotors turn on as fast as they do at `thrust` (4,) [N]."""
         if self._real.HasSubsystemNamed("actuators"):
             actuators = self._real.GetSubsystemByName("actuators")
             actuators.rest_at(self._context(actuators), thrust)
 
     def fly(self, t: np.ndarray, targets: np.ndarray, end: float) -> dict[str, np.ndarray]:
-        """Flies the rows at t (n,) [s] with their targets (n, 16), then on to `end`.
+        """Fly the rows, then on to the end.
 
+        Args:
+            t: (n,) instants of the rows [s].
+            targets: (n, 16) of the cascaded controller.
+            end: [s].
         Returns: x (n, 13), a in W, al in B (n, 3), nominal_thrust, u (n, 4), each right after the row's command.
         Raises: FailedRun: if the vehicle is lost or the integrator gives up.
         """
@@ -135,7 +151,7 @@ class DrakeLoop:
             if not i % 10:
                 require_flying(self.state(), target, self._root.get_time())
             self._advance(t[i + 1] if i + 1 < len(t) else end)
-        return unpack(np.array(rows), self._plant.num_positions())
+        return _unpack(np.array(rows), self._plant.num_positions())
 
     def state(self) -> np.ndarray:
         """Return the state (13,) now."""
@@ -165,7 +181,7 @@ class DrakeLoop:
         self._simulator.get_system().GetInputPort("u").FixValue(self._root, u)
 
     def _deliver(self) -> None:
-        """Hands on the commands that have arrived by now."""
+        """Hand on the commands that have arrived by now."""
         while self._on_the_way and self._on_the_way[0][0] <= self._root.get_time() + 1e-9:
             self._command(self._on_the_way.pop(0)[1])
 
@@ -179,7 +195,7 @@ class DrakeLoop:
             raise FailedRun(f"challenge: the simulation ended before {t:.2f} s: {error}") from error
 
 
-def unpack(rows: np.ndarray, num_positions: int) -> dict[str, np.ndarray]:
+def _unpack(rows: np.ndarray, num_positions: int) -> dict[str, np.ndarray]:
     """Return rows [u, nominal thrust, plant state, its rates] as signals by name, see `DrakeLoop.fly`."""
     u, nominal, s = rows[:, :4], rows[:, 4:8], rows[:, 8:]
     velocities, size = s[:, num_positions:], 6 * (num_positions // 7)
@@ -193,8 +209,3 @@ def unpack(rows: np.ndarray, num_positions: int) -> dict[str, np.ndarray]:
         "nominal_thrust": nominal,
         "u": u,
     }
-
-
-def joined(parts: Sequence[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
-    """Return the signals of consecutive phases as one."""
-    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from diagrams.challenge.simulators.drake.closed_loop import DrakeLoop, joined
+from diagrams.challenge.simulators.drake.closed_loop import DrakeLoop
 from diagrams.challenge.simulators.flight_plan import Plan
 from np_drake.effects.base import Effect, Measurement, SensorEffect
 from np_drake.flight_log import FlightLog
@@ -23,51 +23,32 @@ def fly(
     t: np.ndarray,
     onset: float | None = None,
     background: Sequence[Effect] = (),
+    warm_up: float = WARM_UP,
 ) -> FlightLog:
     """Return the exact log: no noise; systematic sensor effects and the right-sided accelerations are in it.
 
     Args:
+        vehicle: nominal vehicle, for which the controller is made.
+        plan: where to fly.
+        effects: that act.
         t: (n,) instants of the rows [s]; the command is updated there too.
         onset: the effects act from the first row at or after it on [s]; None: from the start.
         background: effects that act throughout and are no cause (a vehicle file that is a percent off).
-    Raises: FailedRun: if the vehicle is lost.
-    """
-    true = fly_true(vehicle, plan, effects, t=t, onset=onset, background=background)
-    return sensed(vehicle, true, effects, t)
-
-
-def fly_true(
-    vehicle: Vehicle,
-    plan: Plan,
-    effects: Sequence[Effect] = (),
-    *,
-    t: np.ndarray,
-    onset: float | None = None,
-    background: Sequence[Effect] = (),
-) -> FlightLog:
-    """Return what the vehicle really does, from the hover before the first row on to a little after the last.
-
-    Args: as of `fly`.
+        warm_up: hovering before the first row [s].
     Raises: FailedRun: if the vehicle is lost.
     """
     step = float(np.median(np.diff(t)))
-    before = t[0] - step * np.arange(round(WARM_UP / step), 0, -1)
+    before = t[0] - step * np.arange(round(warm_up / step), 0, -1)
     after = t[-1] + step * np.arange(1, round(MARGIN / step) + 1)
     rows = np.concatenate([before, t, after])
     signals = _signals(vehicle, plan, [*background, *effects], list(background), rows, onset)
-    return _log(rows, _reading(vehicle, signals), signals["u"])
-
-
-def sensed(vehicle: Vehicle, true: FlightLog, effects: Sequence[Effect], t: np.ndarray) -> FlightLog:
-    """Return the rows at t (n,) [s] of a flight of `fly_true` as the sensor errors among `effects` give them."""
-    assert true.a is not None
-    assert true.al is not None
-    assert true.rotor is not None
+    speed = np.sqrt(np.maximum(signals["nominal_thrust"], 0.0) / vehicle.thrust_coefficient)
+    reading = Measurement(signals["x"], signals["a"], signals["al"], speed)
     sensors = [effect for effect in effects if isinstance(effect, SensorEffect)]
-    reading = Measurement(true.x, true.a, true.al, true.rotor)
     for sensor in sensors:
-        reading = sensor.measure(vehicle, reading, np.zeros((len(true), sensor.white_size)))
-    log = _log(true.t, reading, true.u)
+        reading = sensor.measure(vehicle, reading, np.zeros((len(rows), sensor.white_size)))
+    p, q, v, w = np.split(reading.x, [3, 7, 10], axis=1)
+    log = FlightLog(rows, p, q, v, w, signals["u"], reading.a, reading.al, reading.rotor)
     for sensor in sensors:
         if sensor.clock_shift:
             log = shift_state(log, sensor.clock_shift)
@@ -88,25 +69,5 @@ def _signals(vehicle, plan, effects, background, t, onset) -> dict[str, np.ndarr
     first.start(t[0], x)
     before = first.fly(t[:split], targets[:split], t[split])
     second.start(t[split], first.state(), first)
-    return joined([before, second.fly(t[split:], targets[split:], end)])
-
-
-def _reading(vehicle: Vehicle, signals: dict[str, np.ndarray]) -> Measurement:
-    """Return what sensors without error read."""
-    speed = np.sqrt(np.maximum(signals["nominal_thrust"], 0.0) / vehicle.thrust_coefficient)
-    return Measurement(signals["x"], signals["a"], signals["al"], speed)
-
-
-def _log(t: np.ndarray, reading: Measurement, u: np.ndarray) -> FlightLog:
-    x = reading.x
-    return FlightLog(
-        t=t,
-        p=x[:, 0:3],
-        q=x[:, 3:7],
-        v=x[:, 7:10],
-        w=x[:, 10:13],
-        u=u,
-        a=reading.a,
-        al=reading.al,
-        rotor=reading.rotor,
-    )
+    after = second.fly(t[split:], targets[split:], end)
+    return {name: np.concatenate([before[name], after[name]]) for name in before}

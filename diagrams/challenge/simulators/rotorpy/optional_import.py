@@ -15,7 +15,11 @@ def require_rotorpy() -> None:
 
 
 def fly(*arguments, **options) -> FlightLog:
-    """`diagrams.challenge.simulators.rotorpy.simulator.fly`. Raises ValueError: where rotorpy is not installed."""
+    """Fly in rotorpy.
+
+    Args: as of `diagrams.challenge.simulators.rotorpy.simulator.fly`.
+    Raises: ValueError: where rotorpy is not installed.
+    """
     require_rotorpy()
     from diagrams.challenge.simulators.rotorpy.simulator import fly as fly_in_rotorpy
 
@@ -31,7 +35,7 @@ def foreign_vehicle(*, own: bool) -> RealVehicle:
 
 
 def own_physics() -> dict[str, float]:
-    """`rotorpy.vehicle.own_physics` of this room. Raises ValueError: where rotorpy is not installed."""
+    """Return rotorpy's own parameters (`own_physics`). Raises ValueError: where rotorpy is not installed."""
     require_rotorpy()
     from diagrams.challenge.simulators.rotorpy.vehicle import own_physics as own_physics_of_rotorpy
 

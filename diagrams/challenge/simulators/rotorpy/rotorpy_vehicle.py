@@ -86,7 +86,12 @@ class RotorPyVehicle(LeafSystem):
         return np.array([self._real.carried_mass * self._vehicle.gravity, 0.0, 0.0, 0.0])
 
     def set_hover(self, context: Context, p_WB: np.ndarray) -> None:
-        """Set the vehicle level and at rest at p_WB (3,) [m], a payload hanging still; `context` is its own."""
+        """Set the vehicle level and at rest, a payload hanging still.
+
+        Args:
+            context: its own.
+            p_WB: (3,) place of Bo [m].
+        """
         context.SetContinuousState(self._hovering(np.asarray(p_WB, float)))
 
     def _hovering(self, p_WB: np.ndarray) -> np.ndarray:
@@ -194,6 +199,12 @@ class ForeignVehicle:
     ) -> Diagram:
         """Return the vehicle.
 
+        Args:
+            vehicle: nominal vehicle.
+            reality: what acts besides.
+            command_period: at multiples of which the command changes [s].
+            pushed: must be false.
+            events: must be none.
         Raises: ValueError: on what rotorpy does not know (`foreign_effects`), events or pushes.
         """
         if events:
@@ -206,7 +217,14 @@ class ForeignVehicle:
         return make_rotorpy_vehicle(vehicle, effects, command_period=command_period, own=self.own)
 
     def hover(self, system: Diagram, root: Context, reality: RealityConfig, p_WB: np.ndarray) -> None:
-        """Set the vehicle level and at rest at p_WB (3,) [m], with the payload hanging still."""
+        """Set the vehicle level and at rest, with the payload hanging still.
+
+        Args:
+            system: as `make` returns it.
+            root: context of the whole diagram.
+            reality: as of `make`.
+            p_WB: (3,) place of Bo [m].
+        """
         rotorpy = system.GetSubsystemByName("rotorpy")
         assert isinstance(rotorpy, RotorPyVehicle)
         rotorpy.set_hover(rotorpy.GetMyMutableContextFromRoot(root), p_WB)

@@ -30,7 +30,7 @@ STEP, TETHER_STEP = 0.0112, 0.0056
 LAG_SHARE = 0.5  # of a motor's time constant that a step may last [1]
 
 
-class Flight:
+class _Flight:
     """A flight under way. `speed` (4,) of the rotors now [rad/s]; `t` now [s]."""
 
     def __init__(self, vehicle: Vehicle, real: RealMultirotor, t: float, x: np.ndarray):
@@ -125,6 +125,7 @@ def fly(
     t: np.ndarray,
     onset: float | None = None,
     background: Sequence[Effect] = (),
+    warm_up: float = WARM_UP,
 ) -> FlightLog:
     """Return the exact log of Bo: no noise; systematic sensor effects and the right-sided accelerations are in it.
 
@@ -136,17 +137,18 @@ def fly(
         onset: the effects act from the first row at or after it on [s], errors of sensors throughout; None: from the
             start.
         background: effects that act throughout and are no cause (a vehicle file that is a percent off).
+        warm_up: hovering before the first row [s].
 
     Raises: FailedRun: if the vehicle is lost; ValueError: on what is no effect, or two payloads.
     """
     sensors = [effect for effect in effects if isinstance(effect, SensorEffect)]
     offset = sum(sensor.clock_shift for sensor in sensors)
-    rows = instants(t, max(offset, 0.0))
+    rows = _instants(t, max(offset, 0.0), warm_up)
     split = 0 if onset is None else int(np.searchsorted(rows, onset - 1e-9))
     real = RealMultirotor(vehicle, [*background, *effects])
     first = RealMultirotor(vehicle, background) if split else real
     x = np.concatenate([plan.start(vehicle.gravity), np.zeros(6)])
-    flight = Flight(vehicle, first, rows[0], x)
+    flight = _Flight(vehicle, first, rows[0], x)
     targets = plan.targets(vehicle.gravity, rows)
     commands, states = _fly_rows(flight, targets, rows, t + offset, split, real if split else None)
     start = int(np.searchsorted(rows, t[0] - 1e-9))
@@ -167,15 +169,15 @@ def _sensed(
     return FlightLog(t, p, q, v, w, u, reading.a, reading.al, reading.rotor)
 
 
-def instants(t: np.ndarray, margin: float) -> np.ndarray:
+def _instants(t: np.ndarray, margin: float, warm_up: float) -> np.ndarray:
     """Return the rows (m,) [s]: those before the log, its own, and those after until its last state has been read."""
     step = float(np.median(np.diff(t)))
-    before = t[0] - step * np.arange(round(WARM_UP / step), 0, -1)
+    before = t[0] - step * np.arange(round(warm_up / step), 0, -1)
     return np.concatenate([before, t, t[-1] + step * np.arange(1, 2 + int(np.ceil(margin / step)))])
 
 
 def _fly_rows(
-    flight: Flight,
+    flight: _Flight,
     targets: np.ndarray,
     rows: np.ndarray,
     reads: np.ndarray,

@@ -37,14 +37,13 @@ class Gusts:
         return self._path[k] + (row - k) * (self._path[k + 1] - self._path[k])
 
 
-class AirOf:
+class _AirOf:
     """The air as another effect moves it."""
 
     def __init__(self, effect: WrenchEffect):
         self._effect = effect
 
     def update(self, t: float, position: np.ndarray) -> np.ndarray:
-        """Return the velocity of the air (3,) in W [m/s]; arguments as of `Gusts.update`."""
         return self._effect.air_velocity(t)
 
 
@@ -57,5 +56,5 @@ def winds(effects: Sequence[WrenchEffect]) -> list:
         elif isinstance(effect, ConstantWind):
             out.append(RotorPyConstantWind(effect.x, effect.y, effect.z))
         elif type(effect).air_velocity is not WrenchEffect.air_velocity:
-            out.append(AirOf(effect))
+            out.append(_AirOf(effect))
     return out

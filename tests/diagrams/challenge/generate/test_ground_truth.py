@@ -4,15 +4,8 @@ import numpy as np
 import pytest
 
 from diagrams.challenge.generate.case import FILES, CaseDraw, draw_case
-from diagrams.challenge.generate.ground_truth import (
-    AROUND,
-    best_onset,
-    equivalent_library_effects,
-    flight_pair,
-    flight_pairs,
-    residual_and_visibility,
-    residual_of_true_parameters,
-)
+from diagrams.challenge.generate.flight_pair import AROUND, FlightPair, best_onset
+from diagrams.challenge.generate.ground_truth import GroundTruth
 from diagrams.challenge.generate.make import fly_case
 from diagrams.challenge.out_of_library.ground_and_walls import CeilingEffect
 from np_drake.diagnosis.forward_model.payload_state import Term
@@ -77,9 +70,9 @@ def windy():
 
 def test_parameters_alone_do_not_tell_the_gusts(windy):
     case, exact, noisy = windy
-    flight = flight_pair(case, HELD_OUT, exact, noisy)
-    noise, _ = residual_and_visibility(case, flight)
-    left = residual_of_true_parameters(case, flight, noise)
+    flight = FlightPair.of(case, HELD_OUT, exact, noisy)
+    noise = flight.noise
+    left = GroundTruth(case, {HELD_OUT: flight}).residual_of_true_parameters(HELD_OUT)
     gusts = np.sqrt(left[:2] ** 2 - noise[:2] ** 2)
     assert np.all((gusts > 0.1) & (gusts < 0.9))  # 0.3 N·s/m of a meter a second: not the drag, nor the mean
     assert left[3:] == pytest.approx(noise[3:], rel=0.05)
@@ -88,26 +81,24 @@ def test_parameters_alone_do_not_tell_the_gusts(windy):
 def test_what_has_no_chance_in_it_leaves_noise_alone(windy):
     case, exact, noisy = windy
     steady = dc.replace(case, effects=case.effects[1:])
-    flight = flight_pair(case, HELD_OUT, exact, noisy)
-    noise, _ = residual_and_visibility(case, flight)
-    assert residual_of_true_parameters(steady, flight, noise) is noise
+    flight = FlightPair.of(case, HELD_OUT, exact, noisy)
+    left = GroundTruth(steady, {HELD_OUT: flight}).residual_of_true_parameters(HELD_OUT)
+    assert left is flight.noise
 
 
 def test_a_flight_that_counts_later_for_its_noise_is_compared_from_there(windy):
     case, exact, noisy = windy
     shaken = noisy.rows(0, len(noisy))
     shaken.w[0] += 1.0  # [rad/s], as no rotors turn it in a row
-    flight = flight_pair(case, HELD_OUT, exact, shaken)
+    flight = FlightPair.of(case, HELD_OUT, exact, shaken)
     assert flight.measured.t[0] > noisy.t[0]
     assert flight.true.t == pytest.approx(flight.measured.t)
-    assert residual_and_visibility(case, flight)[0] == pytest.approx(
-        residual_and_visibility(case, flight_pair(case, HELD_OUT, exact, noisy))[0], rel=0.2
-    )
+    assert flight.noise == pytest.approx(FlightPair.of(case, HELD_OUT, exact, noisy).noise, rel=0.2)
 
 
 @pytest.mark.parametrize(("height", "names"), [(0.0, "mass_error"), (2.5, None)])
 def test_a_ceiling_is_a_mass_to_vehicles_that_stay_above_it(height, names):
     case = draw_case(CaseDraw(0, "foreign", ("ceiling_effect",)), quality="clean", seed=3, seconds=5.0)
     case = dc.replace(case, effects=(CeilingEffect(0.2, 0.5, height),))
-    found = equivalent_library_effects(case, flight_pairs(case, *fly_case(case, "drake")))
+    found = GroundTruth.of(case, *fly_case(case, "drake")).equivalent_library_effects()
     assert (names in found) if names else not found

@@ -1,3 +1,4 @@
+import dataclasses as dc
 import json
 import shutil
 from contextlib import nullcontext
@@ -8,7 +9,8 @@ import pytest
 from diagrams.batch.failed_run import FailedRun
 from diagrams.challenge.generate import make as module
 from diagrams.challenge.generate.case import FILES, CaseDraw, case_name
-from diagrams.challenge.generate.make import make, make_case, require_no_other_set
+from diagrams.challenge.generate.ground_truth import GroundTruth
+from diagrams.challenge.generate.make import Making, check_request, make, write_case
 from np_drake.logs.opening import open_flights
 from np_drake.vehicle import load_vehicle
 
@@ -85,7 +87,7 @@ def test_a_set_is_not_mixed_with_another_but_may_be_made_again(tmp_path):
             (folders[holder] / name).mkdir(parents=True)
             expected = nullcontext() if fine else pytest.raises(ValueError, match="another set")
             with expected:
-                require_no_other_set(folders["cases"], folders["truth"], seed=5, cases=2)
+                check_request(folders["cases"], folders["truth"], "drake", "clean", 2, 5.0, seed=5)
 
 
 def test_a_lost_vehicle_is_drawn_again_and_counted(tmp_path, monkeypatch):
@@ -101,30 +103,30 @@ def test_a_lost_vehicle_is_drawn_again_and_counted(tmp_path, monkeypatch):
     out, truth = tmp_path / "cases", tmp_path / "truth"
     out.mkdir()
     truth.mkdir()
-    assert make_case(CaseDraw(0, "clean"), out, truth, **OPTIONS) == 1
+    made = Making(**OPTIONS)(dc.asdict(CaseDraw(0, "clean")))
+    write_case(made, out, truth)
+    assert made["truth"]["attempt"] == 1
     assert calls[0].vehicle.name != calls[1].vehicle.name or not np.array_equal(
         calls[0].instants(FILES[0]), calls[1].instants(FILES[0])
     )
     assert len(list(out.iterdir())) == 1
 
 
-def test_an_effect_that_a_library_effect_explains_is_drawn_again(tmp_path, monkeypatch):
+def test_an_effect_that_a_library_effect_explains_is_drawn_again(monkeypatch):
     answers = iter([["mass_error"], []])
-    monkeypatch.setattr(module, "equivalent_library_effects", lambda *_: next(answers))
-    for folder in ("cases", "truth"):
-        (tmp_path / folder).mkdir()
-    draw = CaseDraw(0, "foreign", ("ceiling_effect",))
-    assert make_case(draw, tmp_path / "cases", tmp_path / "truth", **OPTIONS) == 1
+    monkeypatch.setattr(GroundTruth, "equivalent_library_effects", lambda _: next(answers))
+    made = Making(**OPTIONS)(dc.asdict(CaseDraw(0, "foreign", ("ceiling_effect",))))
+    assert made["truth"]["attempt"] == 1
 
 
-def test_a_case_that_cannot_be_flown_leaves_nothing_behind(tmp_path, monkeypatch):
+def test_a_case_that_cannot_be_flown_leaves_nothing_behind(tmp_path, monkeypatch, in_this_process):
     def lost(case, simulator):
         raise FailedRun("lost")
 
     monkeypatch.setattr(module, "fly_case", lost)
     with pytest.raises(FailedRun, match="no draw"):
-        make_case(CaseDraw(0, "clean"), tmp_path, tmp_path, **OPTIONS)
-    assert list(tmp_path.iterdir()) == []
+        make(tmp_path / "cases", tmp_path / "truth", cases=0, clean=1, **OPTIONS)
+    assert [path.name for path in sorted(tmp_path.rglob("*"))] == ["cases", "truth"]
 
 
 def test_an_interrupted_set_goes_on_and_ends_as_an_uninterrupted_one(small_set, tmp_path):

@@ -8,14 +8,8 @@ import pytest
 
 from diagrams.challenge.generate.case import FILES, CaseDraw, draw_case
 from diagrams.challenge.generate.composition import TWO_AT_ONCE, compose
-from diagrams.challenge.generate.ground_truth import (
-    collinear_class,
-    flight_pair,
-    flight_pairs,
-    residual_and_visibility,
-    stated_tolerance,
-    within_tolerance,
-)
+from diagrams.challenge.generate.flight_pair import FlightPair
+from diagrams.challenge.generate.ground_truth import GroundTruth
 from diagrams.challenge.generate.logged_input import (
     COMMAND_TIME,
     FINER,
@@ -174,8 +168,8 @@ def in_tolerance(effect, logged):
     case = draw_case(CaseDraw(0, "single", (effect.identifier,)), quality="wild", seed=3, seconds=5.0)
     quality = dc.replace(case.quality, rate=100.0, rotor=abs(case.quality.rotor))
     case = dc.replace(case, quality=quality, input=logged, effects=(effect,))
-    flights = flight_pairs(case, *fly_case(case, "drake"))
-    (flag,), classes = within_tolerance(case, flights), collinear_class(case, list(flights.values())[:2])
+    truth = GroundTruth.of(case, *fly_case(case, "drake"))
+    (flag,), classes = truth.within_tolerance(), truth.collinear_class()
     assert classes[0][0] == effect.identifier
     return flag, classes[0]
 
@@ -202,17 +196,16 @@ def test_the_truth_tolerates_what_a_diagnosis_of_the_files_does():
     for logged in (LoggedInput("normalised", "sampled"), LoggedInput("command", "averaged")):
         quality = dc.replace(case.quality, rate=100.0)
         one = dc.replace(case, quality=quality, input=logged)
-        exact, noisy = fly_case(one, "drake")
-        flights = [pair.measured for pair in flight_pairs(one, exact, noisy).values()]
-        dut = stated_tolerance(one, flights)
+        truth = GroundTruth.of(one, *fly_case(one, "drake"))
+        flights = [pair.measured for pair in truth.flights.values()]
+        dut = truth.stated_tolerance()
         assert (dut.mass, dut.thrust >= 0.0173) == (0.0173, True)
         assert dut.timing == pytest.approx(0.01 / np.sqrt(12), rel=0.05)
         assert (dut.thrust, dut.throttle_curve > 0) == (
             (0.2, True) if logged.kind == "normalised" else (0.0173, False)
         )
-        assert stated_tolerance(dc.replace(one, quality=SensorQuality("real")), flights) == tolerance_of(
-            flights
-        )
+        real = dc.replace(truth, case=dc.replace(one, quality=SensorQuality("real")))
+        assert real.stated_tolerance() == tolerance_of(flights)
 
 
 def test_a_third_of_the_out_of_library_cases_have_two_at_once():
@@ -253,7 +246,8 @@ def flown(logged):
     quality = dc.replace(case.quality, rate=100.0, rotor=abs(case.quality.rotor))
     case = dc.replace(case, quality=quality, input=logged)
     exact, noisy = (logs[FILES[0]] for logs in fly_case(case, "drake"))
-    return noisy, *residual_and_visibility(case, flight_pair(case, FILES[0], exact, noisy))
+    flight = FlightPair.of(case, FILES[0], exact, noisy)
+    return noisy, flight.noise, GroundTruth(case, {FILES[0]: flight}).visibility(FILES[0])
 
 
 @pytest.mark.parametrize("kind, semantics", [("thrust_only", "sampled"), ("rotor_speed", "averaged")])

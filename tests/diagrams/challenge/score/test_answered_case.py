@@ -3,7 +3,8 @@ import shutil
 
 import pytest
 
-from diagrams.challenge.score.answered_case import read_answered_cases, same_flight
+from diagrams.challenge.score.answered_case import read_answered_cases
+from diagrams.challenge.score.estimates import same_flight
 from diagrams.challenge.score.score import score
 
 

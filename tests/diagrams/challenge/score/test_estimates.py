@@ -101,7 +101,7 @@ def test_flights_with_an_onset_are_counted(by_hand):
     assert [row["flight"] for row in rows] == ["train_1.csv", "heldout_1.csv"]
     assert [row["error"] for row in rows] == pytest.approx([0.15, 0.3])
     assert list(map(onset_within, rows)) == [True, False]
-    assert onset_summary([case], 1.5)["median_error"] == pytest.approx(0.225)
+    assert onset_summary([case])["median_error"] == pytest.approx(0.225)
 
 
 def test_from_the_start_is_wrong_where_it_begins_later(by_hand):
@@ -110,15 +110,15 @@ def test_from_the_start_is_wrong_where_it_begins_later(by_hand):
 
 def test_a_wrong_name_has_no_onset_but_a_class_has(by_hand):
     wrong = case_with(by_hand, {"train_1": 8.0, "heldout_1": 5.0}, name="motor_lag")
-    found = onset_summary([wrong], 1.5)
+    found = onset_summary([wrong])
     assert (found["within"]["count"], found["within"]["n"]) == (0, 2)
     assert found["within_if_named"]["n"] == 0
     wrong.causes["motor_lag"]["indistinguishable_from"].append("thrust_scale")
-    assert onset_summary([wrong], 1.5)["within"]["count"] == 2
+    assert onset_summary([wrong])["within"]["count"] == 2
 
 
 def test_faint_cases_count_only_among_all(by_hand):
-    found = onset_summary([case_with(by_hand, {"train_1": 8.0}, visibility=1.1)], 1.5)
+    found = onset_summary([case_with(by_hand, {"train_1": 8.0}, visibility=1.1)])
     assert found["within"]["n"] == 0
     assert (found["within_all"]["count"], found["within_all"]["n"]) == (1, 2)
 
@@ -139,7 +139,7 @@ def test_what_begins_together_counts_once_by_the_one_that_is_worst(by_hand):
 def test_onsets_that_the_true_effect_does_not_tell_stand_apart(by_hand):
     told = {"train_1.csv": 8.1, "heldout_1.csv": 6.0}
     case = case_with(by_hand, {"train_1": 8.15, "train_2": None, "heldout_1": None}, best_onset=told)
-    found = onset_summary([case], 1.5)
+    found = onset_summary([case])
     assert (found["within"]["count"], found["within"]["n"]) == (1, 2)
     assert (found["within_if_told"]["count"], found["within_if_told"]["n"]) == (1, 1)
 
@@ -147,6 +147,6 @@ def test_onsets_that_the_true_effect_does_not_tell_stand_apart(by_hand):
 def test_flights_in_which_what_begins_does_not_show_stand_apart(by_hand):
     seen = {"train_1.csv": 1.0}
     case = case_with(by_hand, {"train_1": None, "heldout_1": 5.1}, visibility_in_training=seen)
-    found = onset_summary([case], 1.5)
+    found = onset_summary([case])
     assert (found["within"]["count"], found["within"]["n"]) == (1, 2)
     assert (found["within_if_seen"]["count"], found["within_if_seen"]["n"]) == (1, 1)

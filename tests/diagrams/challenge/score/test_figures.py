@@ -1,19 +1,20 @@
 import pytest
 
-from diagrams.challenge.score.figures import write_figures
+from diagrams.challenge.score.figures import figures
 from diagrams.challenge.score.score import score
 from diagrams.challenge.score.tables import miss_table, share, tables
+from np_drake.files.figure_file import png
 
 
-def test_every_figure_is_written(by_hand, tmp_path):
-    written = write_figures(score(by_hand.perfect_set()), tmp_path)
-    assert sorted(path.stem for path in written) == ["confusion", "detection", "effects", "reliability"]
-    assert all(path.read_bytes().startswith(b"\x89PNG") for path in written)
+def test_every_figure_is_drawn(by_hand):
+    made = figures(score(by_hand.perfect_set()))
+    assert sorted(made) == ["confusion.png", "detection.png", "effects.png", "reliability.png"]
+    assert all(png(draw()).startswith(b"\x89PNG") for draw in made.values())
 
 
-def test_a_set_of_clean_controls_has_no_figure_but_the_matrix(by_hand, tmp_path):
+def test_a_set_of_clean_controls_has_no_figure_but_the_matrix(by_hand):
     dut = score([by_hand.named(by_hand.make_truth(kind="clean"))])
-    assert [path.stem for path in write_figures(dut, tmp_path)] == ["confusion"]
+    assert list(figures(dut)) == ["confusion.png"]
 
 
 @pytest.mark.parametrize("perfect", [True, False])

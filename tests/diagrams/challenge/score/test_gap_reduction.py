@@ -50,7 +50,7 @@ def test_the_replay_is_compared_at_one_second(by_hand):
     assert replay_reduction(case) == pytest.approx(0.75)
     worse = by_hand.make_case(case.truth, {**case.answer, "shrink": {"replay": {"horizon": [1.0]}}})
     worse.answer["shrink"]["replay"] |= {"before": {"position": [0.1]}, "after": {"position": [0.2]}}
-    dut = replay_summary([case, worse], 1.5)
+    dut = replay_summary([case, worse])
     assert dut["n"] == 2
     assert (dut["worse"]["count"], dut["worse"]["n"]) == (1, 2)
     case.answer["shrink"]["replay"]["after"] = None

@@ -109,7 +109,7 @@ def test_every_case_stands_in_one_cell(by_hand):
         by_hand.named(foreign, unknown=True),
         by_hand.named(clean),
     ]
-    dut = confusion(cases, 1.5)
+    dut = confusion(cases)
     at = {
         (row, column): dut["counts"][i][j]
         for i, row in enumerate(dut["true"])

@@ -112,7 +112,8 @@ def test_an_invisible_single_is_no_miss(cases):
     dut = score([faint, *cases[1:]])
     assert dut["rates"]["single"]["class"]["n"] == 12
     assert dut["accuracy"]["single"] == 1.0
-    assert score([faint, *cases[1:]], least=1.3)["rates"]["single"]["class"]["n"] == 13
+    sharp = [dc.replace(case, least=1.3) for case in (faint, *cases[1:])]
+    assert score(sharp)["rates"]["single"]["class"]["n"] == 13
 
 
 def test_a_false_alarm_is_counted(cases, by_hand):
@@ -230,5 +231,5 @@ def test_what_is_found_is_a_table_by_visibility(cases):
     (table,) = [t for t in tables(score(cases), 1.5) if t[0].startswith("single effects found")]
     _, header, rows = table
     assert header[0] == "visibility"
-    assert rows[0] == ["1.5 … 2", "1 of 1"]
-    assert rows[-1] == ["10 … inf", "1 of 1"]
+    assert rows[0] == ("1.5 … 2", "1 of 1")
+    assert rows[-1] == ("10 … inf", "1 of 1")

@@ -52,7 +52,7 @@ def test_answers_are_scored_into_tables_figures_and_metrics(folders, tmp_path, c
     printed = capsys.readouterr().out
     for text in ("50 % [1, 99] 1/2", "no answer", "drake, clean: 2 cases, seed 11", "1 cases have no answer"):
         assert text in printed
-    assert max(map(len, printed.split("figures:")[0].splitlines())) <= 100
+    assert max(map(len, printed.split("figure:")[0].splitlines())) <= 100
     written = json.loads(files["json"].read_text())
     assert written["schema"] == "np_drake.challenge_score/1"
     assert written["accuracy"]["single"] == 0.5

@@ -4,10 +4,10 @@ import dataclasses as dc
 
 import pytest
 
-from diagrams.challenge.generate.collinearity import collinear_effects, effects_of_trace, is_calibration
+from diagrams.challenge.generate.collinearity import Collinearity
 from np_drake.diagnosis.forward_model.payload_state import Term
 from np_drake.diagnosis.forward_model.prediction import predicted_residual
-from np_drake.diagnosis.options import IDEAL_SENSORS, Options, Tolerance
+from np_drake.diagnosis.options import IDEAL_SENSORS, Tolerance
 from np_drake.effects.clock_offset import ClockOffset
 from np_drake.effects.command_delay import CommandDelay
 from np_drake.effects.gyro_bias import GyroBias
@@ -15,12 +15,10 @@ from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
 from np_drake.effects.thrust_scale import ThrustScale
 
-REAL, IDEAL = Options.for_sensors(True), Options.for_sensors(False)
-
 
 def same_as(seen, noise, *effects, i=0, tolerance=IDEAL_SENSORS, vigour=1.0):
     flights = [seen(*effects, name="a", seed=1, noise=1.0, seconds=8.0, vigour=vigour)]
-    return collinear_effects(flights, [Term(e) for e in effects], i, noise, tolerance, priors=REAL.priors)
+    return Collinearity(flights, noise, tolerance).doubles([Term(e) for e in effects], i)
 
 
 def test_a_delay_and_a_clock_behind_are_the_same(seen, noise):
@@ -62,13 +60,13 @@ def test_what_a_rig_may_be_off_by_can_stand_in_for_an_effect(seen, noise):
 def test_of_a_trace_the_effect_that_left_it_is_found(seen, noise):
     flight = seen(name="a", seed=1, noise=1.0, seconds=8.0)
     trace = {"a": predicted_residual(flight, [Term(LinearDrag(0.1, 0.1, 0.1))])}
-    assert "linear_drag" in effects_of_trace([flight], trace, noise, IDEAL_SENSORS, priors=REAL.priors)
+    assert "linear_drag" in Collinearity([flight], noise, IDEAL_SENSORS).effects_of(trace)
 
 
 def test_of_what_is_lost_in_noise_no_effect_is_found(seen, noise):
     flight = seen(name="a", seed=1, noise=1.0, seconds=8.0)
     faint = {"a": predicted_residual(flight, [Term(LinearDrag(1e-6, 1e-6, 1e-6))])}
-    assert effects_of_trace([flight], faint, noise, IDEAL_SENSORS, priors=REAL.priors) == []
+    assert Collinearity([flight], noise, IDEAL_SENSORS).effects_of(faint) == []
 
 
 @pytest.mark.parametrize(
@@ -82,5 +80,5 @@ def test_of_what_is_lost_in_noise_no_effect_is_found(seen, noise):
 )
 def test_only_what_the_vehicle_file_may_be_off_by_is_calibration(seen, noise, effect, thrust, same):
     flights = [seen(effect, name="a", seed=1, noise=1.0, seconds=8.0)]
-    tolerance = dc.replace(Tolerance(), thrust=thrust)
-    assert is_calibration(flights, [Term(effect)], 0, noise, tolerance) is same
+    dut = Collinearity(flights, noise, dc.replace(Tolerance(), thrust=thrust))
+    assert dut.is_calibration(dut.contribution([Term(effect)], 0)) is same

@@ -1,0 +1,139 @@
+"""`np-drake challenge`: sets of flights with an effect that whoever diagnoses them does not know."""
+
+import math
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from typer import Argument, Option
+from typer.core import TyperGroup
+
+from diagrams.cli import options
+from diagrams.cli.output import require_folder
+from diagrams.cli.runner import Report, Run, counting, reports
+
+RETIRED = {
+    "golden": "the frozen cases are tests: `make golden`",
+    "logs": "round trips through files are tests: `pytest tests/diagrams/challenge/imported`",
+    "active": "`np-drake next-flight` writes a random multisine",
+    "compare": "`challenge score` shows what is asked for, of one draw or of several together",
+}
+
+
+class _Challenge(TyperGroup):
+    """Verbs of challenge sets; one that is gone says what took its place."""
+
+    def resolve_command(self, context, arguments):
+        if arguments and arguments[0] in RETIRED:
+            raise ValueError(f"{arguments[0]} is gone: {RETIRED[arguments[0]]}.")
+        return super().resolve_command(context, arguments)
+
+
+challenge = typer.Typer(
+    cls=_Challenge, help="Withheld-effect challenge sets.", add_completion=False, rich_markup_mode=None
+)
+
+
+@challenge.command("make")
+@reports("challenge_make", seed=0, markdown=False, many=True, holds=("truth",))
+def _make(
+    run: Run,
+    out: Annotated[Path, Option(metavar="DIR", help="Folder for the case folders.")],
+    truth: Annotated[Path, Option(metavar="DIR", help="Folder for their truth; not inside --out.")],
+    simulator: Annotated[str, Option(metavar="NAME", help="Who flies: drake | rotorpy.")] = "drake",
+    quality: Annotated[str, Option(metavar="NAME", help="Sensors: clean (ideal) | real | wild.")] = "clean",
+    cases: Annotated[int, Option(min=0, max=100_000, help="Cases with effects.")] = 44,
+    clean: Annotated[int, Option(min=0, max=100_000, help="Clean controls: cases without.")] = 20,
+    seconds: Annotated[float, Option(help="Length of every flight [s].")] = 20.0,
+    unseen: Annotated[
+        bool, Option("--unseen", help="Out-of-library effects alone, of kinds in no other set.")
+    ] = False,
+) -> Report:
+    """Fly and write a set: about half single effects, then pairs, triples, onsets in flight, out-of-library effects.
+
+    Cases of the same request that are there already stay, so that an interrupted run goes on.
+    """
+    from diagrams.challenge.generate.make import check_request, make
+
+    config: dict[str, Any] = {"simulator": simulator, "quality": quality, "cases": cases, "clean": clean}
+    config |= {"seconds": seconds, "unseen": unseen}
+    check_request(out, truth, simulator, quality, cases + clean, seconds, run.seed)
+    for folder in (out, truth):
+        require_folder(folder)
+    with counting("flying", "cases") as on_progress:
+        result = make(out, truth, seed=run.seed, workers=run.workers, on_progress=on_progress, **config)
+    kinds = ", ".join(f"{count} {kind}" for kind, count in result["kinds"].items())
+    said = f"cases: {out} ({kinds}); truth: {truth}; redrawn: {result['redrawn']}"
+    return Report([], config=config, metrics=result, lines=[said])
+
+
+@challenge.command("solve")
+@reports("challenge_solve", seed=None, markdown=False, many=True)
+def _solve(
+    run: Run,
+    cases: Annotated[Path, Argument(metavar="CASES", help="Folder of case folders.")],
+    out: Annotated[Path, Option(metavar="ANSWERS", help="Folder for <case>/diagnosis.json.")],
+    replay: options.Replay = False,
+    again: Annotated[bool, Option("--again", help="Also where there is an answer already.")] = False,
+) -> Report:
+    """Diagnose every case folder in parallel; answers that are there already are kept.
+
+    Exit code 0 where at least one case has an answer: what fails is a line, `failed` in --json.
+    """
+    require_folder(out)
+    if not cases.is_dir():
+        raise ValueError(f"{cases}: CASES must be a folder of case folders.")
+    from diagrams.challenge.solve import case_folders, solve
+
+    case_folders(cases)  # asks before the bar appears
+    with counting("diagnosing", "cases") as on_progress:
+        result = solve(cases, out, workers=run.workers, replay=replay, again=again, on_progress=on_progress)
+        on_progress(result["cases"], result["cases"])
+    failed, walls = result["failed"], [row["wall"] for row in result["solved"]]
+    typical = f", {sum(walls) / len(walls):.3g} s a case" if walls else ""
+    counts = f"{len(walls)} solved{typical}, {result['skipped']} kept, {len(failed)} failed"
+    none = f"no case could be diagnosed; the first: {failed[0]['error']}" if failed else ""
+    return Report(
+        [],
+        config={"cases": cases, "replay": replay, "again": again},
+        metrics=result,
+        lines=[*(f"{row['case']}: {row['error']}" for row in failed), f"answers: {out} ({counts})"],
+        failure=ValueError(none) if len(failed) == result["cases"] else None,
+    )
+
+
+@challenge.command("score")
+@reports("challenge_score", seed=0, out=options.Out)
+def _score(
+    run: Run,
+    answers: Annotated[
+        Path, Argument(metavar="ANSWERS", help="Folder of <case>/diagnosis.json, or of sets.")
+    ],
+    truth: Annotated[Path, Argument(metavar="TRUTH", help="Folder of <case>/truth.json, or of sets.")],
+    visible: Annotated[
+        float,
+        Option(metavar="RATIO", min=1.0, max=1e6, help="Visibility from which a case must be found [1]."),
+    ] = 1.5,
+    misses: Annotated[bool, Option("--misses", help="List every miss.")] = False,
+) -> Report:
+    """Score the answers to a challenge set; with --out: figures. A case without an answer is a miss."""
+    if not math.isfinite(visible):
+        raise ValueError(f"--visible must be finite; got {visible}.")
+    for folder in (answers, truth):
+        if not folder.is_dir():
+            raise ValueError(f"{folder}: must be a folder.")
+    from diagrams.challenge.score.answered_case import read_answered_cases
+    from diagrams.challenge.score.asked import asked_tables
+    from diagrams.challenge.score.figures import figures
+    from diagrams.challenge.score.score import score
+    from diagrams.challenge.score.tables import miss_table, set_lines, tables
+
+    result = score(read_answered_cases(answers, truth, visible), seed=run.seed)
+    return Report(
+        [*asked_tables(result), *tables(result, visible), *([miss_table(result)] if misses else [])],
+        config={"answers": answers, "truth": truth, "visible": visible},
+        metrics=result,
+        summary=set_lines(result),
+        notes=[f"warning: {text}" for text in result["warnings"]],
+        figures=figures(result),
+    )

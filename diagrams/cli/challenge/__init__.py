@@ -1,1 +1,0 @@
-"""`np-drake challenge`: one verb a file."""
