@@ -41,7 +41,7 @@ def cluster_of(workers, threads=1):
         yield local.scheduler_address
 
 
-def test_a_cluster_answers_as_this_machine_does_and_a_dead_worker_loses_one_case(address, tmp_path):
+def test_a_cluster_answers_as_one_machine_and_a_dead_worker_loses_one_case(address, tmp_path):
     def work(case):
         if case["number"] == 1:
             os._exit(3)

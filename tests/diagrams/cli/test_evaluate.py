@@ -153,7 +153,7 @@ def test_a_pendulum_of_another_vehicle_or_for_arrays_is_bad_input(logs, pendulum
         assert message in capsys.readouterr().err.splitlines()[-1]
 
 
-def test_motion_that_makes_the_force_is_predicted_better_than_by_any_naive_row(logs, model, tmp_path):
+def test_a_force_of_motion_is_predicted_better_than_by_any_naive_row(logs, model, tmp_path):
     """The force is mass times dv/dt of a multisine: its past tells its future, persistence does not."""
     out = tmp_path / "rows.json"
     assert (
@@ -257,7 +257,7 @@ def test_without_a_predictor_it_is_the_packaged_one(logs, model, tmp_path, monke
     assert "delay-modal" in capsys.readouterr().out
 
 
-def test_left_out_in_turn_every_flight_is_scored_by_models_that_have_not_seen_it(logs, tmp_path, capsys):
+def test_every_flight_left_out_in_turn_is_scored_by_models_blind_to_it(logs, tmp_path, capsys):
     out = tmp_path / "rows.json"
     arguments = ["evaluate", *map(str, logs[:2]), "--leave-one-out", "--only", "delay-modal", "--epochs", "1"]
     assert run([*arguments, "--horizons", "1,5", "--json", str(out)]) == 0, capsys.readouterr().err

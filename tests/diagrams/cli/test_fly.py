@@ -80,9 +80,7 @@ def test_the_scenarios_controller_flies_unless_another_is_asked_for(tmp_path, ca
 @pytest.mark.parametrize(
     "named, asked, flown", [("", None, "sqp"), ("ipopt", None, "ipopt"), ("ipopt", "sqp", "sqp")]
 )
-def test_a_flight_has_the_solver_asked_for_else_the_scenarios_else_the_default(
-    named, asked, flown, tmp_path, capsys
-):
+def test_the_solver_is_that_asked_for_else_the_scenarios_else_default(named, asked, flown, tmp_path, capsys):
     scenario, file = tmp_path / "mine.yaml", tmp_path / "m.json"
     controller = f"controller: {{kind: nominal{', solver: ' + named if named else ''}}}\n"
     scenario.write_text("name: mine\nduration: 0.2\nreference: {track: hover, ramp: 0.2}\n" + controller)

@@ -28,7 +28,7 @@ def test_the_payload_filter_finds_a_delay_in_flight_and_holds_the_circle(speed, 
 
 
 @pytest.mark.parametrize("kind", ["nominal", "hold"])
-def test_a_controller_that_is_told_the_delay_or_finds_it_holds_what_others_lose(kind):
+def test_a_controller_that_knows_or_finds_the_delay_holds_on(kind):
     with pytest.raises(LostVehicle):
         simulate(late(0.06, kind=kind), seed=0, tolerance=1.0)
     told = fly(late(0.06, kind=kind, command_delay=0.06), seed=0).metrics()
@@ -39,7 +39,7 @@ def test_a_controller_that_is_told_the_delay_or_finds_it_holds_what_others_lose(
     assert found["command_delay"] == pytest.approx(0.06, abs=0.01)
 
 
-def test_a_delay_that_is_known_does_not_spoil_the_measure_of_the_prediction():
+def test_a_known_delay_does_not_spoil_the_measure_of_prediction():
     without = fly(late(0.0), seed=0).metrics()["wrench_rmse"]
     delayed = fly(late(0.06), seed=0).metrics()["wrench_rmse"]
     assert delayed["force"] < 1.5 * without["force"]

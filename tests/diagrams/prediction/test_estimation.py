@@ -30,7 +30,7 @@ def test_one_step_ahead_the_default_is_below_the_paper_in_every_cell(flown):
         assert found.unstable == found.pulled == 0
 
 
-def test_one_step_ahead_the_papers_configuration_is_below_the_paper_on_race_track_1(flown):
+def test_one_step_ahead_we_are_below_the_paper_on_race_track_1(flown):
     """One flight only, for time; `np-drake reproduce estimation` does all."""
     table = estimation.estimation_table({"paper": model(flown, "paper")}, [flown[2]])
     assert list(table.cells) == ["race track 1"]

@@ -27,7 +27,7 @@ def point(value, e_xy):
     return {"value": value, "E_xy": e_xy}
 
 
-def test_where_an_error_crosses_nominals_is_found_on_the_line_of_log_ratios():
+def test_an_error_crosses_nominals_on_the_line_of_log_ratios():
     base = [point(v, 1.0) for v in (0.0, 1.0, 2.0, 4.0)]
     dut = [point(0.0, 0.5), point(1.0, 0.5), point(2.0, 2.0), point(4.0, 0.5)]
     assert better_than(dut, base, "E_xy") == [(0.0, pytest.approx(1.5)), (pytest.approx(3.0), 4.0)]

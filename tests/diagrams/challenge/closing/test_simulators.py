@@ -48,7 +48,7 @@ def test_in_drake_every_flight_is_drakes_and_an_oracle_flies(monkeypatch):
 
 
 @needs_rotorpy
-def test_in_rotorpy_every_flight_of_the_vehicle_has_its_own_physics_and_no_oracle(monkeypatch):
+def test_in_rotorpy_every_flight_has_its_own_physics_and_no_oracle(monkeypatch):
     result, real = fly_one(monkeypatch, "rotorpy")
     assert set(ROWS) - set(result["errors"]) == {ORACLE}
     assert len(real) == len(ROWS)

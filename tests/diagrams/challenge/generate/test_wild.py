@@ -79,7 +79,7 @@ def test_every_figure_has_three_times_the_range_of_real(drawn, name):
     assert low <= min(real) <= max(real) <= high
 
 
-def test_the_vehicle_file_is_off_by_three_times_as_much_and_white_noise_is_not_what_it_states(drawn):
+def test_the_vehicle_file_is_three_times_as_far_off_and_noise_is_misstated(drawn):
     for name in ("mass_off", "thrust_off"):
         off = np.array([getattr(sensors, name) for sensors in drawn])
         assert 2.9 * OFF < np.abs(off).max() <= 3 * OFF

@@ -79,7 +79,7 @@ def test_columns_of_every_model_may_be_taken_out_first(seed, n, chosen):
     st.lists(st.lists(st.sampled_from([0, 1, 2, 3]), unique=True), max_size=6),
     st.sampled_from([1, 30, 10**6]),
 )
-def test_many_sets_together_have_each_its_density_with_priors_as_wide_as_asked(seed, sets, at_once):
+def test_many_sets_at_once_have_each_its_density_at_the_widths_asked(seed, sets, at_once):
     X, y = problem(seed, k=5)
     dut, columns = gram(4.0 * X, y), [np.array([0, 1]), np.array([2]), np.array([3, 4]), np.zeros(0, int)]
     groups = [[columns[i] for i in chosen] for chosen in sets]
@@ -102,7 +102,7 @@ def test_many_sets_together_have_each_its_density_with_priors_as_wide_as_asked(s
         assert found == pytest.approx(expected, abs=1e-7)
 
 
-def test_an_effect_of_usual_size_has_the_usual_prior_and_one_of_ten_times_the_size_is_not_punished_for_it():
+def test_an_effect_of_ten_times_the_usual_size_is_not_punished_for_it():
     rng = np.random.default_rng(5)
     X = rng.normal(size=(200, 1, 3))
     groups = [np.array([0, 1]), np.array([2])]

@@ -30,7 +30,7 @@ def test_there_are_none_where_no_half_has_joined_or_nothing_else_flew(windy):
     assert new_conditions(find_map_model(half).problem) == []
 
 
-def test_they_are_absent_from_every_training_flight_at_the_price_of_as_many_absences(windy):
+def test_they_cost_one_absence_for_every_training_flight_without_them(windy):
     problem = find_map_model(windy).problem
     found = new_conditions(problem)
     assert found
@@ -46,7 +46,7 @@ def test_they_are_absent_from_every_training_flight_at_the_price_of_as_many_abse
         assert candidate.columns["half"].any()
 
 
-def test_a_wind_that_training_flights_did_not_have_is_found_beside_a_drag_of_all(windy):
+def test_a_wind_not_met_in_training_is_found_beside_a_drag_of_all(windy):
     best = find_map_model(windy).best
     terms = {t.effect.identifier: t for t in best.terms}
     assert terms["constant_wind"].onset == {"a": NEVER, "b": NEVER}

@@ -81,7 +81,7 @@ def test_an_onset_that_is_known_roughly_is_sharpened_to_the_row(seen, noise, off
     )  # what has no onset gets none
 
 
-def test_one_pass_over_the_rows_gives_every_horizon_and_every_set_of_others(seen, noise):
+def test_one_pass_over_the_rows_gives_all_horizons_and_sets_of_others(seen, noise):
     flights = [seen(SuspendedPayload(0.15, 0.6), name=str(i), seed=i, noise=1.0, seconds=7.0) for i in (1, 2)]
     mass, *more = others(flights)
     rich, alone = (Beside(flights, noise, some, None) for some in ([mass, *more], [mass]))

@@ -114,7 +114,7 @@ FAULTS = {
 
 
 @pytest.mark.parametrize("fault", FAULTS)
-def test_what_is_no_checkpoint_of_the_run_is_one_line_with_file_and_remedy_and_stays(checkpoint, fault):
+def test_a_foreign_checkpoint_stays_and_is_one_line_with_file_and_remedy(checkpoint, fault):
     dut, path = checkpoint
     fault(path)
     before = path.read_bytes()

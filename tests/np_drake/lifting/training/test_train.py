@@ -128,7 +128,7 @@ def forecast_errors(model, samples: np.ndarray, course, ages: range) -> float:
 
 
 @pytest.mark.parametrize("name", ["swing", "weight"])
-def test_what_begins_within_the_window_is_seen_sooner_than_by_a_linear_encoder(trained, name):
+def test_what_begins_in_the_window_is_seen_before_a_linear_encoder_does(trained, name):
     courses = {
         "swing": lambda t: np.array([np.sin(2 * np.pi * 0.6 * t), 0.0, 0.0]),
         "weight": lambda t: np.array([0.0, 0.0, -1.0]),
@@ -148,9 +148,7 @@ def test_a_motion_that_goes_on_is_left_to_the_linear_encoder(trained, dithered):
     assert p[..., :-1].sum(axis=-1).mean() < 0.2
 
 
-def test_a_wind_that_no_training_showed_is_held_better_where_the_window_may_be_of_another_motion(
-    trained, dithered
-):
+def test_a_wind_unseen_in_training_is_held_better_with_mixed_windows(trained, dithered):
     def wind(t):
         return np.array([5.0, 0.0, 0.0])  # [N]
 

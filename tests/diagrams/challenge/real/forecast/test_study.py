@@ -56,7 +56,7 @@ def test_horizons_are_whole_steps():
     assert steps_of((0.001, 0.1), 0.01) == [1, 10]
 
 
-def test_persistence_is_always_among_the_rows_and_an_unknown_one_is_refused():
+def test_persistence_is_always_a_row_and_an_unknown_row_is_refused():
     assert choose(["ridge"]) == [PERSISTENCE, "ridge"]
     assert {PERSISTENCE, "ridge", TOLD} <= set(choose([]))
     with pytest.raises(ValueError, match="--only"):

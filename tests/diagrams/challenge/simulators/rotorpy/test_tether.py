@@ -69,7 +69,7 @@ def test_in_the_air_its_energy_decays_with_the_damping():
     )
 
 
-def test_a_payload_that_is_lifted_through_the_air_steadily_is_not_accelerated():
+def test_a_payload_lifted_steadily_through_the_air_does_not_accelerate():
     climb, wall = np.array([0.0, 0.0, 2.0]), (1e12, np.eye(3) * 1e-12, np.zeros(3))
     own = np.concatenate([[0.0, 0.0, -0.7], climb])
     now = dc.replace(hung_up(), x=np.concatenate([np.eye(13)[3, :7], climb, np.zeros(3)]))
