@@ -113,8 +113,14 @@ def contents(path: Path) -> Contents:
     return {event.name: event.variables for event in header.events.values()}
 
 
-def read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Recording:
+def read(path: Path, wanted: Mapping[str, list[str]], progress: Progress, chunk: int = CHUNK) -> Recording:
     """Decode the wanted variables of the wanted events.
+
+    Args:
+        path: of the log.
+        wanted: names of variables by event.
+        progress: is told the share of the file that is read.
+        chunk: of the file that is decoded together [byte].
 
     Raises: LogError: if the header is damaged or a variable is not there.
     """
@@ -122,7 +128,7 @@ def read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Rec
     with path.open("rb") as file:
         header = _read_header(path, file)
         columns = _wanted_columns(path, header, wanted)
-        tail = _decode(file, header, columns, progress)
+        tail = _decode(file, header, columns, progress, chunk)
     if tail.empty:
         raise LogError(f"{path}: must hold at least one whole record after its header; {REMEDY}.")
     streams = {header.events[key].name: grown.stream() for key, grown in columns.items()}
@@ -282,14 +288,16 @@ def _wanted_columns(path: Path, header: _Header, wanted: Mapping[str, list[str]]
     }
 
 
-def _decode(file: BinaryIO, header: _Header, columns: Mapping[int, _Columns], progress: Progress) -> _Tail:
+def _decode(
+    file: BinaryIO, header: _Header, columns: Mapping[int, _Columns], progress: Progress, chunk: int
+) -> _Tail:
     """Add all whole records to the columns."""
     total = max(file.seek(0, 2), 1)
     file.seek(0)
     crc = zlib.crc32(file.read(header.size))
     sizes = {key: event.record.itemsize for key, event in header.events.items()}
     tail, done, rest = _Tail(), header.size, b""
-    while tail.bad is None and (more := file.read(CHUNK)):
+    while tail.bad is None and (more := file.read(chunk)):
         data = rest + more
         begin = done - len(rest)
         used = 0

@@ -11,7 +11,7 @@ import numpy as np
 from np_drake.files.atomic_file import atomic_path
 from np_drake.logs.columns import Table
 from np_drake.logs.errors import LogError
-from np_drake.logs.text_lines import MAX_COLUMNS, MAX_ROWS, GrowingColumns, read_lines, too_long
+from np_drake.logs.text_lines import MAX_COLUMNS, GrowingColumns, read_lines, require_rows_within_limit
 
 BLOCK_CELLS = 1 << 18  # that are held as Python numbers at once
 MAX_UNREADABLE = (
@@ -114,8 +114,7 @@ class _Rows:
         self._count += 1
         if len(self._block) == self._block_rows:
             self._flush()
-        if self._count > MAX_ROWS:
-            raise too_long(self._path)
+        require_rows_within_limit(self._path, self._count)
 
     def _numbers(self, cells: list[str]) -> list[float]:
         if len(cells) != len(self._names):

@@ -15,10 +15,9 @@ from np_drake.logs.formats.format import Progress
 from np_drake.logs.formats.table_cells import Cell, require_names
 from np_drake.logs.text_lines import (
     MAX_COLUMNS,
-    MAX_ROWS,
     GrowingColumns,
+    require_rows_within_limit,
     too_large,
-    too_long,
     too_many_cells,
 )
 
@@ -82,8 +81,7 @@ def _require_modest(path: str | Path, metadata: Any) -> None:
 
     Raises: LogError: beyond the budgets.
     """
-    if metadata.num_rows > MAX_ROWS:
-        raise too_long(path)
+    require_rows_within_limit(path, metadata.num_rows)
     if metadata.num_columns > MAX_COLUMNS:
         raise LogError(f"{path}: must have at most {MAX_COLUMNS} columns; got {metadata.num_columns}.")
     if metadata.num_rows * metadata.num_columns > cell_budget(path):

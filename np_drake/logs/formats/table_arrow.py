@@ -10,7 +10,7 @@ import numpy as np
 
 from np_drake.files.input_file import text_budget
 from np_drake.logs.formats.format import Progress
-from np_drake.logs.text_lines import BAD_GZIP, MAX_ROWS, GrowingColumns, is_gzip, too_large, too_long
+from np_drake.logs.text_lines import BAD_GZIP, GrowingColumns, is_gzip, require_rows_within_limit, too_large
 
 BLOCK_BYTES = 1 << 20
 NULLS = ["", "nan", "NaN", "NAN", "null", "NULL", "Null", "none", "None", "NA", "N/A", "n/a"]
@@ -38,8 +38,7 @@ def read_numbers(
             for batch in _batches(pyarrow, source, delimiter, width, asked):
                 columns.add([batch.column(name).to_numpy(zero_copy_only=False) for name in asked])
                 progress(source.share)
-                if len(columns) > MAX_ROWS:
-                    raise too_long(path)
+                require_rows_within_limit(path, len(columns))
         except (pyarrow.ArrowException, OSError, *BAD_GZIP):
             return None
     progress(1.0)

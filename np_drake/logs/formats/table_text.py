@@ -20,7 +20,7 @@ from np_drake.logs.formats.table_cells import (
     parse_number,
     require_names,
 )
-from np_drake.logs.text_lines import MAX_ROWS, GrowingColumns, read_lines, too_long
+from np_drake.logs.text_lines import GrowingColumns, read_lines, require_rows_within_limit
 
 DELIMITERS = (",", ";", "\t")
 BLOCK_ROWS = 4096  # that are held as Python numbers at once
@@ -158,8 +158,7 @@ class _Numbers:
         self._count += 1
         if len(self._block) >= self._block_rows:
             self._flush()
-        if self._count > MAX_ROWS:
-            raise too_long(self._path)
+        require_rows_within_limit(self._path, self._count)
 
     def finish(self) -> tuple[dict[str, np.ndarray], list[str]]:
         """Return the columns, and a note where the last row was cut off.
