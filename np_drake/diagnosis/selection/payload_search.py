@@ -45,10 +45,16 @@ STEPS = 3  # Gauss-Newton steps at each horizon
 class PayloadSearch:
     """Payload candidates of some flights; columns of a few lengths are in memory at a time."""
 
-    def __init__(self, flights: Sequence[FlightResiduals], options: Options, onset: Onset | None = None):
+    def __init__(
+        self,
+        flights: Sequence[FlightResiduals],
+        options: Options,
+        onset: Onset | None = None,
+        lengths: tuple[float, float, int] = LENGTHS,
+    ):
         self._flights, self._onset = list(flights), onset
         self._priors = options.priors
-        self.lengths = np.geomspace(*LENGTHS)
+        self.lengths = np.geomspace(*lengths)
 
     def best(
         self, noise: NoiseModel, nuisance: Sequence[Candidate], others: Sequence[Candidate]

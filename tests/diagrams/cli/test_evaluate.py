@@ -3,6 +3,7 @@
 import dataclasses as dc
 import json
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -248,13 +249,13 @@ def test_bad_input_is_one_line_and_leaves_nothing(logs, model, tmp_path, monkeyp
     assert list(tmp_path.iterdir()) == [array]
 
 
-def test_without_a_predictor_it_is_the_packaged_one(logs, model, tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr("diagrams.loop.controllers.NP_MODEL", tmp_path / "none.safetensors")
-    assert run(["evaluate", str(logs[1])]) == 2
-    assert "--predictor FILE" in capsys.readouterr().err
-    monkeypatch.setattr("diagrams.loop.controllers.NP_MODEL", model)
+def test_without_a_predictor_it_is_the_packaged_one(logs, monkeypatch, capsys):
     assert run(["evaluate", str(logs[1]), "--horizons", "2"]) == 0
     assert "delay-modal" in capsys.readouterr().out
+    is_file = Path.is_file
+    monkeypatch.setattr(Path, "is_file", lambda path: path != NP_MODEL and is_file(path))
+    assert run(["evaluate", str(logs[1])]) == 2
+    assert "--predictor FILE" in capsys.readouterr().err
 
 
 def test_every_flight_left_out_in_turn_is_scored_by_models_blind_to_it(logs, tmp_path, capsys):

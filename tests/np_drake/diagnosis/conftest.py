@@ -4,7 +4,7 @@ import dataclasses as dc
 import importlib
 import importlib.util
 from collections.abc import Callable, Iterator, Sequence
-from functools import cache
+from functools import cache, partialmethod
 from pathlib import Path
 from typing import Any
 
@@ -20,8 +20,8 @@ from np_drake.diagnosis.forward_model.term import Term
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel, fit_noise
 from np_drake.diagnosis.options import Options, Priors
 from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals, make_flight_residuals
-from np_drake.diagnosis.selection import payload_search
 from np_drake.diagnosis.selection.map_model import SearchResult, find_map_model
+from np_drake.diagnosis.selection.payload_search import LENGTHS, PayloadSearch
 from np_drake.diagnosis.selection.ranking import Ranking
 from np_drake.diagnosis.selection.ranking import ranked as ranked_from
 from np_drake.effects.base import Effect
@@ -64,9 +64,10 @@ def search_with_few_lengths(
     flights: Sequence[FlightResiduals], options: Options | None = None, *, calm: bool = False
 ) -> SearchResult:
     """Return `find_map_model` with a quarter of the tether lengths, for flights without a payload."""
-    shortest, longest, number = payload_search.LENGTHS
+    shortest, longest, number = LENGTHS
+    few = partialmethod(PayloadSearch.__init__, lengths=(shortest, longest, number // 4))
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(payload_search, "LENGTHS", (shortest, longest, number // 4))
+        patch.setattr(PayloadSearch, "__init__", few)
         return find_map_model(flights, options, calm=calm)
 
 
