@@ -2,7 +2,7 @@
 
 import dataclasses as dc
 import itertools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -48,18 +48,27 @@ def weight_table(
     *,
     seed: int,
     duration: float = 20.0,
+    position: Sequence[float] = POSITION,
+    torque: Sequence[float] = TORQUE,
     workers: Workers | None = None,
     on_progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> list[dict]:
     """Return every combination of the factors, best first: least E_xy within the effort allowed.
 
     Factors 1, 1 are those of `MpcConfig`. Flights without a result are missing; the records of `workers` say why.
-    Args: duration: of a flight, after the ramp [s].
+    Args:
+        seed: of the noise.
+        duration: of a flight, after the ramp [s].
+        position: factors on `weight_position` [1].
+        torque: factors on the torque part of `weight_input` [1].
+        workers: that fly.
+        on_progress: is told the flights done and all.
+
     Raises: FailedRun: if no flight has a result.
     """
     cases = [
-        {"position": position, "torque": torque, "seed": seed, "duration": duration}
-        for position, torque in itertools.product(POSITION, TORQUE)
+        {"position": p, "torque": t, "seed": seed, "duration": duration}
+        for p, t in itertools.product(position, torque)
     ]
     config = {"motor_lag": LAG, "allowed": EFFORT, "lemniscate": settings_of(load_experiment("lemniscate"))}
     records = (workers or Workers()).run(score, cases, config=config, on_progress=on_progress)

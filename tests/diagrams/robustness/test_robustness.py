@@ -1,6 +1,7 @@
 """Laws of the robustness sweep; the flights of the verb are made here."""
 
 import json
+from functools import partial
 
 import numpy as np
 import pytest
@@ -8,7 +9,6 @@ import pytest
 from diagrams.cli.main import run
 from diagrams.loop.experiments import load_experiment
 from diagrams.loop.reality import RealityConfig
-from diagrams.robustness import measures as measured
 from diagrams.robustness import robustness
 from diagrams.robustness.axes import BASE, FLOWN
 from diagrams.robustness.figure import robustness_figure
@@ -183,7 +183,7 @@ def test_a_short_flight_has_figures_and_repeats(monkeypatch):
         return config
 
     monkeypatch.setattr(tracking, "load_experiment", load)
-    monkeypatch.setattr(measured, "SETTLING", 0.2)
+    monkeypatch.setattr(robustness, "measures", partial(measures, settling=0.2))
     work, case = Flying({}, "sqp", duration=0.6), {"row": "hold", "seed": 3, **BASE, "wind": 8.0}
     dut = work(case)
     assert dut["lost_at"] is None

@@ -12,6 +12,7 @@ from diagrams.challenge.closing.reality import nominal_reality
 from diagrams.challenge.closing.study import MADE_IN, ORACLE, ROWS, Closing, rows_of, settings, table
 from diagrams.challenge.simulators.rotorpy import optional_import
 from diagrams.cli.main import run
+from diagrams.loop.experiments import load_experiment
 from diagrams.loop.real_vehicle import DRAKE
 from np_drake.vehicle import Vehicle
 
@@ -59,13 +60,25 @@ def test_in_rotorpy_every_flight_has_its_own_physics_and_no_oracle(monkeypatch):
 SAME = 1e-5  # of two simulators of the same equations [m]; seen are 6e-7 of the state
 
 
+@pytest.fixture
+def short_ramp(monkeypatch):
+    """Flights reach their speed within a second."""
+
+    def load(*what):
+        config = load_experiment(*what)
+        config.reference.ramp = 1.0
+        return config
+
+    monkeypatch.setattr(reality, "load_experiment", load)
+
+
 @needs_rotorpy
-def test_a_design_flies_on_the_vehicle_it_is_given(monkeypatch):
-    monkeypatch.setattr(designs, "SCORED", 1.0)
+@pytest.mark.usefixtures("short_ramp")
+def test_a_design_flies_on_the_vehicle_it_is_given():
     plain, own = (optional_import.foreign_vehicle(own=own) for own in (False, True))
     design, world = designs.Design("hold"), nominal_reality()
     ours, same, other = (
-        np.array(designs.flown(design, world, VEHICLE, solver="sqp", seed=0, real=real))
+        np.array(designs.flown(design, world, VEHICLE, solver="sqp", seed=0, real=real, seconds=1.0))
         for real in (DRAKE, plain, own)
     )
     np.testing.assert_allclose(same, ours, atol=SAME)
@@ -73,14 +86,16 @@ def test_a_design_flies_on_the_vehicle_it_is_given(monkeypatch):
 
 
 @needs_rotorpy
-def test_the_diagnosed_flights_are_of_the_vehicle_that_is_given(monkeypatch):
-    monkeypatch.setattr(reality, "TRAINING", (("training_circle", 1.0),))
-    monkeypatch.setattr(reality, "HELD_OUT", ("lemniscate", 1.0))
+@pytest.mark.usefixtures("short_ramp")
+def test_the_diagnosed_flights_are_of_the_vehicle_that_is_given():
+    short = {"training": [("training_circle", 1.0)], "held_out": ("lemniscate", 1.0)}
     plain, own = (optional_import.foreign_vehicle(own=own) for own in (False, True))
     ours, same, other = (
         [
             log
-            for logs in reality.diagnosed_flights(nominal_reality(), VEHICLE, solver="sqp", seed=1, real=real)
+            for logs in reality.diagnosed_flights(
+                nominal_reality(), VEHICLE, solver="sqp", seed=1, real=real, **short
+            )
             for log in logs
         ]
         for real in (DRAKE, plain, own)
@@ -132,7 +147,7 @@ def test_a_simulator_that_there_is_not_is_one_line_before_any_flight(
 def test_the_printed_table_and_its_file_name_the_simulator(monkeypatch, tmp_path, capsys):
     result, _ = fly_one(monkeypatch, "rotorpy")
     record = {"case": {"seed": 4}, "result": result, "seconds": 1.0}
-    monkeypatch.setattr("diagrams.batch.campaign.run_campaign", lambda *_, **__: [record])
+    monkeypatch.setattr("diagrams.batch.workers.run_campaign", lambda *_, **__: [record])
     out = tmp_path / "table.json"
     arguments = ["--seeds", "1", "--seed", "3", "--simulator", "rotorpy", "--json", str(out)]
     assert run(["reproduce", "closing", *arguments]) == 0
