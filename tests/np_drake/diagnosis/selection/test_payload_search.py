@@ -10,9 +10,8 @@ from np_drake.diagnosis.regressors.payload import Guess
 from np_drake.diagnosis.regressors.payload_grid import payload_about, payload_candidates, payloads_of
 from np_drake.diagnosis.residuals.flight_residuals import FORCE
 from np_drake.diagnosis.residuals.resampling import TAPS
-from np_drake.diagnosis.selection import payload_search
 from np_drake.diagnosis.selection.payload_evidence import Beside
-from np_drake.diagnosis.selection.payload_search import ENDS, KEPT, LENGTHS, NEAR, PayloadSearch
+from np_drake.diagnosis.selection.payload_search import ENDS, KEPT, LENGTHS, LOST, NEAR, PayloadSearch
 from np_drake.effects.mass_error import MassError
 from np_drake.effects.suspended_payload import SuspendedPayload
 
@@ -137,7 +136,8 @@ def test_a_guess_that_is_lost_is_given_up(seen, noise, monkeypatch):
     flights = [seen(SuspendedPayload(0.15, 0.5), name="1", seed=1, noise=1.0, seconds=6.0)]
     dut = PayloadSearch(flights, options=REAL)
     assert dut.best(noise, [], others(flights))
-    monkeypatch.setattr(payload_search, "LOST", np.inf)
+    gain = Beside.gain
+    monkeypatch.setattr(Beside, "gain", lambda self, *how: (2 * LOST, gain(self, *how)[1]))
     assert dut.best(noise, [], others(flights)) == []
     assert dut.from_guesses(noise, [], [Guess(0.5)]) == []
 
