@@ -23,16 +23,22 @@ def fly(
     t: np.ndarray,
     onset: float | None = None,
     background: Sequence[Effect] = (),
+    warm_up: float = WARM_UP,
 ) -> FlightLog:
     """Return the exact log: no noise; systematic sensor effects and the right-sided accelerations are in it.
 
     Args:
+        vehicle: nominal vehicle, for which the controller is made.
+        plan: where to fly.
+        effects: that act.
         t: (n,) instants of the rows [s]; the command is updated there too.
         onset: the effects act from the first row at or after it on [s]; None: from the start.
         background: effects that act throughout and are no cause (a vehicle file that is a percent off).
+        warm_up: hovering before the first row [s].
+
     Raises: FailedRun: if the vehicle is lost.
     """
-    true = fly_true(vehicle, plan, effects, t=t, onset=onset, background=background)
+    true = fly_true(vehicle, plan, effects, t=t, onset=onset, background=background, warm_up=warm_up)
     return sensed(vehicle, true, effects, t)
 
 
@@ -44,6 +50,7 @@ def fly_true(
     t: np.ndarray,
     onset: float | None = None,
     background: Sequence[Effect] = (),
+    warm_up: float = WARM_UP,
 ) -> FlightLog:
     """Return what the vehicle really does, from the hover before the first row on to a little after the last.
 
@@ -51,7 +58,7 @@ def fly_true(
     Raises: FailedRun: if the vehicle is lost.
     """
     step = float(np.median(np.diff(t)))
-    before = t[0] - step * np.arange(round(WARM_UP / step), 0, -1)
+    before = t[0] - step * np.arange(round(warm_up / step), 0, -1)
     after = t[-1] + step * np.arange(1, round(MARGIN / step) + 1)
     rows = np.concatenate([before, t, after])
     signals = _signals(vehicle, plan, [*background, *effects], list(background), rows, onset)

@@ -125,6 +125,7 @@ def fly(
     t: np.ndarray,
     onset: float | None = None,
     background: Sequence[Effect] = (),
+    warm_up: float = WARM_UP,
 ) -> FlightLog:
     """Return the exact log of Bo: no noise; systematic sensor effects and the right-sided accelerations are in it.
 
@@ -136,12 +137,13 @@ def fly(
         onset: the effects act from the first row at or after it on [s], errors of sensors throughout; None: from the
             start.
         background: effects that act throughout and are no cause (a vehicle file that is a percent off).
+        warm_up: hovering before the first row [s].
 
     Raises: FailedRun: if the vehicle is lost; ValueError: on what is no effect, or two payloads.
     """
     sensors = [effect for effect in effects if isinstance(effect, SensorEffect)]
     offset = sum(sensor.clock_shift for sensor in sensors)
-    rows = instants(t, max(offset, 0.0))
+    rows = instants(t, max(offset, 0.0), warm_up)
     split = 0 if onset is None else int(np.searchsorted(rows, onset - 1e-9))
     real = RealMultirotor(vehicle, [*background, *effects])
     first = RealMultirotor(vehicle, background) if split else real
@@ -167,10 +169,16 @@ def _sensed(
     return FlightLog(t, p, q, v, w, u, reading.a, reading.al, reading.rotor)
 
 
-def instants(t: np.ndarray, margin: float) -> np.ndarray:
-    """Return the rows (m,) [s]: those before the log, its own, and those after until its last state has been read."""
+def instants(t: np.ndarray, margin: float, warm_up: float = WARM_UP) -> np.ndarray:
+    """Return the rows (m,) [s]: those before the log, its own, and those after until its last state has been read.
+
+    Args:
+        t: (n,) rows of the log [s].
+        margin: flown after its last row [s].
+        warm_up: flown before its first row [s].
+    """
     step = float(np.median(np.diff(t)))
-    before = t[0] - step * np.arange(round(WARM_UP / step), 0, -1)
+    before = t[0] - step * np.arange(round(warm_up / step), 0, -1)
     return np.concatenate([before, t, t[-1] + step * np.arange(1, 2 + int(np.ceil(margin / step)))])
 
 

@@ -1,4 +1,5 @@
 import dataclasses as dc
+from functools import partial
 
 import numpy as np
 import pytest
@@ -7,22 +8,17 @@ pytest.importorskip("rotorpy", reason="rotorpy is not installed: pip install 'np
 
 from diagrams.challenge.generate.trajectories import draw_plan
 from diagrams.challenge.simulators.rotorpy import simulator
-from diagrams.challenge.simulators.rotorpy.simulator import fly
 from diagrams.challenge.simulators.rotorpy.tether import Tether
 from np_drake.effects.base import Motion
 from np_drake.effects.pendulum import hook_acceleration, hook_velocity
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.labels import raw_labels
 
+# The laws hold from any start; a settled one only takes longer.
+fly = partial(simulator.fly, warm_up=0.5)  # [s]
+
 EFFECT = SuspendedPayload(0.3, 0.7, 0.01, -0.01, -0.03)
 GRAVITY = 9.81
-
-
-@pytest.fixture(scope="module", autouse=True)
-def short_warm_up():
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(simulator, "WARM_UP", 0.5)
-        yield
 
 
 def hung_up():
