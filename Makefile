@@ -11,7 +11,7 @@ CODE := np_drake systems diagrams tests docs
 export OMP_NUM_THREADS := 1
 export MPLBACKEND := Agg
 
-.PHONY: venv demo test fuzz campaigns golden lint format docs clean
+.PHONY: venv demo test suite fuzz campaigns golden lint format docs clean
 
 venv: $(STAMP)
 
@@ -32,7 +32,9 @@ lint: venv
 	$(BIN)/ruff format --check $(CODE)
 	$(BIN)/mypy
 
-test: lint
+test: lint suite
+
+suite: venv
 	$(BIN)/python -m pytest -n 2 --dist worksteal $(PYTEST_ARGS)
 
 # Hostile files for every reader: FUZZ_SECONDS each. What breaks one is kept in out/fuzz.

@@ -1,13 +1,16 @@
-"""Laws of docstrings: every public name has one, and its first line is a statement that can be read alone."""
+"""Laws of docstrings: every public name has one, its first line is a statement that can be read alone, and a function
+of two parameters or more says in `Args:` what they are (that such a section is complete, ruff sees: D417).
+"""
 
 import ast
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("np_drake", "systems", "diagrams")
+ROOMS = ("np_drake/control", "np_drake/flight_design")  # folders in which all functions have their `Args:`
 BEGINNINGS = ("Of ", "The same", "And ", "As ")  # of a line that leans on the one before
 Definition = ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef
 
@@ -47,9 +50,76 @@ def test_the_laws_hold_in_many_files():
     assert len(files()) > 100
 
 
-@pytest.mark.parametrize("path", files(), ids=str)
-def test_every_public_docstring_begins_with_a_statement_of_its_own(path):
-    assert faults((ROOT / path).read_text(encoding="utf-8")) == []
+def without_args(source: str) -> list[str]:
+    """Return the public functions of two parameters or more, `self` not counted, that have no `Args:`.
+
+    Those of a constructor may stand in its class; an override has those of its base.
+    """
+    found = []
+    for dotted, node in public(ast.parse(source)):
+        functions = [node] if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef) else []
+        if isinstance(node, ast.ClassDef):
+            functions = [f for f in node.body if isinstance(f, ast.FunctionDef) and f.name == "__init__"]
+        for function in functions:
+            said = (ast.get_docstring(function) or "") + (ast.get_docstring(node) or "")
+            if len(parameters(function)) > 1 and "Args:" not in said and not overrides(function):
+                found.append(dotted)
+    return found
+
+
+def parameters(function: ast.FunctionDef | ast.AsyncFunctionDef) -> list[str]:
+    """Return the names of the parameters without `self` and `cls`."""
+    of = function.args
+    every = [*of.posonlyargs, *of.args, *of.kwonlyargs, *(a for a in (of.vararg, of.kwarg) if a)]
+    return [argument.arg for argument in every if argument.arg not in ("self", "cls")]
+
+
+def overrides(function: ast.FunctionDef | ast.AsyncFunctionDef) -> bool:
+    """Return whether a function is marked as an override, or as an overload of what is described elsewhere."""
+    return any(ast.unparse(mark).endswith(("override", "overload")) for mark in function.decorator_list)
+
+
+def breaches(law: Callable[[str], list[str]], paths: Iterable[Path]) -> dict[str, list[str]]:
+    """Return by file what breaks a law of its source."""
+    found = {str(path): law((ROOT / path).read_text(encoding="utf-8")) for path in paths}
+    return {path: names for path, names in found.items() if names}
+
+
+def test_every_public_docstring_begins_with_a_statement_of_its_own():
+    assert breaches(faults, files()) == {}
+
+
+def test_every_function_of_two_parameters_says_what_they_are():
+    done = [path for path in files() if any(path.is_relative_to(room) for room in ROOMS)]
+    assert breaches(without_args, done) == {}
+
+
+@pytest.mark.parametrize(
+    "source",
+    [
+        "def f(a, *, b): ...",
+        "class A:\n    def f(self, a, *b): ...",
+        "class A:\n    def __init__(self, a, b): ...",
+        "class A:\n    @classmethod\n    def f(cls, a, b=1, **c):\n        'Return a.'",
+    ],
+)
+def test_the_law_sees_parameters_without_a_word(source):
+    assert len(without_args(source)) == 1
+
+
+@pytest.mark.parametrize(
+    "source",
+    [
+        "def f(a): ...",
+        "def _f(a, b): ...",
+        "def f(a, b):\n    'Args: a: x.'",
+        "class A:\n    'Args: a: x.'\n    def __init__(self, a, b): ...",
+        "class A:\n    @override\n    def f(self, a, b): ...",
+        "class A:\n    def f(self, a): ...",
+    ],
+)
+def test_the_law_asks_for_no_needless_word(source):
+    assert without_args(source) == []
 
 
 @pytest.mark.parametrize(

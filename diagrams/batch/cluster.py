@@ -33,8 +33,12 @@ def _require_one_thread(connected: Any) -> None:
 
 
 @contextmanager
-def client(address: str) -> Iterator[Any]:
+def client(address: str, patience: float = PATIENCE) -> Iterator[Any]:
     """Yield a `distributed.Client`.
+
+    Args:
+        address: of the scheduler.
+        patience: until it counts as unreachable [s].
 
     Raises: ValueError: without the extra, or where no scheduler answers.
     """
@@ -45,22 +49,22 @@ def client(address: str) -> Iterator[Any]:
     try:
         # A client that never connects leaves a thread, and stalls whichever thread collects it.
         with ThreadPoolExecutor(1) as pool:  # where no loop runs, as one does in a notebook
-            pool.submit(asyncio.run, _reach(address)).result()
-        connected = Client(address, timeout=PATIENCE, set_as_default=False)
+            pool.submit(asyncio.run, _reach(address, patience)).result()
+        connected = Client(address, timeout=patience, set_as_default=False)
     except (OSError, ValueError, TypeError) as error:  # unreachable, or no address at all
         raise ValueError(f"--scheduler: no Dask scheduler answers at {address!r}.") from error
     with connected:
         yield connected
 
 
-async def _reach(address: str) -> None:
+async def _reach(address: str, patience: float) -> None:
     """Connect to the address and close the connection.
 
     Raises: OSError, ValueError, TypeError: where nothing listens.
     """
     from distributed.comm import connect
 
-    await (await connect(address, timeout=PATIENCE)).close()
+    await (await connect(address, timeout=patience)).close()
 
 
 def on_cluster(work: Callable[[Any], Any], cases: Sequence[Any], address: str) -> Iterator[tuple[int, Any]]:

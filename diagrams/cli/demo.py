@@ -83,7 +83,8 @@ def _causes_table(result: "Demo") -> Table:
 
 def _meeting_table(result: "Demo") -> Table:
     from diagrams.demo.page import meeting_rows
-    from diagrams.demo.story import HELD_OUT, SIMULATED
+    from diagrams.demo.story import HELD_OUT
 
     header = ["controller", "error [cm]", "flight", "nominal simulator", "corrected", "off"]
-    return f"{HELD_OUT}, {SIMULATED:g} s, in flight and in simulators", header, list(meeting_rows(result))
+    title = f"{HELD_OUT}, {result.simulated_seconds:g} s, in flight and in simulators"
+    return title, header, list(meeting_rows(result))

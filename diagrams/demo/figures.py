@@ -3,7 +3,7 @@
 import numpy as np
 from matplotlib.figure import Figure
 
-from diagrams.demo.story import FORETOLD, HELD_OUT, SIMULATED, SIMULATORS, Demo, until
+from diagrams.demo.story import FORETOLD, HELD_OUT, SIMULATORS, Demo, until
 from diagrams.loop.flight_result import FlightResult
 from np_drake.files.figure_file import DASHES, PALETTE, new_figure
 
@@ -20,7 +20,7 @@ def foretold(demo: Demo) -> Figure:
     """Return the position error of the held-out track against time, a panel a controller."""
     figure, grid = new_figure(len(FORETOLD), 1, width=8.0, height=4.6, sharex=True)
     for ax, row in zip(grid[:, 0], FORETOLD, strict=True):
-        flight = until(demo.flown(HELD_OUT, row.kind), SIMULATED)
+        flight = until(demo.flown(HELD_OUT, row.kind), demo.simulated_seconds)
         ax.plot(*_error(flight), color="0.1", linewidth=2.2, alpha=0.55, label="flight")
         for k, name in enumerate(SIMULATORS):
             curve = _error(demo.simulated[name, row.kind])

@@ -8,7 +8,7 @@ from typing import Any
 from jinja2 import Environment, StrictUndefined
 
 from diagrams.demo.figures import LABELS
-from diagrams.demo.story import HELD_OUT, SIMULATED, SIMULATORS, Demo
+from diagrams.demo.story import HELD_OUT, SIMULATORS, Demo
 from diagrams.tracking.tracking import TRACKS
 from np_drake.diagnosis.report import words
 from np_drake.diagnosis.report.page import embedded, style
@@ -52,7 +52,7 @@ def content(demo: Demo) -> dict[str, Any]:
         ],
         "causes": cause_rows(demo),
         "meeting": meeting_rows(demo),
-        "simulated": words.number(SIMULATED, 2),
+        "simulated": words.number(demo.simulated_seconds, 2),
         "replayed": [
             "–" if gap is None else words.measure(float(gap.position[FARTHEST, 0]), "m")
             for gap in (replay.replay_before, replay.replay_after)

@@ -61,6 +61,11 @@ class Demo:
         acting = self.training.config.reality.everything()
         return {e.identifier: e.values for e in acting if isinstance(e, Effect)}
 
+    @property
+    def simulated_seconds(self) -> float:
+        """Length of the flights in simulators, after the ramp [s]."""
+        return next(iter(self.simulated.values())).config.duration
+
     def flown(self, track: str, kind: str) -> FlightResult:
         """Return the flight of a controller on a track.
 
@@ -82,7 +87,7 @@ class Demo:
         """Return errors on the held-out track, in flight and as either simulator foretells them, by controller [m]."""
         lines = []
         for row in FORETOLD:
-            flight = until(self.flown(HELD_OUT, row.kind), SIMULATED).metrics()
+            flight = until(self.flown(HELD_OUT, row.kind), self.simulated_seconds).metrics()
             foretold = {name: self.simulated[name, row.kind].metrics() for name in SIMULATORS}
             for key in ("E_xy", "E_z"):
                 line = {"controller": row.kind, "error": key, "flight": flight[key]}
@@ -96,6 +101,7 @@ def run_demo(
     seed: int,
     solver: str = "sqp",
     jobs: int = 2,
+    simulated: float = SIMULATED,
     on_progress: Callable[[float, str], None] = lambda fraction, text: None,
 ) -> Demo:
     """Run all steps; those that do not depend on each other run side by side.
@@ -103,14 +109,15 @@ def run_demo(
     The nominal MPC flies the training circle (noise of `seed`), on which both predictors are trained. Nominal MPC,
     hold, NP-MPC and the MPC with the payload filter fly both tracks (seed + 1). The flights of the nominal MPC are
     diagnosed: training circle and circle to fit, the lemniscate to judge. Nominal and corrected simulator fly the
-    lemniscate (seed + 2).
+    lemniscate (seed + 2). Writes the models into `folder`.
 
     Args:
-        folder: takes the model files.
-        seed: of training flight and training.
-        solver: of every controller.
+        folder: for the models.
+        seed: of the noise, and of the training.
+        solver: of the MPC.
         jobs: processes.
-        on_progress: called with the share that is done [1] and what is under way.
+        simulated: length of the flights in either simulator, after the ramp, at most that of a flight [s].
+        on_progress: is told the share that is done and what is done next.
     """
     models = {
         LEARNED.kind: folder / "predictor.safetensors",
@@ -127,7 +134,7 @@ def run_demo(
     }
 
     def in_simulator(world: RealityConfig, kind: str) -> Trip:
-        return Trip(_within(world, tracked[HELD_OUT, kind].config), seed + 2)
+        return Trip(_within(world, tracked[HELD_OUT, kind].config, simulated), seed + 2)
 
     steps = _Steps(jobs, on_progress)
     unlearned = {key: trip for key, trip in tracked.items() if key[1] not in TRAINED}
@@ -139,11 +146,11 @@ def run_demo(
     held_out = [diagnosed(done[HELD_OUT, NOMINAL.kind])]
     learned = {key: trip for key, trip in tracked.items() if key not in unlearned}
     look = partial(_diagnose, practice.vehicle, train, held_out, in_simulator)
-    simulated = {("nominal", row.kind): in_simulator(nominal, row.kind) for row in FORETOLD}
-    done |= steps.run("diagnosis and flights", {"diagnosis": look, **learned, **simulated})
+    uncorrected = {("nominal", row.kind): in_simulator(nominal, row.kind) for row in FORETOLD}
+    done |= steps.run("diagnosis and flights", {"diagnosis": look, **learned, **uncorrected})
     diagnosis, beside, corrected = done.pop("diagnosis")
     flights = [done[key] for key in tracked]
-    foretold = {key: done[key] for key in simulated} | corrected
+    foretold = {key: done[key] for key in uncorrected} | corrected
     return Demo(seed, training, trained, models[LEARNED.kind], flights, diagnosis, beside, foretold)
 
 
@@ -230,7 +237,7 @@ def until(flight: FlightResult, seconds: float) -> FlightResult:
     return dc.replace(flight, signals={name: signal[rows] for name, signal in flight.signals.items()})
 
 
-def _within(world: RealityConfig, config: FlightConfig) -> FlightConfig:
-    """Return a flight in another simulator, of `SIMULATED` seconds at most."""
-    duration = min(SIMULATED, config.duration)
+def _within(world: RealityConfig, config: FlightConfig, longest: float) -> FlightConfig:
+    """Return a flight in another simulator, of that length after the ramp at most [s]."""
+    duration = min(longest, config.duration)
     return dc.replace(config, reality=world, duration=duration).check_and_step()

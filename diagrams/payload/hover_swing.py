@@ -116,10 +116,12 @@ def swing_course(flight: FlightResult) -> tuple[np.ndarray, np.ndarray]:
     return t, np.linalg.norm(flight.payload_position[rows, :2], axis=1)
 
 
-def hover_metrics(flight: FlightResult) -> dict:
+def hover_metrics(flight: FlightResult, early: float = EARLY) -> dict:
     """Return the metrics of `KEYS` [m, 1/s, s], solver times and failures, of one flight.
 
-    early, late: position RMSE up to `EARLY` after the impulse and from then on.
+    Args:
+        flight: with its impulse at the end of the ramp.
+        early: time after the impulse that parts the metrics "early" and "late", both position RMSE [s].
     """
     t, distance = swing_course(flight)
     s, rows = flight.signals, flight.scored
@@ -127,8 +129,8 @@ def hover_metrics(flight: FlightResult) -> dict:
     p, p_ref = s["x_true"][rows, :3], s["p_ref"][rows]
     return {
         **metrics.tracking_errors(p, p_ref),
-        "early": _rmse(p - p_ref, t < EARLY),
-        "late": _rmse(p - p_ref, t >= EARLY),
+        "early": _rmse(p - p_ref, t < early),
+        "late": _rmse(p - p_ref, t >= early),
         "amplitude": float(distance.max()),
         "rate": metrics.decay_rate(t, distance),
         "settling": metrics.settling_time(t, distance),

@@ -21,13 +21,17 @@ def lost_beyond(config: FlightConfig) -> float:
     return LOST * ratios(config.vehicle).length
 
 
-def measures(config: FlightConfig, signals: dict[str, np.ndarray], why: str = "") -> dict:
+def measures(
+    config: FlightConfig, signals: dict[str, np.ndarray], why: str = "", settling: float = SETTLING
+) -> dict:
     """Return the metrics of a flight until it is lost, and of its steady window where it is not.
 
     Args:
         config: of the flight.
-        signals: in the form of `Recorder.read`.
+        signals: of the flight, in the form of `Recorder.read`.
         why: the simulator's line, where it ended the flight.
+        settling: time after the ramp before the steady window, of the paper's vehicle [s].
+
     Returns:
         lost_at: when [s], or None; with `lost`: the simulator's line, where it ended the flight.
         E_xy, E_z [m], growth, swing_growth [1]: of the steady window; None where the vehicle is lost. `growth` is
@@ -42,7 +46,7 @@ def measures(config: FlightConfig, signals: dict[str, np.ndarray], why: str = ""
     far = ~(np.linalg.norm(x[:, :3] - signals["p_ref"], axis=1) < lost_beyond(config))  # so that NaN is far
     lost = bool(why) or bool(far.any())
     end = int(np.argmax(far)) if far.any() else len(t)
-    rows, steady = slice(0, max(end, 1)), t >= config.reference.lead + SETTLING * unit.time - 1e-9
+    rows, steady = slice(0, max(end, 1)), t >= config.reference.lead + settling * unit.time - 1e-9
     status = signals["status"][rows, 0]
     command = signals["u"][rows] @ config.vehicle.unmixer.T / config.vehicle.max_rotor_thrust
     at_limit = np.any((command > 1.0 - 1e-3) | (command < 1e-3), axis=1)

@@ -2,6 +2,7 @@
 
 import dataclasses as dc
 import itertools
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -44,7 +45,12 @@ def score(case: Case) -> dict:
     return {**named, "E_xy": m["E_xy"], "E_z": m["E_z"], "torque_rms": float(effort), "allowed": allowed}
 
 
-def weight_table(run: Run, duration: float = 20.0) -> list[dict]:
+def weight_table(
+    run: Run,
+    duration: float = 20.0,
+    position: Sequence[float] = POSITION,
+    torque: Sequence[float] = TORQUE,
+) -> list[dict]:
     """Return every combination of the factors, best first: least E_xy within the effort allowed.
 
     Factors 1, 1 are those of `MpcConfig`. Flights without a result are missing; the records of the run's workers say
@@ -53,11 +59,13 @@ def weight_table(run: Run, duration: float = 20.0) -> list[dict]:
     Args:
         run: seed of the noise, workers and progress.
         duration: of a flight, after the ramp [s].
+        position: factors on `weight_position` [1].
+        torque: factors on the torque part of `weight_input` [1].
     Raises: FailedRun: if no flight has a result.
     """
     cases = [
-        {"position": position, "torque": torque, "seed": run.seed, "duration": duration}
-        for position, torque in itertools.product(POSITION, TORQUE)
+        {"position": p, "torque": t, "seed": run.seed, "duration": duration}
+        for p, t in itertools.product(position, torque)
     ]
     config = {"motor_lag": LAG, "allowed": EFFORT, "lemniscate": settings_of(load_experiment("lemniscate"))}
     records = run.cases("weights", "", score, cases, config=config)

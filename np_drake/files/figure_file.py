@@ -27,10 +27,15 @@ def new_figure(rows: int, columns: int, *, width: float, height: float, **layout
     return figure, figure.subplots(rows, columns, squeeze=False, **layout)
 
 
-def png(figure: Figure) -> bytes:
-    """Return the figure as a PNG."""
+def png(figure: Figure, resolution: float = RESOLUTION) -> bytes:
+    """Return the figure as a PNG.
+
+    Args:
+        figure: to be drawn.
+        resolution: [dots an inch].
+    """
     stream = io.BytesIO()
-    figure.savefig(stream, dpi=RESOLUTION, format="png")
+    figure.savefig(stream, dpi=resolution, format="png")
     return stream.getvalue()
 
 

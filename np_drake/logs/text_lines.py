@@ -53,9 +53,15 @@ def too_large(path: str | Path) -> LogError:
     return LogError(f"{path}: must hold at most {size} for its size. Unpack it first, if it is right.")
 
 
-def too_long(path: str | Path) -> LogError:
-    """Return the error of a table beyond `MAX_ROWS`."""
-    return LogError(f"{path}: must hold at most {MAX_ROWS} rows. Cut the log into parts.")
+def require_rows_within_limit(path: str | Path, rows: int) -> None:
+    """Raise LogError where a table has more than `MAX_ROWS` rows.
+
+    Args:
+        path: of the table.
+        rows: that it has so far.
+    """
+    if rows > MAX_ROWS:
+        raise LogError(f"{path}: must hold at most {MAX_ROWS} rows. Cut the log into parts.")
 
 
 def too_many_cells(path: str | Path) -> LogError:
@@ -120,8 +126,7 @@ class GrowingColumns:
             if len(column) + len(values) > self._most:
                 raise too_many_cells(self._path)
             column.frombytes(np.ascontiguousarray(values, dtype=float).tobytes())
-        if len(self) > MAX_ROWS:
-            raise too_long(self._path)
+        require_rows_within_limit(self._path, len(self))
 
     def _flush(self) -> None:
         rows, self._rows = self._rows, []

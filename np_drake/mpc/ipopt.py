@@ -129,7 +129,7 @@ class Preconditioned:
         t_0: trajectory at which the Hessian is factored.
     """
 
-    def __init__(self, condensed: Condensed, h: Horizon, t_0: Trajectory):
+    def __init__(self, condensed: Condensed, h: Horizon, t_0: Trajectory, near: float = _NEAR):
         self._c, self._h, self._T_0 = condensed, h, t_0.T.ravel()
         S = condensed.sensitivities(h, t_0)
         hessian = condensed.hessian(h, S)
@@ -142,9 +142,8 @@ class Preconditioned:
         config, self._top = condensed.config, condensed.vehicle.max_rotor_thrust
         self._kind = np.repeat(range(KINDS), [3 * config.horizon, config.horizon, 1])
         size = np.array([config.max_speed, 1 - condensed.objective.min_cosine, config.terminal_radius])
-        near = _NEAR * self._top
-        self._inputs = np.abs(self._T_0 - 0.5 * self._top) > 0.5 * self._top - near
-        self._soft = t_0.excess > -_NEAR * size[self._kind]
+        self._inputs = np.abs(self._T_0 - 0.5 * self._top) > 0.5 * self._top - near * self._top
+        self._soft = t_0.excess > -near * size[self._kind]
         self._unit = 1 / math.sqrt(2 * QUADRATIC * config.slack_weight)
 
     def solve(self, ipopt: Any, time_limit: float) -> tuple[bool, Trajectory]:

@@ -57,11 +57,11 @@ class QpSolver:
         slack_weight: price of the slacks [1 per unit of the set].
     """
 
-    def __init__(self, size: int, rows: int, slack_weight: float):
+    def __init__(self, size: int, rows: int, slack_weight: float, critical_rows: int = _CRITICAL_ROWS):
         self._osqp, self._clarabel = OsqpSolver(), ClarabelSolver()
         self._options = solver_options({OsqpSolver.id(): _OSQP, ClarabelSolver.id(): _CLARABEL})
         self._box, self._weight = BoxProgram(size), slack_weight
-        self._soft = [SoftProgram(size, m, slack_weight) for m in sorted({min(rows, _CRITICAL_ROWS), rows})]
+        self._soft = [SoftProgram(size, m, slack_weight) for m in sorted({min(rows, critical_rows), rows})]
 
     def solve(self, model: LocalModel, lower: np.ndarray, upper: np.ndarray, time_limit: float) -> Step:
         """Return the minimising step.

@@ -181,7 +181,6 @@ def _record(path: Path) -> Any:
     return read_record(path, {"schema": "np_drake.campaign/1"})
 
 
-POSE = ("pose.position.x", "pose.position.y", "pose.position.z")
 ODOMETRY = {"/rpm": stream(*(f"data[{i}]" for i in range(4)))}
 COPTER = {"ATT": stream("Roll", "Pitch", "Yaw"), "IMU.0": stream("GyrX", "GyrY", "GyrZ")}
 PX4 = {

@@ -17,7 +17,7 @@ def vectors(n):
 
 
 @given(QUATERNION, vectors(3), vectors(3), vectors(4), vectors(6))
-def test_inverse_dynamics_recover_the_wrench_that_the_forward_dynamics_took(q, v, w, u, chi):
+def test_inverse_dynamics_recover_the_wrench_of_forward_dynamics(q, v, w, u, chi):
     q = q / np.linalg.norm(q)
     x = np.concatenate([np.zeros(3), q, v, w])
     rate = rigid_body.state_derivative(VEHICLE, x, u, chi)

@@ -68,7 +68,7 @@ def test_the_spread_of_thrust_is_that_of_the_presets():
     assert np.std(number) / np.mean(number) == pytest.approx(THRUST_SPREAD, abs=0.01)
 
 
-def test_the_file_states_the_uncertainty_that_is_given_and_else_where_it_comes_from():
+def test_the_file_states_the_uncertainty_given_or_its_origin():
     assert (estimate(MINE).mass_uncertainty, estimate(MINE).thrust_uncertainty) == (
         MASS_SPREAD,
         THRUST_SPREAD,

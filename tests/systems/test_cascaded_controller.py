@@ -77,7 +77,7 @@ def test_in_a_diagram_it_brings_the_vehicle_to_the_target():
     assert x[:3] == pytest.approx(goal[:3], abs=0.02)  # [m]; the integral fades slowly
 
 
-def test_a_reading_with_nan_leaves_command_and_integral_and_the_next_good_one_goes_on():
+def test_a_nan_reading_holds_command_and_integral_until_the_next_good():
     vehicle = Vehicle()
     dut = CascadedController(vehicle)
     context = dut.CreateDefaultContext()

@@ -75,7 +75,7 @@ def buffer_behind_a_staircase(period):
 
 
 @pytest.mark.parametrize("period", [0.1, 0.02])
-def test_before_the_start_the_resting_value_holds_and_then_each_command_in_turn(period):
+def test_the_resting_value_holds_until_the_start_then_each_command(period):
     log = buffer_behind_a_staircase(period)
     t, found = log.sample_times() - 0.005, log.data()[0]  # a sample at an instant sees what was before it
     expected = np.where(t < 0.25, -1.0, np.floor((t - 0.25) / 0.1 + 1e-6) + 1)

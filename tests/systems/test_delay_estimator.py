@@ -64,7 +64,7 @@ def predictor(delay, x=LEVEL):
     return evaluate(dut, context, "forecast")
 
 
-def test_a_forecast_begins_where_the_vehicle_will_be_when_the_next_command_acts():
+def test_a_forecast_begins_where_the_next_command_will_act():
     start = predictor(0.05).start
     np.testing.assert_allclose(start[:3], LEVEL[:3] + [0.05 * 0.5, 0, 0], atol=1e-12)
     np.testing.assert_allclose(start[3:], LEVEL[3:], atol=1e-12)

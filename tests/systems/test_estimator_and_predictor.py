@@ -169,7 +169,7 @@ def test_z_and_window_stand_in_groups_of_their_own():
     np.testing.assert_allclose(window[-1, :6], CHI)
 
 
-def test_the_neural_predictor_sees_in_a_context_what_begins_within_its_window():
+def test_the_predictor_sees_in_a_context_what_begins_in_its_window():
     dut, context = neural_predictor_on_labels()
     model = NeuralPredictorModel.load(NP_MODEL).model
     after, errors = CHI + np.array([0.0, 0.0, -1.0, 0.0, 0.0, 0.0]), []  # 100 g more [N]

@@ -20,7 +20,7 @@ def plant():
     return plant
 
 
-def test_the_speed_of_a_braked_body_decays_by_drag_over_mass_and_no_other_does(plant):
+def test_only_a_braked_bodys_speed_decays_by_drag_over_mass(plant):
     simulator = Simulator(plant)
     context = simulator.get_mutable_context()
     V = SpatialVelocity([0.0, 0.0, 5.0], [1.0, -2.0, 0.5])

@@ -187,7 +187,7 @@ def test_rotor_thrust_saturates():
     np.testing.assert_allclose(evaluate(simulator, "rotor_thrust"), 12.0)
 
 
-def test_lagging_rotors_reach_63_percent_of_a_speed_step_after_one_time_constant():
+def test_lagging_rotors_reach_63_percent_after_one_time_constant():
     lag = MotorLag(0.03)
     simulator, _dut, *_ = simulator_of(PayloadConfig(tether="none"), actuator_effects=[lag])
     start = np.sqrt(evaluate(simulator, "rotor_thrust"))

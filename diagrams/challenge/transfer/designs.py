@@ -43,15 +43,18 @@ class Design:
     model: str = ""
     delay: float | None = 0.0
 
-    def config(self, world: RealityConfig, vehicle: Vehicle, solver: str) -> FlightConfig:
+    def config(
+        self, world: RealityConfig, vehicle: Vehicle, solver: str, seconds: float = SCORED
+    ) -> FlightConfig:
         """Return the scored flight in a world.
 
         Args:
             world: effects that act, and noise.
             vehicle: nominal vehicle.
             solver: of the MPC.
+            seconds: length after the ramp [s].
         """
-        config = experiment(TRACK, world, vehicle, solver=solver, seconds=SCORED)
+        config = experiment(TRACK, world, vehicle, solver=solver, seconds=seconds)
         controller = config.controller
         controller.kind, controller.predictor = self.kind, self.model
         controller.track_delay = self.delay is None
@@ -118,19 +121,22 @@ def flown(
     solver: str,
     seed: int,
     real: RealVehicle = DRAKE,
+    seconds: float = SCORED,
 ) -> Errors:
     """Return the errors of a design in a world; infinite where the vehicle is lost.
 
     Args:
-        design: the controller.
-        world: effects that act, and noise.
-        vehicle: nominal vehicle.
+        design: controller that flies.
+        world: in which it flies.
+        vehicle: nominal vehicle, for which the controller is made.
         solver: of the MPC.
         seed: of the noise.
         real: makes the vehicle that flies.
+        seconds: that are scored, after the ramp [s].
     """
+    config = design.config(world, vehicle, solver, seconds).check()
     try:
-        metrics = fly(design.config(world, vehicle, solver).check(), seed=seed, real=real).metrics()
+        metrics = fly(config, seed=seed, real=real).metrics()
     except LostVehicle:
         return LOST
     return float(metrics["E_xy"]), float(metrics["E_z"])

@@ -1,6 +1,7 @@
 """Vehicles with withheld effects, the simulators that they fly in, and the flights that are diagnosed."""
 
 import dataclasses as dc
+from collections.abc import Sequence
 from importlib.metadata import version
 from typing import Any
 
@@ -93,22 +94,32 @@ def experiment(
 
 
 def diagnosed_flights(
-    reality: RealityConfig, vehicle: Vehicle, *, solver: str, seed: int, real: RealVehicle = DRAKE
+    reality: RealityConfig,
+    vehicle: Vehicle,
+    *,
+    solver: str,
+    seed: int,
+    real: RealVehicle = DRAKE,
+    training: Sequence[tuple[str, float]] = TRAINING,
+    held_out: tuple[str, float] = HELD_OUT,
 ) -> tuple[list[FlightLog], list[FlightLog]]:
     """Fly training and held-out flights, and return their logs.
 
     Args:
-        reality: effects that act, and noise.
-        vehicle: nominal vehicle.
+        reality: in which they fly.
+        vehicle: nominal vehicle, for which the controller is made.
         solver: of the MPC.
         seed: of the noise.
         real: makes the vehicle that flies.
+        training: experiments for the fit, and their scored time [s].
+        held_out: experiment that judges, and its scored time [s].
+
     Raises: LostVehicle: if one fails.
     """
     logs = []
-    for k, (name, seconds) in enumerate((*TRAINING, HELD_OUT)):
+    for k, (name, seconds) in enumerate((*training, held_out)):
         config = experiment(name, reality, vehicle, solver=solver, seconds=seconds)
         config.controller.kind, config.reference.dither = FLOWN_WITH, DITHER
         log = fly(config, seed=10 * seed + k, real=real).log()
         logs.append(dc.replace(log, name=f"{name}.csv"))
-    return logs[: len(TRAINING)], logs[len(TRAINING) :]
+    return logs[: len(training)], logs[len(training) :]

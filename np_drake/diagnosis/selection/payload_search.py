@@ -49,12 +49,19 @@ class PayloadSearch:
         flights: the flights.
         options: hold the priors.
         onset: onsets of the payload by flight [s].
+        lengths: shortest and longest tether [m], and how many between them.
     """
 
-    def __init__(self, flights: Sequence[FlightResiduals], options: Options, onset: Onset | None = None):
+    def __init__(
+        self,
+        flights: Sequence[FlightResiduals],
+        options: Options,
+        onset: Onset | None = None,
+        lengths: tuple[float, float, int] = SEARCH_LENGTHS,
+    ):
         self._flights, self._onset = list(flights), onset
         self._priors = options.priors
-        self.lengths = np.geomspace(*SEARCH_LENGTHS)
+        self.lengths = np.geomspace(*lengths)
 
     def best(
         self, noise: NoiseModel, nuisance: Sequence[Candidate], others: Sequence[Candidate]

@@ -98,20 +98,22 @@ def contents(path: Path) -> Contents:
     return {event.name: event.variables for event in header.events.values()}
 
 
-def read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Recording:
+def read(path: Path, wanted: Mapping[str, list[str]], progress: Progress, chunk: int = CHUNK) -> Recording:
     """Decode the wanted variables of the wanted events.
 
     Args:
         path: of the file.
         wanted: variables by event.
         progress: called with the share that is read [1].
+        chunk: of the file that is decoded together [byte].
+
     Raises: LogError: if the header is damaged or a variable is not there.
     """
     path = Path(path)
     with path.open("rb") as file:
         header = _read_header(path, file)
         columns = _wanted_columns(path, header, wanted)
-        notes = _decode(path, file, header, columns, progress)
+        notes = _decode(path, file, header, columns, progress, chunk)
     streams = {header.events[key].name: grown.stream() for key, grown in columns.items()}
     facts = {
         "log version": str(header.version),
@@ -257,7 +259,12 @@ def _wanted_columns(path: Path, header: _Header, wanted: Mapping[str, list[str]]
 
 
 def _decode(
-    path: Path, file: BinaryIO, header: _Header, columns: Mapping[int, _Columns], progress: Progress
+    path: Path,
+    file: BinaryIO,
+    header: _Header,
+    columns: Mapping[int, _Columns],
+    progress: Progress,
+    chunk: int,
 ) -> tuple[str, ...]:
     """Add all whole records to the columns, and return what there is to say of the end of the file."""
     total = max(file.seek(0, 2), 1)
@@ -266,7 +273,7 @@ def _decode(
     sizes = {key: event.record.itemsize for key, event in header.events.items()}
     bad: int | None = None  # place of a record of no known type [byte]
     empty, done, rest = True, header.size, b""
-    while bad is None and (more := file.read(CHUNK)):
+    while bad is None and (more := file.read(chunk)):
         data = rest + more
         begin = done - len(rest)
         used = 0

@@ -16,10 +16,9 @@ from np_drake.logs.formats.table_cells import Cell, require_names
 from np_drake.logs.importing.log_map import UNITS
 from np_drake.logs.text_lines import (
     MAX_COLUMNS,
-    MAX_ROWS,
     GrowingColumns,
+    require_rows_within_limit,
     too_large,
-    too_long,
     too_many_cells,
 )
 
@@ -81,9 +80,11 @@ def open_parquet(path: str | Path) -> Iterator[tuple[Any, Any]]:
 
 
 def _require_modest(path: str | Path, metadata: Any) -> None:
-    """Check what the footer announces against the budgets, for a few bytes may fill a column with values."""
-    if metadata.num_rows > MAX_ROWS:
-        raise too_long(path)
+    """Check what the footer announces before a column is read, which a few bytes may fill with values.
+
+    Raises: LogError: beyond the budgets.
+    """
+    require_rows_within_limit(path, metadata.num_rows)
     if metadata.num_columns > MAX_COLUMNS:
         raise LogError(f"{path}: must have at most {MAX_COLUMNS} columns; got {metadata.num_columns}.")
     if metadata.num_rows * metadata.num_columns > cell_budget(path):

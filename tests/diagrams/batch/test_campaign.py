@@ -180,7 +180,7 @@ run_campaign(work, [{"k": k} for k in range(30)], config={}, folder=folder, jobs
 """
 
 
-def test_a_campaign_killed_at_random_instants_loses_no_case_and_counts_none_twice(tmp_path):
+def test_a_campaign_killed_at_any_time_loses_and_doubles_no_case(tmp_path):
     folder, rng, runs = tmp_path / "cases", np.random.default_rng(3), 0
     while not (tmp_path / "whole").exists():
         command = [sys.executable, "-c", KILLED, str(folder)]

@@ -4,6 +4,7 @@ import os
 import signal
 import threading
 from contextlib import contextmanager
+from functools import partial
 from types import SimpleNamespace
 
 import pytest
@@ -41,7 +42,7 @@ def cluster_of(workers, threads=1):
         yield local.scheduler_address
 
 
-def test_a_cluster_answers_as_this_machine_does_and_a_dead_worker_loses_one_case(address, tmp_path):
+def test_a_cluster_answers_as_one_machine_and_a_dead_worker_loses_one_case(address, tmp_path):
     def work(case):
         if case["number"] == 1:
             os._exit(3)
@@ -80,18 +81,17 @@ def test_workers_of_several_threads_are_refused_before_work():
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "no address", "http://127.0.0.1:1"])
 def test_a_scheduler_that_does_not_answer_is_one_line(address, monkeypatch, capsys):
     pytest.importorskip("distributed", reason="needs the extra `cluster`")
-    monkeypatch.setattr(cluster, "PATIENCE", 0.2)
+    monkeypatch.setattr(cluster, "client", partial(cluster.client, patience=0.2))
     assert run(["reproduce", "robustness", "--scheduler", address]) == 2
     err = capsys.readouterr().err
     said = f"--scheduler: no Dask scheduler answers at '{address}'."
     assert err.splitlines()[-1] == f"np-drake reproduce robustness: {said}"
 
 
-def test_a_scheduler_that_does_not_answer_leaves_no_thread(monkeypatch):
+def test_a_scheduler_that_does_not_answer_leaves_no_thread():
     pytest.importorskip("distributed", reason="needs the extra `cluster`")
-    monkeypatch.setattr(cluster, "PATIENCE", 0.2)
-    before = set(threading.enumerate())
-    with pytest.raises(ValueError, match="no Dask scheduler answers"), cluster.client("tcp://127.0.0.1:1"):
+    before, dut = set(threading.enumerate()), cluster.client("tcp://127.0.0.1:1", patience=0.2)
+    with pytest.raises(ValueError, match="no Dask scheduler answers"), dut:
         pass
     assert set(threading.enumerate()) <= before
 

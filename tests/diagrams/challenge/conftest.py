@@ -1,21 +1,23 @@
 import importlib.util
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from diagrams.challenge.generate import make
 from diagrams.challenge.generate.trajectories import draw_plan
 from diagrams.challenge.generate.vehicles import VEHICLES
-from diagrams.challenge.simulators.drake import simulator
 
 SECONDS = 2.5
 
 
 @pytest.fixture(scope="module", autouse=True)
 def short_warm_up():
-    """The laws hold from any start; a settled one only takes longer."""
+    """Cases are made with a short warm-up: the laws hold from any start; a settled one only takes longer."""
+    short = {name: partial(fly, warm_up=0.5) for name, fly in make.simulators().items()}
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(simulator, "WARM_UP", 0.5)
+        patch.setattr(make, "simulators", lambda: short)
         yield
 
 

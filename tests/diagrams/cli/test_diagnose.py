@@ -223,7 +223,7 @@ def test_a_flight_that_was_fitted_to_judges_nothing(case, tmp_path, capsys):
     assert "diagnosing" not in line
 
 
-def test_flights_without_a_vehicle_file_are_a_case_where_a_vehicle_is_named(case, tmp_path):
+def test_flights_without_vehicle_file_are_a_case_if_a_vehicle_is_named(case, tmp_path):
     named = tmp_path / "mine.yaml"
     (case / "vehicle.yaml").rename(named)
     assert run(["diagnose", str(case), "--vehicle", str(named), "--no-replay"]) == 0

@@ -28,8 +28,7 @@ def test_a_flight_leaves_log_figures_replay_and_metrics(tmp_path, capsys):
     assert "<html" in (out / "circle_hold_replay.html").read_text()[:2000].lower()
 
 
-def test_a_live_flight_says_where_it_is_seen_and_leaves_its_files(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr("diagrams.loop.live.REALTIME", 0.0)
+def test_a_live_flight_says_where_it_is_seen_and_leaves_its_files(tmp_path, capsys):
     scenario, out = tmp_path / "mine.yaml", tmp_path / "out"
     scenario.write_text(
         "name: mine\nduration: 0.3\nreference: {track: hover, ramp: 0.2}\ncontroller: {kind: nominal}\n"
@@ -40,7 +39,6 @@ def test_a_live_flight_says_where_it_is_seen_and_leaves_its_files(tmp_path, monk
 
 
 def test_a_live_flight_that_is_stopped_at_once_leaves_its_files(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr("diagrams.loop.live.REALTIME", 0.0)
     monkeypatch.setattr("diagrams.loop.live.LiveView.look", lambda self, context: context.get_time() < 0.6)
     out = tmp_path / "out"
     assert run(["fly", "circle", "--controller", "hold", "--live", "--out", str(out)]) == 0
@@ -49,7 +47,6 @@ def test_a_live_flight_that_is_stopped_at_once_leaves_its_files(tmp_path, monkey
 
 
 def test_a_vehicle_that_is_lost_live_leaves_its_files(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr("diagrams.loop.live.REALTIME", 0.0)
     monkeypatch.setattr(
         "diagrams.loop.live.LiveView.forces", lambda self, t: (np.array([0.0, 0.0, -200.0]), np.zeros(3))
     )
@@ -80,9 +77,7 @@ def test_the_scenarios_controller_flies_unless_another_is_asked_for(tmp_path, ca
 @pytest.mark.parametrize(
     "named, asked, flown", [("", None, "sqp"), ("ipopt", None, "ipopt"), ("ipopt", "sqp", "sqp")]
 )
-def test_a_flight_has_the_solver_asked_for_else_the_scenarios_else_the_default(
-    named, asked, flown, tmp_path, capsys
-):
+def test_the_solver_is_that_asked_for_else_the_scenarios_else_default(named, asked, flown, tmp_path, capsys):
     scenario, file = tmp_path / "mine.yaml", tmp_path / "m.json"
     controller = f"controller: {{kind: nominal{', solver: ' + named if named else ''}}}\n"
     scenario.write_text("name: mine\nduration: 0.2\nreference: {track: hover, ramp: 0.2}\n" + controller)

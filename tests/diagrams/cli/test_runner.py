@@ -75,7 +75,7 @@ def test_a_body_that_fails_leaves_nothing(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_figures_are_drawn_and_files_written_only_where_a_folder_is_asked_for(tmp_path, capsys):
+def test_figures_and_files_are_written_only_where_a_folder_is_asked_for(tmp_path, capsys):
     def change(run):
         figures = {"f.png": lambda: new_figure(1, 1, width=1.0, height=1.0)[0]}
         return {"figures": figures, "write": lambda folder: (folder / "extra.txt").write_text("more")}
@@ -90,9 +90,7 @@ def test_figures_are_drawn_and_files_written_only_where_a_folder_is_asked_for(tm
 
 @pytest.mark.parametrize("option", ["--json", "--markdown"])
 @pytest.mark.parametrize("written_by", ["body", "report"])
-def test_a_file_that_the_verb_writes_itself_is_no_place_for_what_an_option_asks(
-    option, written_by, tmp_path, capsys
-):
+def test_an_option_may_not_name_a_file_that_the_verb_writes(option, written_by, tmp_path, capsys):
     def write(folder):
         (folder / "log.csv").write_text("the log")
 

@@ -37,7 +37,7 @@ def test_the_paper_configuration_is_trained_by_name(logs, tmp_path, capsys):
 
 
 @pytest.mark.parametrize("name", ["dmdc", "delay-dmdc", "ridge"])
-def test_a_configuration_in_closed_form_is_trained_by_name_and_has_no_epochs(name, logs, tmp_path, capsys):
+def test_a_closed_form_configuration_trains_by_name_without_epochs(name, logs, tmp_path, capsys):
     outs = [tmp_path / f"{n}.safetensors" for n in (1, 9)]
     for out, epochs in zip(outs, ("1", "9"), strict=True):
         code = run(["train", str(logs[0]), "--out", str(out), "--configuration", name, "--epochs", epochs])

@@ -12,32 +12,50 @@ from diagrams.loop.flight import load_flight
 from diagrams.tracking import tracking
 from np_drake.logs.opening import open_flights
 
-SECONDS = 20.0  # of every flight, so that the diagnosis sees as much as in the demo itself
+DIAGNOSED = 20.0  # of a flight that is diagnosed, so that as much is seen as in the demo itself [s]
+OTHERS = 8.0  # of any other flight [s]
+SIMULATED = 6.0  # of a flight in a simulator [s]
+RAMP = 2.0  # of all [s]
 
 
 def shortened(name, vehicle=None, reality=None):
     config = load_experiment(name, vehicle, reality)
-    config.duration = SECONDS
+    config.duration, config.reference.ramp = DIAGNOSED, RAMP
+    return config
+
+
+def configured(track, row, **how):
+    config = tracking.configure(track, row, **how)
+    config.duration = DIAGNOSED if row == story.NOMINAL else OTHERS
     return config
 
 
 @pytest.fixture(scope="module")
 def told(tmp_path_factory):
-    """Folder and metrics of the verb, and the demo itself."""
-    folder, kept = tmp_path_factory.mktemp("demo"), []
+    """Folder and metrics of the verb, the demo itself, and the shares of its progress."""
+    folder, kept, shares = tmp_path_factory.mktemp("demo"), [], []
+    run_demo = story.run_demo
+
+    def kept_demo(*arguments, on_progress, **options):
+        def advance(share, text):
+            shares.append(share)
+            on_progress(share, text)
+
+        kept.append(run_demo(*arguments, simulated=SIMULATED, on_progress=advance, **options))
+        return kept[0]
+
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(tracking, "load_experiment", shortened)
-        patch.setattr(story, "SIMULATED", 5.0)
-        original = story.run_demo
-        patch.setattr(story, "run_demo", lambda *a, **k: kept.append(original(*a, **k)) or kept[0])
+        patch.setattr(story, "configure", configured)
+        patch.setattr(story, "run_demo", kept_demo)
         metrics = folder / "demo.json"
         arguments = ["demo", "--out", str(folder), "--seed", "3", "--jobs", "1", "--json", str(metrics)]
         assert run(arguments) == 0
-    return folder, json.loads(metrics.read_text()), kept[0]
+    return folder, json.loads(metrics.read_text()), kept[0], shares
 
 
 def test_the_demo_names_its_four_effects_and_no_other(told):
-    _, metrics, demo = told
+    _, metrics, demo, _ = told
     assert set(metrics["verdict"]) == set(demo.withheld)
     assert len(demo.withheld) == 4
     for cause in demo.diagnosis.causes:
@@ -47,7 +65,7 @@ def test_the_demo_names_its_four_effects_and_no_other(told):
 
 
 def test_all_controllers_fly_both_tracks_and_learning_helps(told):
-    _, metrics, demo = told
+    _, metrics, demo, _ = told
     assert [(f.config.name, f.label) for f in demo.flights] == [
         (track, row.kind) for track in tracking.TRACKS for row in story.ROWS
     ]
@@ -62,14 +80,14 @@ def test_the_corrected_simulator_foretells_what_the_nominal_one_does_not(told):
 
 def test_a_simulated_flight_is_compared_with_as_much_of_the_real_one(told):
     demo = told[2]
-    flight = story.until(demo.flown("lemniscate", "nominal"), 5.0)
+    flight = story.until(demo.flown("lemniscate", "nominal"), SIMULATED)
     simulated = demo.simulated["corrected", "nominal"]
     assert np.array_equal(flight.signals["t"], simulated.signals["t"])
     assert not np.array_equal(flight.signals["x"], simulated.signals["x"])
 
 
 def test_the_page_shows_every_number_and_leads_to_files_that_are_there(told):
-    folder, metrics, demo = told
+    folder, metrics, demo, _ = told
     text = (folder / page.FILE).read_text(encoding="utf-8")
     assert page.headline(demo) in text
     for flight in metrics["runs"]:
@@ -84,7 +102,7 @@ def test_the_page_shows_every_number_and_leads_to_files_that_are_there(told):
 
 
 def test_the_files_are_read_by_the_other_verbs(told):
-    folder, _, demo = told
+    folder, _, demo, _ = told
     log = open_flights(folder / "lemniscate_nominal.csv")[0][0]
     assert np.allclose(log.u, demo.flown("lemniscate", "nominal").log().u)
     effects = {entry.effect for entry in load_flight(str(folder / "corrected.yaml")).reality.effects}
@@ -101,15 +119,7 @@ def test_a_wrong_or_missed_cause_stands_in_headline_and_table(told):
     assert [row[1] for row in page.cause_rows(blind)] == ["not named"] * 4
 
 
-def test_progress_never_runs_backwards(tmp_path, monkeypatch):
-    def tiny(name, vehicle=None, reality=None):
-        config = shortened(name, vehicle)
-        config.duration, config.reference.ramp = (6.0 if "training" in name else 4.0), 1.5
-        return config
-
-    monkeypatch.setattr(tracking, "load_experiment", tiny)
-    monkeypatch.setattr(story, "SIMULATED", 1.0)
-    seen = []
-    story.run_demo(tmp_path, seed=2, jobs=1, on_progress=lambda fraction, text: seen.append(fraction))
-    assert seen == sorted(seen)
-    assert seen[-1] == pytest.approx(1.0)
+def test_progress_never_runs_backwards(told):
+    shares = told[3]
+    assert shares == sorted(shares)
+    assert shares[-1] == pytest.approx(1.0)

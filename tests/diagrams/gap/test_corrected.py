@@ -195,7 +195,7 @@ def test_the_lag_of_the_file_takes_over_from_the_vehicles_at_its_onset():
     np.testing.assert_allclose(thrust([late], {late: 0.05}, 0.1), thrust([late], {}, 0.1), rtol=1e-3)
 
 
-def test_an_effect_begins_in_flight_only_if_it_did_in_every_flight_that_shows_it():
+def test_an_effect_begins_in_flight_only_if_it_did_wherever_it_shows():
     def onset(by_flight):
         entry = corrected_simulator(diagnosis(cause(ThrustScale(0.9), by_flight)), Vehicle()).reality.effects
         return [e.onset for e in entry]
@@ -248,7 +248,7 @@ def test_draws_have_the_posteriors_mean_and_covariance():
     np.testing.assert_allclose(np.cov(values.T), C, rtol=0.1, atol=2e-6)
 
 
-def test_an_uncertain_effect_acts_in_its_share_of_the_draws_and_a_wind_only_with_a_drag():
+def test_an_uncertain_effect_is_in_its_share_of_draws_and_wind_needs_drag():
     drag, wind = EffectEntry.of(LinearDrag(0.3, 0.3, 0.3), probability=0.5), EffectEntry("constant_wind")
     generator = np.random.default_rng(0)
     sets = [{e.effect for e in Posterior().draw([drag, wind], generator)} for _ in range(1000)]
@@ -269,7 +269,7 @@ def test_without_a_posterior_nothing_can_be_drawn():
         drawn(config, 2, seed=0)
 
 
-def test_what_remains_has_the_size_and_the_time_of_the_residual_without_its_white_noise():
+def test_what_remains_has_size_and_time_of_the_noiseless_residual():
     step, time, size, noise = 0.02, 0.5, np.array([0.3, 0.2, 0.4, 0.01, 0.02, 0.005]), 0.1
     rng, n = np.random.default_rng(1), 20000
     slow, keep = np.zeros((n, 6)), np.exp(-step / time)

@@ -19,7 +19,7 @@ def test_drag_is_found_and_something_stays_unknown(neurobem, one):
     assert {"linear_drag", "unknown"} <= set(verdict)
 
 
-def test_the_gap_of_an_unseen_flight_shrinks_by_half_to_the_side_and_does_not_grow_upward(neurobem, one):
+def test_the_gap_of_an_unseen_flight_halves_sideways_and_grows_nowhere(neurobem, one):
     table = {r["group"]: r for r in rows([one]) if r["flight"] == one.name}
     assert set(table) == set(GROUPS)
     assert table["lateral force"]["cut"] > 0.5  # 0.7 and more on whole flights

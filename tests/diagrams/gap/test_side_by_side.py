@@ -149,7 +149,7 @@ def test_a_lost_ghost_is_hidden_and_read_as_lost(seen, replay_page, tmp_path):
     np.testing.assert_array_equal(page.film["nominal"]["visible"], expected)
 
 
-def test_causes_that_no_rigid_body_has_leave_the_nominal_ghost_and_the_reason(log):
+def test_causes_of_no_rigid_body_leave_the_nominal_ghost_and_a_reason(log):
     alone = side_by_side(found(cause(MassError(-3.0))), VEHICLE, [log])
     assert alone.corrected is None
     assert "mass must be positive" in alone.missing

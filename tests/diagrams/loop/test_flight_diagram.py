@@ -20,7 +20,7 @@ def short(name):
     return config.check()
 
 
-@pytest.mark.parametrize("name", ["attach", "hover_swing", "hover", "circle", "lemniscate"])
+@pytest.mark.parametrize("name", ["attach", "hover_swing", "circle"])
 def test_a_plain_simulator_flies_the_experiment(name):
     config = short(name)
     diagram = make_flight_diagram(config)

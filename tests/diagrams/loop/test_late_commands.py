@@ -1,5 +1,7 @@
 """What a delay of commands costs that no training has shown."""
 
+from functools import cache
+
 import pytest
 
 from diagrams.cli.main import run
@@ -17,9 +19,15 @@ def late(delay, *, kind="payload_filter", speed=1.5, **controller):
     return config
 
 
+@cache
+def metrics(delay, **how):
+    """Return the metrics of such a flight, which is flown once."""
+    return fly(late(delay, **how), seed=0).metrics()
+
+
 @pytest.mark.parametrize("speed, delay, error", [(1.5, 0.06, 0.012), (1.5, 0.115, 0.02), (2.5, 0.03, 0.012)])
 def test_the_payload_filter_finds_a_delay_in_flight_and_holds_the_circle(speed, delay, error):
-    errors = fly(late(delay, speed=speed), seed=0).metrics()
+    errors = metrics(delay, speed=speed)
     assert (
         errors["E_xy"] < error
     )  # a fifth of `nominal` without delay, 2.5 and 6.4 cm, with the first seconds [m]
@@ -28,20 +36,19 @@ def test_the_payload_filter_finds_a_delay_in_flight_and_holds_the_circle(speed, 
 
 
 @pytest.mark.parametrize("kind", ["nominal", "hold"])
-def test_a_controller_that_is_told_the_delay_or_finds_it_holds_what_others_lose(kind):
+def test_a_controller_that_knows_or_finds_the_delay_holds_on(kind):
     with pytest.raises(LostVehicle):
         simulate(late(0.06, kind=kind), seed=0, tolerance=1.0)
-    told = fly(late(0.06, kind=kind, command_delay=0.06), seed=0).metrics()
-    found = fly(late(0.06, kind=kind, track_delay=True), seed=0).metrics()
+    told = metrics(0.06, kind=kind, command_delay=0.06)
+    found = metrics(0.06, kind=kind, track_delay=True)
     assert max(told["E_xy"], found["E_xy"]) < 0.05  # [m]
     assert told["command_delay"] == 0.06
     # The lag is not known to these kinds, so that their estimate is coarser [s].
     assert found["command_delay"] == pytest.approx(0.06, abs=0.01)
 
 
-def test_a_delay_that_is_known_does_not_spoil_the_measure_of_the_prediction():
-    without = fly(late(0.0), seed=0).metrics()["wrench_rmse"]
-    delayed = fly(late(0.06), seed=0).metrics()["wrench_rmse"]
+def test_a_known_delay_does_not_spoil_the_measure_of_prediction():
+    without, delayed = (metrics(delay, speed=1.5)["wrench_rmse"] for delay in (0.0, 0.06))
     assert delayed["force"] < 1.5 * without["force"]
 
 
@@ -61,10 +68,7 @@ def test_fly_says_with_which_delay_its_controller_reckoned(delay, said, tmp_path
 
 
 def test_under_a_delay_the_oracle_stays_the_limit():
-    config = late(0.06)
-    error = fly(config, seed=0).metrics()["E_xy"]
-    config.controller.kind = "oracle"
-    oracle = fly(config, seed=0).metrics()["E_xy"]
+    oracle, error = metrics(0.06, kind="oracle")["E_xy"], metrics(0.06, speed=1.5)["E_xy"]
     assert oracle < min(error, 0.004)  # [m]
 
 

@@ -45,7 +45,7 @@ def test_retraining_reproduces_the_shipped_models_quality(rows):
         assert anew == pytest.approx(shipped, rel=0.05)  # rounding may take the descent another way
 
 
-def test_the_shipped_model_predicts_an_unseen_track_better_than_any_naive_row(rows):
+def test_the_shipped_model_beats_every_naive_row_on_an_unseen_track(rows):
     for horizon in (5, 20, 40):
         assert rows["shipped", horizon].force_skill < 0.85
     # Now, there is hardly anything to predict: the label is 40 ms old.

@@ -54,7 +54,7 @@ def test_on_another_payload_it_is_better_than_the_model_of_one_payload(payload):
     errors = {}
     for name, model in ((PAYLOAD_FILTER, FILTER_MODEL), ("np", NP_MODEL)):
         config = configure("circle", Row(name, name), solver="sqp", model=str(model))
-        config.duration = 10.0
+        config.duration = 5.0
         config.reality.payload.mass = payload or 0.26
         config.reality.payload.tether = "cable" if payload else "none"
         errors[name] = fly(config.check(), seed=77).metrics()["E_xy"]

@@ -11,7 +11,7 @@ from np_drake.residual_models.neural_predictor import NeuralPredictor
 from np_drake.vehicle import Vehicle
 
 
-def test_motors_25_ms_slower_than_in_the_training_do_not_lose_a_fast_circle():
+def test_motors_25_ms_slower_than_in_training_hold_a_fast_circle():
     config = FlightConfig(duration=6.0)
     config.reference = ReferenceConfig(track="circle", radius=1.0, speed=2.5, ramp=4.0)
     config.controller = ControllerConfig(kind="np", solver="sqp")
@@ -26,7 +26,7 @@ def test_the_shipped_model_knows_how_late_its_rotors_were():
     assert NeuralPredictor.load(NP_MODEL).rotor_lag == pytest.approx(0.03, abs=0.005)  # [s]
 
 
-def test_labels_go_through_the_lag_that_the_model_learned_unless_the_vehicle_file_names_one():
+def test_labels_have_the_lag_learned_unless_the_vehicle_file_names_one():
     learned = make_residual_model(ControllerConfig(kind="np"), Vehicle())
     assert labelled(Vehicle(), learned).rotor_time_constant == learned.rotor_lag
     assert labelled(Vehicle(rotor_time_constant=0.01), learned).rotor_time_constant == 0.01

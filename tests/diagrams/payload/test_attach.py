@@ -33,7 +33,7 @@ def test_the_label_sees_the_weight_over_the_thrust_scale(config):
     assert attach.expected_step("snap", config) == 0.0
 
 
-def test_a_first_order_lag_rises_to_ninety_percent_in_ln_ten_time_constants():
+def test_a_first_order_lag_reaches_90_percent_in_ln_10_time_constants():
     step = attach.step_response(T, np.array([lag(0.1, -2.0), lag(0.1, -2.2)]))
     assert step.size == pytest.approx(-2.1, abs=1e-6)  # [N]
     assert step.rise == pytest.approx(0.1 * np.log(10), abs=2e-3)  # [s]; a line between samples

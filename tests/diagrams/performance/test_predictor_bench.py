@@ -17,7 +17,7 @@ def test_a_sample_of_the_default_costs_no_more_than_the_pseudo_inverse(timings):
     assert timings["mode-dictionary"].ratio < 1.6  # 0.9 on a machine that does nothing else
 
 
-def test_a_refit_that_is_stable_costs_less_than_a_pseudo_inverse_made_stable(timings):
+def test_a_stable_refit_costs_less_than_a_stabilised_pseudo_inverse(timings):
     assert timings["paper"].median_ms < timings[dut.STABLE_REFERENCE].median_ms
     assert timings["paper"].ratio < 1.2  # 0.92 on a machine that does nothing else
 

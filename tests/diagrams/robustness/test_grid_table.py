@@ -46,7 +46,7 @@ def test_shares_count_points_once_and_ratios_are_of_means():
     assert dut["nominal"]["worse"] == {"hold": 1.0}
 
 
-def test_by_speed_stand_median_and_range_of_its_points_and_a_loss_is_not_averaged_away():
+def test_a_speed_has_median_and_range_and_no_loss_is_averaged_away():
     def change(row, setting):
         if row == "np" and setting["speed"] == 2.5:
             return {"lost_at": 3.0, "E_xy": None} if setting["mass"] == 0 else {}

@@ -39,7 +39,7 @@ def test_what_fails_at_once_has_no_margin():
     assert last_that_holds(lambda value: False, DELAY.values) is None
 
 
-def test_margins_leave_the_base_in_steps_of_5_ms_and_5_per_cent_and_can_be_flown():
+def test_margins_go_in_steps_of_5_ms_and_5_per_cent_and_can_be_flown():
     assert DELAY.values[:3] == (0.0, 0.005, 0.01)
     assert DELAY.values[-1] == 0.12  # [s]
     for margin in MARGINS:

@@ -1,6 +1,7 @@
 """Laws of the robustness sweep; the flights of the verb are made here."""
 
 import json
+from functools import partial
 
 import numpy as np
 import pytest
@@ -8,7 +9,6 @@ import pytest
 from diagrams.cli.main import run
 from diagrams.loop.experiments import load_experiment
 from diagrams.loop.reality import RealityConfig
-from diagrams.robustness import measures as measured
 from diagrams.robustness import robustness
 from diagrams.robustness.axes import BASE, FLOWN
 from diagrams.robustness.figure import robustness_figure
@@ -27,7 +27,7 @@ def point(value, e_xy):
     return {"value": value, "E_xy": e_xy}
 
 
-def test_where_an_error_crosses_nominals_is_found_on_the_line_of_log_ratios():
+def test_an_error_crosses_nominals_on_the_line_of_log_ratios():
     base = [point(v, 1.0) for v in (0.0, 1.0, 2.0, 4.0)]
     dut = [point(0.0, 0.5), point(1.0, 0.5), point(2.0, 2.0), point(4.0, 0.5)]
     assert better_than(dut, base, "E_xy") == [(0.0, pytest.approx(1.5)), (pytest.approx(3.0), 4.0)]
@@ -183,7 +183,7 @@ def test_a_short_flight_has_figures_and_repeats(monkeypatch):
         return config
 
     monkeypatch.setattr(tracking, "load_experiment", load)
-    monkeypatch.setattr(measured, "SETTLING", 0.2)
+    monkeypatch.setattr(robustness, "measures", partial(measures, settling=0.2))
     work, case = Flying({}, "sqp", duration=0.6), {"row": "hold", "seed": 3, **BASE, "wind": 8.0}
     dut = work(case)
     assert dut["lost_at"] is None

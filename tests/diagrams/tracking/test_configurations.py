@@ -25,7 +25,7 @@ def test_every_configuration_has_a_row_between_the_floor_and_the_ceiling():
     assert len({row.training for row in configurations.ROWS if row.kind == "np"}) == 1
 
 
-def test_the_ranking_is_by_the_error_in_space_and_says_how_far_seeds_scatter():
+def test_the_ranking_is_by_error_in_space_and_says_the_scatter_of_seeds():
     runs = [flown("np: a", s, 0.03, 0.04) for s in (1, 2)]
     runs += [flown("np: b", 1, 0.01, 0.0), flown("np: b", 2, 0.03, 0.0)]
     runs += [flown("np: c", 1, np.inf, np.inf), flown("np: c", 2, 0.0, 0.0), flown("oracle", 1, 0.001, 0.0)]

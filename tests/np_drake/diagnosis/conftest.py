@@ -4,7 +4,7 @@ import dataclasses as dc
 import importlib
 import importlib.util
 from collections.abc import Callable, Iterator, Sequence
-from functools import cache
+from functools import cache, partialmethod
 from pathlib import Path
 from typing import Any
 
@@ -22,8 +22,8 @@ from np_drake.diagnosis.numerics.noise_model import NoiseModel
 from np_drake.diagnosis.options import Options, Priors
 from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals
 from np_drake.diagnosis.residuals.make_flight_residuals import make_flight_residuals
-from np_drake.diagnosis.selection import payload_search
 from np_drake.diagnosis.selection.map_model import SearchResult, find_map_model
+from np_drake.diagnosis.selection.payload_search import SEARCH_LENGTHS, PayloadSearch
 from np_drake.diagnosis.selection.ranking import Ranking, rank_models
 from np_drake.effects.base import Effect
 from np_drake.effects.library import LIBRARY
@@ -65,9 +65,10 @@ def search_with_few_lengths(
     flights: Sequence[FlightResiduals], options: Options | None = None, *, still_air: bool = False
 ) -> SearchResult:
     """Return `find_map_model` with a quarter of the tether lengths, for flights without a payload."""
-    shortest, longest, number = payload_search.SEARCH_LENGTHS
+    shortest, longest, number = SEARCH_LENGTHS
+    few = partialmethod(PayloadSearch.__init__, lengths=(shortest, longest, number // 4))
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(payload_search, "SEARCH_LENGTHS", (shortest, longest, number // 4))
+        patch.setattr(PayloadSearch, "__init__", few)
         return find_map_model(flights, options, still_air=still_air)
 
 

@@ -68,7 +68,7 @@ def test_what_a_rigs_file_may_be_off_by_is_a_cause_in_a_laboratory(diagnosed, fl
     assert (dut.judged_as, dut.verdict) == ("rig", ())
 
 
-def test_a_dead_time_is_found_and_a_clock_of_the_other_sign_is_not_named_beside_it(diagnosed):
+def test_a_dead_time_is_found_without_a_clock_of_the_other_sign(diagnosed):
     dut = diagnosed(CommandDelay(0.03))
     assert dut.verdict == ("command_delay",)
     assert dut.causes[0].parameters["delay"].value == pytest.approx(0.03, abs=0.002)
@@ -208,7 +208,7 @@ def test_flights_that_share_a_beginning_or_stand_still_may_judge(fly):
     require_flights([still], [dc.replace(still, name="b")])
 
 
-def test_all_flights_of_a_diagnosis_have_one_exponent_of_thrust_over_throttle(fly, monkeypatch):
+def test_all_flights_of_a_diagnosis_have_one_throttle_exponent(fly, monkeypatch):
     def with_throttle(log, exponent):
         share = np.maximum(log.u[:, :1], 0.0) / (VEHICLE.mass * VEHICLE.gravity)
         return with_throttle_input(dc.replace(log, throttle=0.4 * share ** (1 / exponent)), VEHICLE)

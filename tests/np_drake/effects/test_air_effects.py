@@ -110,7 +110,7 @@ def test_ground_effect_scales_the_rotors_torques_with_their_thrust():
     np.testing.assert_allclose(chi[2:], VEHICLE.mixer @ thrust / 3, atol=1e-12)
 
 
-def test_a_gust_is_the_same_whenever_it_is_asked_for_and_another_by_its_seed():
+def test_a_gust_is_the_same_whenever_asked_for_and_another_by_its_seed():
     t = np.linspace(0, 5, 11)
     np.testing.assert_array_equal(GustyWind(seed=3).air_velocity(t)[4], GustyWind(seed=3).air_velocity(t[4]))
     assert np.abs(GustyWind(seed=3).air_velocity(t) - GustyWind(seed=4).air_velocity(t)).max() > 0.1

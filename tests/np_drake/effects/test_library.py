@@ -55,9 +55,12 @@ class Push(WrenchEffect):
     parameters: ClassVar = (Parameter("force", "N", 0.0, -5.0, 5.0, 1.0),)
 
 
-def test_an_own_effect_can_be_registered_twice_but_not_under_a_taken_name(monkeypatch):
-    monkeypatch.setattr("np_drake.effects.library.LIBRARY", dict(LIBRARY))
-    assert register(register(Push)) is Push
+def test_an_own_effect_can_be_registered_twice_but_not_under_a_taken_name():
+    try:
+        assert register(register(Push)) is Push
+        assert LIBRARY["push"] is Push
+    finally:
+        LIBRARY.pop("push", None)
     thief = dc.make_dataclass("Thief", [], bases=(Push,), namespace={"identifier": "mass_error"}, frozen=True)
     with pytest.raises(ValueError, match="mass_error"):
         register(thief)

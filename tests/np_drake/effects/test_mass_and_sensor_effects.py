@@ -32,9 +32,7 @@ def test_inertia_error_scales_the_moments_and_leaves_the_products():
 
 @settings(max_examples=30, deadline=None)
 @given(st.integers(0, 10**6), st.integers(4, 7))
-def test_what_points_of_mass_have_is_a_rigid_bodys_and_more_about_one_axis_than_about_both_others_is_none(
-    seed, points
-):
+def test_points_of_mass_are_a_rigid_body_and_an_excess_about_one_axis_not(seed, points):
     rng = np.random.default_rng(seed)
     mass, r = rng.uniform(0.1, 1.0, points), rng.normal(size=(points, 3))
     r -= mass @ r / mass.sum()

@@ -137,7 +137,7 @@ def test_the_energy_of_a_payload_under_a_hook_at_rest_never_grows(seed, damping)
     assert (energy - np.minimum.accumulate(energy, axis=0)).max() < 0.01
 
 
-def test_in_steady_flight_the_payload_hangs_back_by_its_drag_over_its_weight():
+def test_in_steady_flight_the_payload_hangs_back_by_drag_over_weight():
     payload, v = Payload(0.1, 0.6, damping=0.5), np.array([3.0, 0.0, 0.0])
     lag = np.arctan(payload.damping * v[0] / GRAVITY)
     start = (0.6 * np.array([-np.sin(lag), 0.0, -np.cos(lag)]), np.zeros(3))
@@ -232,7 +232,7 @@ def test_a_conical_pendulum_keeps_its_tension():
     np.testing.assert_allclose(tension, GRAVITY / np.cos(tilt), rtol=1e-3)  # over 100 s: no drift
 
 
-def test_the_hook_of_a_turning_body_accelerates_towards_the_axis_and_along_the_turn():
+def test_a_turning_hook_accelerates_to_the_axis_and_along_the_turn():
     x = np.array([0, 0, 1.0, 1.0, 0, 0, 0, 0, 0, 0, 0, 0, 2.0])
     a = hook_acceleration((0.1, 0, 0), x, np.array([0, 0, 1.0]), np.array([0, 0, 5.0]))
     np.testing.assert_allclose(a, [-0.4, 0.5, 1.0], atol=1e-12)

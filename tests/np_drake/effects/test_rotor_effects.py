@@ -58,7 +58,7 @@ def test_a_delay_of_whole_rows_shifts_the_rows():
 
 @settings(max_examples=30, deadline=None)
 @given(st.floats(0.0, 0.2), st.integers(0, 1000))
-def test_a_delayed_command_is_the_mean_of_the_held_command_that_much_earlier(delay, seed):
+def test_a_delayed_command_is_the_mean_held_that_much_earlier(delay, seed):
     t, command = 2.0 + 0.01 * np.arange(30), steps(seed)
     fine = (np.arange(30 * 400) + 0.5) * 0.01 / 400 - delay  # midpoints, from the start
     row = np.clip(np.floor(fine / 0.01).astype(int), 0, 29)

@@ -51,7 +51,7 @@ def test_fast_flight_leaves_no_induced_velocity():
 
 
 @given(st.integers(0, 2**31))
-def test_it_is_linear_in_its_slope_and_feels_the_velocity_through_the_air_alone(seed):
+def test_it_is_linear_in_its_slope_and_feels_airspeed_alone(seed):
     rng = np.random.default_rng(seed)
     x = rng.normal(scale=2.0, size=13)
     x[3:7] /= np.linalg.norm(x[3:7])

@@ -57,7 +57,7 @@ def test_the_prior_has_the_usual_sizes_as_deviations(effect):
 
 
 @pytest.mark.parametrize("effect", [LinearDrag, QuadraticDrag])
-def test_the_level_axes_of_a_drag_are_alike_and_an_effect_without_correlation_has_none(effect):
+def test_level_axes_of_a_drag_are_alike_and_others_are_uncorrelated(effect):
     root = correlation_root(effect)
     np.testing.assert_allclose(root @ root.T, effect.prior_correlation, rtol=1e-12)
     assert (root @ root.T)[0, 1] > 0.9 > (root @ root.T)[0, 2] > 0

@@ -91,24 +91,16 @@ def test_tuning_mends_nervous_weights_on_rows_it_has_not_seen(made, noisy):
     assert tuned.measurement == nervous.measurement
 
 
-class Straying:
-    """An optimiser whose last step is its worst."""
-
-    def __init__(self, leaves, **options):
-        self._leaves = leaves
-
-    def zero_grad(self):
-        pass
-
-    def step(self, closure):
-        for stray in (0.05, 1.0):
-            closure()
-            with torch.no_grad():
-                self._leaves[1] -= stray
+def straying_step(optimizer, closure):
+    """The step of an optimiser whose last move is its worst."""
+    for stray in (0.05, 1.0):
+        closure()
+        with torch.no_grad():
+            optimizer.param_groups[0]["params"][1] -= stray
 
 
 def test_tuning_returns_the_best_weights_it_met(made, noisy, monkeypatch):
-    monkeypatch.setattr(torch.optim, "LBFGS", Straying)
+    monkeypatch.setattr(torch.optim.LBFGS, "step", straying_step)
     short, chi = noisy.first(300), made.sequence.chi[:300]
     tuned = mhe_tuning.tune(short, chi)
     data = mhe_tuning._Data(short, chi, 10)

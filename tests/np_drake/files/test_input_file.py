@@ -87,7 +87,7 @@ def test_a_file_is_an_input_once_it_is_read(log):
             write_text(log, "2")
 
 
-def test_an_output_is_refused_when_it_is_read_and_not_first_when_it_is_written(log):
+def test_an_output_is_refused_when_read_not_first_when_written(log):
     link = log.with_name("other.json")
     link.symlink_to(log)
     with guard_inputs([]):

@@ -114,9 +114,7 @@ TURN = "a matrix, 2 rows of 2 numbers, as [[1.0, 0.0], [0.0, 1.0]]"
         ("turn: &a [*a]", f"turn must be {TURN}; got [[...]]."),
     ],
 )
-def test_a_value_of_another_kind_is_answered_with_its_field_what_is_asked_and_what_is_given(
-    tmp_path, text, reason
-):
+def test_a_value_of_another_kind_is_told_with_field_asked_and_given(tmp_path, text, reason):
     assert said(tmp_path, text).endswith(f": not a thing: {reason}")
 
 

@@ -40,7 +40,7 @@ def test_the_exponent_of_a_lively_flight_is_found():
     assert exponent_of(bobbing(0.4, 0.5, 0)) == pytest.approx(EXPONENT, rel=0.02)  # of the noise
 
 
-def test_flights_of_one_vehicle_get_one_exponent_and_each_its_hover_throttle():
+def test_one_vehicle_has_one_exponent_and_each_flight_a_hover_throttle():
     train, held_out = with_one_exponent(
         VEHICLE, [bobbing(0.4, 0.5, 0), bobbing(0.03, 0.55, 1)], [bobbing(0.03, 0.6, 2)]
     )

@@ -83,9 +83,7 @@ def test_torque_against_a_disturbance_is_no_wrong_sign(turning):
 
 
 @pytest.mark.parametrize("times, sound", [(2.0, True), (1.5, False)])
-def test_torque_that_comes_too_late_against_a_strong_disturbance_is_a_multiple_of_the_turn(
-    turning, times, sound
-):
+def test_late_torque_against_a_strong_disturbance_is_a_multiple_of_turn(turning, times, sound):
     """A load swings the vehicle, the controller, a little late, takes most of it back."""
     fought = dc.replace(turning, u=turning.u * [1, *[-times] * 3])
     if sound:

@@ -1,7 +1,10 @@
+from functools import partial
+
 import numpy as np
 import pytest
 from pydrake.autodiffutils import ExtractGradient, InitializeAutoDiff
 
+from np_drake.mpc import ipopt
 from np_drake.mpc.condensed import Condensed
 from np_drake.mpc.ipopt import IpoptCondensedSolver, Preconditioned
 from np_drake.mpc.problem import MpcStatus
@@ -58,7 +61,9 @@ def test_a_solution_that_leaves_the_input_set_is_solved_again(vehicle, config, m
     dut = IpoptCondensedSolver(vehicle, config, time_limit=np.inf)
     add = Preconditioned.add_violated
     monkeypatch.setattr(Preconditioned, "add_violated", lambda *a: answers.append(add(*a)) or answers[-1])
-    monkeypatch.setattr("np_drake.mpc.ipopt._NEAR", -1e-3)  # no row is passed at first
+    monkeypatch.setattr(
+        ipopt, "Preconditioned", partial(Preconditioned, near=-1e-3)
+    )  # no row is passed at first
     solution = dut.solve(problem)
     assert answers[0]
     assert not answers[-1]

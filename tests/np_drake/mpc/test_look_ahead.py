@@ -25,7 +25,7 @@ def simulated(x, parts, chi):
 
 
 @pytest.mark.parametrize("parts", [1, 4, 7, 24])
-def test_the_state_when_the_next_command_acts_is_that_of_the_commands_under_way(parts):
+def test_the_next_command_acts_on_the_state_of_commands_under_way(parts):
     model = Hold(step=STEP)
     chi = np.array([0.5, -0.2, -2.0, 0.01, 0.0, 0.0])
     memory = model.update(model.initial_memory(), Sample(LEVEL, SENT[0], chi))

@@ -56,12 +56,11 @@ def test_the_active_set_meets_the_optimality_conditions(seed):
     assert np.all(force[d == -0.1] >= -1e-9)
 
 
-def test_rows_left_out_at_first_come_in_where_they_matter(monkeypatch):
-    monkeypatch.setattr(qp, "_CRITICAL_ROWS", 1)
+def test_rows_left_out_at_first_come_in_where_they_matter():
     model = random_model(3, m=30, level=1.0)
     lower, upper = np.full(12, -0.3), np.full(12, 0.4)
     worst = np.maximum(0.0, [model.rows.excess[k::KINDS].max() for k in range(KINDS)])
-    step = qp.QpSolver(12, 30, WEIGHT).solve(model, lower, upper, time_limit=1.0)
+    step = qp.QpSolver(12, 30, WEIGHT, critical_rows=1).solve(model, lower, upper, time_limit=1.0)
     start = WEIGHT * np.sum(worst + 0.1 * worst**2)
     assert start - step.decrease == pytest.approx(reference_value(model, lower, upper), rel=1e-4)
 

@@ -54,7 +54,7 @@ def test_a_hanging_payload_pulls_with_its_weight_over_the_horizon(model, flown):
     np.testing.assert_allclose(force, np.tile([0.0, 0.0, -0.26 * G], (20, 1)), atol=0.06)  # label noise [N]
 
 
-def test_a_vehicle_that_carries_nothing_is_believed_to_carry_nothing_however_long_it_flies(model, flown):
+def test_a_bare_vehicle_is_believed_bare_however_long_it_flies(model, flown):
     predictor = PayloadFilter(model())
     flight = flown(mass=0.0, seconds=30.0, radius=1.25, speed=2.5, noise=0.1)
     memory = run(predictor, flight.samples[:150])
@@ -85,7 +85,7 @@ def test_without_payload_there_is_no_pull_after_three_seconds(model, flown):
 
 
 @pytest.mark.parametrize(("before", "after"), [(0.0, 0.1), (0.26, 0.36), (0.26, 0.0)])
-def test_a_payload_attached_or_lost_is_followed_within_three_tenths_of_a_second(before, after, model, flown):
+def test_a_payload_attached_or_lost_is_followed_within_300_ms(before, after, model, flown):
     n, change = 301, 200
     masses = np.where(np.arange(n) < change, before, after)
     flight = flown(mass=masses, seconds=(n - 1) * STEP)
@@ -203,7 +203,7 @@ def test_beside_the_plan_the_forecast_moves_as_a_linear_pendulum(model, flown):
     st.floats(1.0, 40.0), st.floats(0.0, 1.9), st.floats(0.005, 0.1), st.integers(0, 2**31 - 1)
 )  # stiffness [1/s²], damping [1/s], step [s]
 @settings(max_examples=60, deadline=None)
-def test_the_linear_pendulum_is_the_matrix_exponential_and_takes_energy_only(stiffness, damping, step, seed):
+def test_the_linear_pendulum_is_a_matrix_exponential_and_only_loses_energy(stiffness, damping, step, seed):
     A, B, gain = linear_pendulum(stiffness, damping, step)
     M = np.array([[0.0, 1.0, -1.0], [-stiffness, -damping, 0.0], [0.0, 0.0, 0.0]])
     exact = expm(M * step)
@@ -247,7 +247,7 @@ def test_a_command_of_nan_in_the_first_second_of_hover_does_no_harm(model, flown
     assert force == pytest.approx(-0.26 * G, abs=0.08)  # label noise [N]
 
 
-def test_a_label_that_only_a_member_without_weight_explains_leaves_a_usable_memory(model, flown):
+def test_a_label_of_a_member_without_weight_leaves_a_usable_memory(model, flown):
     predictor = PayloadFilter(model())
     samples = flown(seconds=2.0).samples
     memory = run(predictor, samples[:50])
@@ -291,7 +291,7 @@ def test_rotors_behind_the_command_show_in_the_forecast(model, flown):
 
 @given(st.integers(0, 2**31 - 1), st.floats(0.01, 30.0))
 @settings(max_examples=15, deadline=None)
-def test_whatever_the_labels_tethers_stay_unit_vectors_and_covariances_positive(model, seed, size):
+def test_tethers_stay_unit_and_covariances_positive_for_any_labels(model, seed, size):
     predictor, draw = PayloadFilter(model()), np.random.default_rng(seed)
     memory = predictor.initial_memory()
     for _ in range(60):

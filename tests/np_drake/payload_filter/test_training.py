@@ -46,6 +46,7 @@ def test_it_finds_thrust_error_drag_and_hook_of_the_vehicle(flown, vehicle):
     np.testing.assert_allclose(model.hook, [0.0, 0.0, -0.025], atol=0.004)  # noise of the torque label [m]
     assert model.mass == vehicle.mass
     assert model.summary["origin"]["mass"] == vehicle.mass
+    assert model.delay == 0.0  # the commands act at once
 
 
 def test_torque_of_the_speed_is_not_taken_for_the_hooks(flown, vehicle):
@@ -124,11 +125,6 @@ def test_it_finds_the_delay_of_the_commands(flown, vehicle):
     model = train_payload_filter([(log, vehicle)], step=STEP)
     assert model.delay == pytest.approx(3 * STEP)
     assert model.rotor_lag == pytest.approx(0.03, abs=0.003)
-
-
-def test_commands_that_act_at_once_show_no_delay(flown, vehicle):
-    log = as_log(flown(seconds=20.0, radius=1.0, dither=0.08, noise=0.05), vehicle)
-    assert train_payload_filter([(log, vehicle)], step=STEP).delay == 0.0
 
 
 def test_a_flight_without_torque_labels_is_refused_by_its_name(flown, vehicle):

@@ -47,7 +47,7 @@ def test_lemniscate_has_the_mean_speed_asked():
     assert np.ptp(flat[0, :, 0]) == pytest.approx(3.0, rel=1e-5)
 
 
-def test_the_vertical_lemniscate_stays_in_its_plane_and_between_its_heights():
+def test_the_vertical_lemniscate_stays_in_its_plane_and_heights():
     dut = make_reference(ReferenceConfig(track="vertical", length=1.0, rise=0.5, height=2.0))
     flat = dut.sample(5.0 + np.linspace(0, 2 * np.pi / dut.rate, 4000, endpoint=False))
     assert (flat[0, :, 1] == 0.0).all()

@@ -30,12 +30,14 @@ def flown(seed: int, n: int = 4) -> Piece:
     return Piece(np.array(rows), commands, STEP)
 
 
-PIECES = [flown(seed) for seed in range(240)]
+@pytest.fixture(scope="module")
+def pieces():
+    return [flown(seed) for seed in range(240)]
 
 
-def test_the_ode_is_the_one_that_the_controller_plans_with():
+def test_the_ode_is_the_one_that_the_controller_plans_with(pieces):
     chi = np.array([0.3, -0.2, -2.0, 0.01, 0.02, -0.01])
-    x, u = PIECES[0].x[0], PIECES[0].u
+    x, u = pieces[0].x[0], pieces[0].u
     zeta = (
         _Nominal(VEHICLE, STEP)
         .rollout(
@@ -52,8 +54,8 @@ def test_the_ode_is_the_one_that_the_controller_plans_with():
 
 
 @pytest.fixture(scope="module")
-def trained():
-    return fit_knode(PIECES, VEHICLE, SMALL)
+def trained(pieces):
+    return fit_knode(pieces, VEHICLE, SMALL)
 
 
 def test_a_known_linear_drag_is_recovered_from_motion_alone(trained):
@@ -76,16 +78,16 @@ def test_the_jacobian_is_that_of_finite_differences(trained):
     )  # no edge of a ReLU within eps of these
 
 
-def test_the_seed_decides_the_network():
+def test_the_seed_decides_the_network(pieces):
     config = KnodeConfig(width=8, window=3, epochs=1)
-    same = [fit_knode(PIECES[:20], VEHICLE, config)[0] for _ in range(2)]
-    other = fit_knode(PIECES[:20], VEHICLE, KnodeConfig(width=8, window=3, epochs=1, seed=1))[0]
+    same = [fit_knode(pieces[:20], VEHICLE, config)[0] for _ in range(2)]
+    other = fit_knode(pieces[:20], VEHICLE, KnodeConfig(width=8, window=3, epochs=1, seed=1))[0]
     np.testing.assert_array_equal(same[0].weights[0], same[1].weights[0])
     assert not np.allclose(same[0].weights[0], other.weights[0])
 
 
-def test_the_network_has_the_size_of_phi():
-    dut, _ = fit_knode(PIECES, VEHICLE, KnodeConfig(window=3, epochs=0))
+def test_the_network_has_the_size_of_phi(pieces):
+    dut, _ = fit_knode(pieces, VEHICLE, KnodeConfig(window=3, epochs=0))
     assert [W.shape for W in dut.weights] == [(128, 6), (128, 128), (6, 128)]
     untrained = dut(np.array([[0.0] * 6, [1.0] * 6]))
     np.testing.assert_array_equal(untrained[0], untrained[1])  # a constant
@@ -94,8 +96,8 @@ def test_the_network_has_the_size_of_phi():
     )  # [N, N·m] drag of random motion
 
 
-def test_a_row_with_nan_parts_a_log():
-    p = PIECES[0]
+def test_a_row_with_nan_parts_a_log(pieces):
+    p = pieces[0]
     x = np.vstack([p.x] * 4)
     x[7, 8] = np.nan
     log = FlightLog(STEP * np.arange(16), x[:, :3], x[:, 3:7], x[:, 7:10], x[:, 10:], np.vstack([p.u] * 4))

@@ -45,7 +45,7 @@ def test_the_ridge_is_as_good_as_any_linear_map_one_step_ahead():
     assert np.abs(chi_hat - unseen.chi[origins + 1]).max() < 0.15
 
 
-def test_between_its_horizons_the_ridge_is_a_straight_line_and_beyond_them_held():
+def test_the_ridge_is_linear_between_its_horizons_and_held_beyond():
     unseen, origins = flight(6), np.arange(20, 30)
     dut = fit_ridge([flight(0)], HORIZONS)
     two, three, five, ten, far = np.moveaxis(
@@ -67,7 +67,7 @@ def test_a_whole_flight_at_once_is_the_flight_sample_by_sample(name, known):
 
 
 @pytest.mark.parametrize("name", ["DMDc", "delay DMDc", "ridge by horizon"])
-def test_until_the_window_is_full_the_label_is_held_and_a_missing_one_repeats_it(name):
+def test_the_label_is_held_until_the_window_is_full_or_while_missing(name):
     dut = fit_all([flight(0)], HORIZONS)[name]
     memory, x = dut.initial_memory(), np.zeros(13)
     for chi in (np.ones(6), np.full(6, np.nan)):

@@ -207,7 +207,7 @@ def test_impossible_options_are_refused():
         NeuralPredictor(last_sample_model(), PredictorOptions(refit=True, ridge=1.0))
 
 
-def test_along_a_flight_what_began_within_a_window_is_seen_as_sample_by_sample():
+def test_what_began_within_a_window_is_seen_as_sample_by_sample():
     rng = np.random.default_rng(4)
     watch, jump = 0.2 * rng.standard_normal((2, 3, 2, 12 * D)), rng.standard_normal((2, 3, 3, 2))
     onsets = Onsets(rng.standard_normal((2, 12, 12)), watch, np.ones((2, 3)), jump, 0.5)

@@ -54,7 +54,7 @@ def test_a_mass_that_changes_later_is_not_felt_before():
     assert after[0, 2] < -1.0
 
 
-def test_thrust_beside_the_centre_of_mass_turns_the_vehicle_and_swings_its_origin():
+def test_thrust_off_the_centre_of_mass_turns_and_swings_the_vehicle():
     """At rest al = -J^-1 (c x u z), a = u / m - g - al x c: the believed vehicle sees J al and -m (al x c)."""
     c = np.array([0.02, -0.01, 0.03])
     model = TrueModel(VEHICLE, None, [], [], mass_effects=[CenterOfMassOffset(*c)])

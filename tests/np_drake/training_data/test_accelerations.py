@@ -43,7 +43,7 @@ def test_the_derivative_has_no_phase():
     assert np.argmax(np.correlate(dut, wave, "full")) == len(dut) - 1  # zero shift [samples]
 
 
-def test_the_row_pairing_of_command_and_acceleration_survives_differentiation():
+def test_command_and_acceleration_stay_paired_under_differentiation():
     """Thrust that changes every row: with its own row the label is small, with a neighbour's it is not."""
     vehicle, n = Vehicle(), 2000
     draw = np.random.default_rng(3)

@@ -51,7 +51,7 @@ def test_a_command_whose_lag_would_have_no_end_tells_none():
     assert learned_rotor_lag([(log, Vehicle())]) == 0.0
 
 
-def test_a_vehicle_file_that_names_a_lag_and_measured_rotor_speed_are_believed():
+def test_a_lag_of_the_vehicle_file_and_measured_rotors_are_believed():
     named = Vehicle(rotor_time_constant=0.02)
     measured = dc.replace(flight(0.03), input="rotor_speed")
     assert learned_rotor_lag([(flight(0.03), named), (measured, Vehicle())]) == 0.0

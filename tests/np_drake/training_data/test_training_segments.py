@@ -46,7 +46,7 @@ def test_a_step_below_the_logs_is_refused(flight):
         training_segments(flight, Vehicle(), step=0.001)
 
 
-def test_a_segment_as_a_model_sees_it_holds_the_same_samples_with_labels_of_its_own(flight):
+def test_a_segment_of_a_model_has_the_same_samples_and_its_own_labels(flight):
     class Reader:
         """Reads raw labels of slow rotors."""
 

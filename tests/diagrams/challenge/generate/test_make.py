@@ -15,19 +15,20 @@ from np_drake.logs.opening import open_flights
 from np_drake.vehicle import load_vehicle
 
 OPTIONS = {"simulator": "drake", "quality": "real", "seconds": 5.0, "seed": 3}
+SIZE = {"cases": 2, "clean": 1}
 
 
 @pytest.fixture(scope="module")
 def small_set(tmp_path_factory):
     base = tmp_path_factory.mktemp("challenge")
-    result = make(base / "cases", base / "truth", cases=3, clean=2, **OPTIONS)
+    result = make(base / "cases", base / "truth", **SIZE, **OPTIONS)
     return base, result
 
 
 def test_cases_can_be_read_and_have_a_truth_each(small_set):
     base, result = small_set
     names = sorted(folder.name for folder in (base / "cases").iterdir())
-    assert result["written"] == len(names) == 5
+    assert result["written"] == len(names) == 3
     assert names == sorted(folder.name for folder in (base / "truth").iterdir())
     for name in names:
         vehicle = load_vehicle(base / "cases" / name / "vehicle.yaml")
@@ -55,13 +56,6 @@ def test_names_and_sizes_give_nothing_away(small_set):
         assert int(folder.name, 16) >= 0
         text = (folder / "vehicle.yaml").read_text() + (folder / FILES[0]).read_text()[:400]
         assert not any(word in text for word in ("effect", "single", "clean", "seed"))
-
-
-def test_the_same_seed_writes_the_same_files(small_set, tmp_path):
-    base, _ = small_set
-    make(tmp_path / "cases", tmp_path / "truth", cases=3, clean=2, **OPTIONS)
-    for path in sorted((base / "cases").rglob("*.csv"))[:4]:
-        assert path.read_bytes() == (tmp_path / path.relative_to(base)).read_bytes()
 
 
 @pytest.mark.parametrize("truth", ["cases", "cases/truth", "."])
@@ -130,6 +124,7 @@ def test_a_case_that_cannot_be_flown_leaves_nothing_behind(tmp_path, monkeypatch
 
 
 def test_an_interrupted_set_goes_on_and_ends_as_an_uninterrupted_one(small_set, tmp_path):
+    """What is made again is the same to the byte: the seed decides."""
     base, result = small_set
     for kind in ("cases", "truth"):
         shutil.copytree(base / kind, tmp_path / kind)
@@ -138,7 +133,7 @@ def test_an_interrupted_set_goes_on_and_ends_as_an_uninterrupted_one(small_set, 
     shutil.rmtree(tmp_path / "truth" / second)
     (tmp_path / "cases" / f".{first}").mkdir()  # half a folder of a killed run
     kept = {n: (tmp_path / "cases" / n / FILES[0]).stat().st_mtime_ns for n in others}
-    assert make(tmp_path / "cases", tmp_path / "truth", cases=3, clean=2, **OPTIONS) == result
+    assert make(tmp_path / "cases", tmp_path / "truth", **SIZE, **OPTIONS) == result
     for kind in ("cases", "truth"):
         files = sorted(path.relative_to(base / kind) for path in (base / kind).rglob("*"))
         assert files == sorted(path.relative_to(tmp_path / kind) for path in (tmp_path / kind).rglob("*"))
@@ -152,6 +147,6 @@ def test_cases_of_another_request_give_way(small_set, tmp_path):
     base, _ = small_set
     for kind in ("cases", "truth"):
         shutil.copytree(base / kind, tmp_path / kind)
-    make(tmp_path / "cases", tmp_path / "truth", cases=3, clean=2, **OPTIONS | {"seconds": 6.0})
+    make(tmp_path / "cases", tmp_path / "truth", **SIZE, **OPTIONS | {"seconds": 6.0})
     for folder in (tmp_path / "truth").iterdir():
         assert json.loads((folder / "truth.json").read_text())["seconds"] == 6.0

@@ -2,6 +2,7 @@
 
 import dataclasses as dc
 import itertools
+from functools import partial
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from diagrams.challenge.generate.make import fly_case
 from diagrams.challenge.generate.sensor_quality import SensorQuality, rows_of, with_sensor_noise
 from diagrams.challenge.generate.trajectories import draw_plan
 from diagrams.challenge.generate.vehicles import draw_vehicle, vehicle_file
-from diagrams.challenge.simulators.drake.simulator import fly
+from diagrams.challenge.simulators.drake import simulator
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.effects.library import LIBRARY
 from np_drake.flight_log import FlightLog
@@ -25,6 +26,9 @@ from np_drake.logs.importing.conventions import WrongConventions, changed
 from np_drake.logs.importing.convert import convert
 from np_drake.logs.importing.import_log import import_log
 from np_drake.logs.importing.log_map import load_map_file
+
+# The laws hold from any start; a settled one only takes longer.
+fly = partial(simulator.fly, warm_up=0.5)  # [s]
 
 ERRORS = {  # by name: how the log is written, where its map declares the defaults
     "world NED": (("world", "ned"),),

@@ -50,7 +50,7 @@ def test_a_motor_stays_in_step_with_slow_rises_and_loses_it_with_fast_ones(vehic
     np.testing.assert_allclose(dut.thrust(vehicle, np.array([h, 0.5]), hover), [h, 0.8 * h, h, h])
 
 
-def test_a_mount_that_twists_pushes_across_its_arm_with_the_square_of_thrust(vehicle):
+def test_a_twisting_mount_pushes_across_its_arm_with_thrust_squared(vehicle):
     hover = vehicle.mass * vehicle.gravity / 4
     dut = TwistingMount(0, 0.02)
     chi = [dut.wrench(vehicle, Motion(0.0, LEVEL, np.array([f, 1.0, 1.0, 1.0]))) for f in (hover, 2 * hover)]

@@ -22,7 +22,7 @@ def test_a_line_rubs_against_the_motion_and_no_more_at_speed(vehicle, moving):
         np.testing.assert_allclose(chi, [-0.6 * friction, 0, 0.8 * friction, 0, 0, 0], atol=1e-9)
 
 
-def test_a_winch_pulls_as_hard_from_afar_and_harder_while_the_tether_runs_out(vehicle, moving):
+def test_a_winch_pulls_alike_from_afar_and_harder_while_it_pays_out(vehicle, moving):
     """Towards its anchor; motion across the tether changes nothing."""
     dut = WinchTether(tension=0.5, friction=0.2, creep=0.1, anchor=(1.0, 0.0, 0.0))
     for span, v, pull in (

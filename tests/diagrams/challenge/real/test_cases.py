@@ -38,12 +38,12 @@ def paths(numbers, stem="flight") -> list[Path]:
     return [Path(f"{stem}{n:02}") for n in numbers]
 
 
-def test_consecutive_numbers_are_one_block_and_a_single_missing_one_does_not_split_it():
+def test_a_block_is_of_consecutive_numbers_with_at_most_one_missing():
     blocks = numbered_blocks(reversed([path for block in BLOCKS for path in paths(block)]))
     assert [block_name(block) for block in blocks] == ["06-10", "17-21", "43-46", "57-61"]
 
 
-def test_names_of_two_stems_are_never_one_block_and_a_name_without_a_number_is_no_flight():
+def test_a_block_has_one_stem_and_a_flight_has_a_number():
     found = numbered_blocks([*paths([1, 2]), *paths([3], "other"), Path("README")])
     assert [len(block) for block in found] == [2, 1]
 
@@ -69,7 +69,7 @@ def test_a_block_of_one_flight_judges_but_is_not_fitted():
     assert [(case.train, case.held_out) for case in cases] == [(tuple(paths([5, 6])), Path("flight01"))]
 
 
-def test_across_blocks_every_block_judges_once_and_its_own_flights_are_not_fitted():
+def test_every_block_judges_once_and_is_not_fitted_then():
     blocks = [paths(block) for block in BLOCKS]
     cases = list(across_blocks("payload", blocks))
     assert [case.held_out for case in cases] == [block[-1] for block in blocks]

@@ -21,7 +21,7 @@ def result(group, before, after, payload=None):
     }
 
 
-def test_a_line_has_the_medians_at_the_last_horizon_and_counts_what_got_better():
+def test_a_line_has_medians_at_the_last_horizon_and_counts_the_better():
     results = [result("bare", 1.0, 0.5), result("bare", 2.0, 3.0), result("bare", 4.0, 1.0)]
     (line,) = replay.lines(results)
     assert (line["position nominal"], line["position corrected"]) == (2.0, 1.0)

@@ -33,7 +33,7 @@ def answer(*causes: dict, **more) -> dict:
     return {"causes": list(causes), "gap": {"force": FORCE, "torque": NO_TORQUE}, "wall": 3.0, **more}
 
 
-def test_the_held_out_figures_are_those_of_the_norm_and_an_unknown_torque_has_none():
+def test_held_out_figures_are_of_the_norm_and_absent_for_unknown_torque():
     cut = held_out_cut({"force": FORCE, "torque": NO_TORQUE})
     assert cut == {"lateral": pytest.approx(0.9), "vertical": pytest.approx(0.5), "torque": None}
     assert held_out_cut({}) == {"lateral": None, "vertical": None, "torque": None}
@@ -48,7 +48,7 @@ def test_names_are_judged_against_the_truth_of_their_flights():
     assert dut["parameters"]["suspended_payload"]["mass"]["value"] == 0.0047
 
 
-def test_a_wind_that_the_fit_does_not_have_is_said_of_the_held_out_flight_and_is_not_wrong():
+def test_a_wind_of_the_held_out_flight_alone_is_not_wrong():
     @dc.dataclass
     class Log:
         name: str
@@ -60,7 +60,7 @@ def test_a_wind_that_the_fit_does_not_have_is_said_of_the_held_out_flight_and_is
     assert not scored(said, TRUTHS["new-wind"], [Log("a"), Log("c")])["right"]  # type: ignore[list-item]
 
 
-def test_a_wind_of_the_second_answer_alone_counts_as_said_where_the_fit_lacks_it():
+def test_a_wind_of_the_second_answer_alone_counts_as_said():
     first = answer()
     second = answer(cause("constant_wind", 0.9, absent_from=("a", "b")))
     assert says_new_condition({**first, "refit": second}, {"a", "b"}) == "constant_wind"

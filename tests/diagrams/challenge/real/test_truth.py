@@ -7,7 +7,7 @@ from diagrams.challenge.real.truth import DRAG, TRUTHS, named
 from np_drake.effects.library import LIBRARY
 
 
-def test_every_group_of_cases_has_a_truth_with_a_source_and_names_of_the_library():
+def test_every_group_has_a_truth_with_source_and_names_of_the_library():
     assert set(TRUTHS) == set(GROUPS)
     for truth in TRUTHS.values():
         assert truth.source

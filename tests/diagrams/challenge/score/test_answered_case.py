@@ -204,9 +204,7 @@ ANSWERS = [
     "file, place, value, said",
     [("truth", *row) for row in TRUTHS] + [("answers", *row) for row in ANSWERS],
 )
-def test_a_field_that_cannot_be_read_is_one_line_with_file_field_and_what_it_must_be(
-    folders, file, place, value, said
-):
+def test_an_unreadable_field_is_one_line_with_file_field_and_remedy(folders, file, place, value, said):
     answers, truth = folders
     path = {"truth": truth / "a1" / "truth.json", "answers": answers / "a1" / "diagnosis.json"}[file]
     spoilt(path, place, value)

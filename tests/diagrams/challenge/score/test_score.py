@@ -68,7 +68,7 @@ def test_singles_that_training_shows_have_a_row_of_their_own(cases):
     assert (rates["single_felt"]["class"]["count"], rates["single_felt"]["class"]["n"]) == (12, 12)
 
 
-def test_singles_that_are_the_same_as_anything_have_no_place_among_those_that_can_be_told(cases):
+def test_singles_that_look_like_another_are_not_among_the_separable(cases):
     lost = dc.replace(cases[0], truth={**cases[0].truth, "class": [list(LIBRARY)]}, answer=None)
     rates = score([lost, *cases[1:]])["rates"]
     assert (rates["single"]["class"]["count"], rates["single"]["class"]["n"]) == (12, 13)
@@ -89,7 +89,7 @@ def test_a_single_within_what_the_files_may_be_off_by_is_no_miss(cases, by_hand)
     assert (told["count"], told["n"]) == (12, 13)
 
 
-def test_of_a_pair_the_effect_within_what_the_files_may_be_off_by_may_be_named_or_not(by_hand):
+def test_an_effect_within_the_files_tolerance_may_be_named_or_not(by_hand):
     truth = by_hand.make_truth(by_hand.SCALE, by_hand.DRAG, kind="pair", within_tolerance=[True, False])
     for names, found in [
         (("linear_drag",), (1, 0, 0)),
@@ -124,7 +124,7 @@ def test_a_false_alarm_is_counted(cases, by_hand):
     assert found["named"]["count"] == 1
 
 
-def test_an_out_of_library_effect_must_be_called_unknown_and_nothing_else_surely(cases, by_hand):
+def test_an_out_of_library_effect_must_be_called_unknown_alone(cases, by_hand):
     truth = by_hand.make_truth(by_hand.OUT_OF_LIBRARY, kind="foreign")
     sure = by_hand.make_case(
         truth, by_hand.make_answer(by_hand.make_cause("gusty_wind", {}, probability=0.95))

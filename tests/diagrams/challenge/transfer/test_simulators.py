@@ -11,6 +11,7 @@ from diagrams.challenge.simulators.rotorpy import optional_import
 from diagrams.challenge.transfer import designs, reality, study
 from diagrams.challenge.transfer.study import MADE_IN, ORACLE, ROWS, Transfer, rows_of, settings, table
 from diagrams.cli.main import run
+from diagrams.loop.experiments import load_experiment
 from diagrams.loop.real_vehicle import DRAKE
 from diagrams.loop.reality import RealityConfig
 from np_drake.vehicle import Vehicle
@@ -48,7 +49,7 @@ def test_in_drake_every_flight_is_drakes_and_an_oracle_flies(monkeypatch):
 
 
 @needs_rotorpy
-def test_in_rotorpy_every_flight_of_the_vehicle_has_its_own_physics_and_no_oracle(monkeypatch):
+def test_in_rotorpy_every_flight_has_its_own_physics_and_no_oracle(monkeypatch):
     result, real = fly_one(monkeypatch, "rotorpy")
     assert set(ROWS) - set(result["errors"]) == {ORACLE}
     assert len(real) == len(ROWS)
@@ -59,13 +60,25 @@ def test_in_rotorpy_every_flight_of_the_vehicle_has_its_own_physics_and_no_oracl
 SAME = 1e-5  # of two simulators of the same equations [m]; seen are 6e-7 of the state
 
 
+@pytest.fixture
+def short_ramp(monkeypatch):
+    """Flights reach their speed within a second."""
+
+    def load(*what):
+        config = load_experiment(*what)
+        config.reference.ramp = 1.0
+        return config
+
+    monkeypatch.setattr(reality, "load_experiment", load)
+
+
 @needs_rotorpy
-def test_a_design_flies_on_the_vehicle_it_is_given(monkeypatch):
-    monkeypatch.setattr(designs, "SCORED", 1.0)
+@pytest.mark.usefixtures("short_ramp")
+def test_a_design_flies_on_the_vehicle_it_is_given():
     plain, own = (optional_import.foreign_vehicle(own=own) for own in (False, True))
     design, world = designs.Design("hold"), RealityConfig().nominal()
     ours, same, other = (
-        np.array(designs.flown(design, world, VEHICLE, solver="sqp", seed=0, real=real))
+        np.array(designs.flown(design, world, VEHICLE, solver="sqp", seed=0, real=real, seconds=1.0))
         for real in (DRAKE, plain, own)
     )
     np.testing.assert_allclose(same, ours, atol=SAME)
@@ -73,15 +86,15 @@ def test_a_design_flies_on_the_vehicle_it_is_given(monkeypatch):
 
 
 @needs_rotorpy
-def test_the_diagnosed_flights_are_of_the_vehicle_that_is_given(monkeypatch):
-    monkeypatch.setattr(reality, "TRAINING", (("training_circle", 1.0),))
-    monkeypatch.setattr(reality, "HELD_OUT", ("lemniscate", 1.0))
+@pytest.mark.usefixtures("short_ramp")
+def test_the_diagnosed_flights_are_of_the_vehicle_that_is_given():
+    short = {"training": [("training_circle", 1.0)], "held_out": ("lemniscate", 1.0)}
     plain, own = (optional_import.foreign_vehicle(own=own) for own in (False, True))
     ours, same, other = (
         [
             log
             for logs in reality.diagnosed_flights(
-                RealityConfig().nominal(), VEHICLE, solver="sqp", seed=1, real=real
+                RealityConfig().nominal(), VEHICLE, solver="sqp", seed=1, real=real, **short
             )
             for log in logs
         ]

@@ -6,7 +6,7 @@ from diagrams.challenge.out_of_library.draw import HOLDOUT
 from diagrams.cli.main import run
 
 
-def test_make_writes_a_set_and_its_figures(tmp_path):
+def test_make_writes_a_set_and_its_figures(tmp_path, in_this_process):
     figures = tmp_path / "made.json"
     arguments = ["challenge", "make", "--out", str(tmp_path / "cases"), "--truth", str(tmp_path / "truth")]
     arguments += ["--cases", "1", "--clean", "1", "--seconds", "5", "--json", str(figures)]
@@ -45,7 +45,7 @@ def test_a_file_where_a_folder_should_be_is_refused_before_any_work(tmp_path, ca
     assert not (tmp_path / "truth").exists()
 
 
-def test_unseen_kinds_are_flown_alone_where_they_are_asked_for(tmp_path):
+def test_unseen_kinds_are_flown_alone_where_they_are_asked_for(tmp_path, in_this_process):
     arguments = ["challenge", "make", "--out", str(tmp_path / "cases"), "--truth", str(tmp_path / "truth")]
     metrics = tmp_path / "make.json"
     small = ["--cases", "2", "--clean", "0", "--seconds", "5", "--seed", "3", "--json", str(metrics)]

@@ -136,7 +136,7 @@ def test_a_loss_is_physics_where_the_oracle_loses_the_same_draw():
     assert verdicts(flights, [{"case": beside[0]["case"], "error": "none"}])[1] == OURS
 
 
-def test_no_flight_is_counted_twice_and_one_without_a_result_is_an_exception():
+def test_no_flight_counts_twice_and_one_without_result_is_an_exception():
     flights = [record("hold", 1, 4.0), record("hold", 2, recovery=1.5), record("hold", 3, recovery=None)]
     flights.append({"case": record("hold", 4)["case"], "error": "ValueError: no"})
     (line, total) = by_controller(flights, {1: OURS})

@@ -172,7 +172,7 @@ def test_vehicles_and_tracks_that_are_named_are_flown_alone(made_flights, tmp_pa
     assert {line["vehicle"] for line in lines} == {"35g"}
 
 
-def test_the_oracle_that_others_are_divided_by_flies_with_every_choice_of_rows(made_flights, tmp_path):
+def test_the_oracle_that_divides_the_others_flies_with_any_rows(made_flights, tmp_path):
     named = ["--vehicle", "35g", "--track", "steps", "--only", "hold"]
     assert run(["reproduce", "vehicles", *named, "--json", str(tmp_path / "m.json")]) == 0
     lines = json.loads((tmp_path / "m.json").read_text())["table"]

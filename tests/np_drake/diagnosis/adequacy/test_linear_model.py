@@ -97,7 +97,7 @@ def test_the_evidence_of_a_structure_is_that_of_a_direct_linear_regression(model
         assert dut.evidence((), chosen) - priors == pytest.approx(dense_evidence(ranking, some), rel=1e-6)
 
 
-def test_the_evidence_without_a_term_is_that_of_the_model_that_never_had_it(model):
+def test_evidence_without_a_term_is_that_of_the_model_without_it(model):
     both, _ = model((DRAG,), [Term(DRAG), Term(RotorGyroscopic())])
     alone, _ = model((DRAG,), [Term(DRAG)])
     # about a slightly different drag, in which the columns are linear
@@ -116,7 +116,7 @@ def test_dropping_a_term_without_a_trace_gains_its_prior(absent):
     assert dut.margin(2, ()) == pytest.approx(PRIOR)
 
 
-def test_the_margin_of_a_planted_effect_is_large_and_of_an_absent_one_negative(absent):
+def test_the_margin_of_a_planted_effect_is_large_of_an_absent_negative(absent):
     dut, _ = absent
     assert dut.margin(0, ()) > 100.0
     assert dut.margin(1, ()) < PRIOR + 2.0  # what noise may bring
@@ -141,7 +141,7 @@ def test_beside_the_true_model_no_structure_describes_the_noise(drag):
     assert dut.select_structure() == (dut.evidence(), ())
 
 
-def test_a_torque_that_no_effect_has_is_described_by_its_structure_and_shows_its_part(model, damper):
+def test_a_torque_of_no_effect_is_described_by_structure_and_its_part(model, damper):
     dut, ranking = model((DRAG, damper), [Term(DRAG)])
     evidence, structure = dut.select_structure()
     assert evidence > dut.evidence() + 100.0
@@ -153,7 +153,7 @@ def test_a_torque_that_no_effect_has_is_described_by_its_structure_and_shows_its
         assert np.sum(left[25:-25] ** 2) < 0.1 * np.sum(expected[25:-25] ** 2)
 
 
-def test_structure_takes_nothing_from_the_margin_of_an_effect_that_it_cannot_stand_for(model, drag, damper):
+def test_structure_leaves_the_margin_of_effects_that_it_cannot_replace(model, drag, damper):
     dut, _ = model((DRAG, damper), [Term(DRAG)])
     clean, _ = drag
     beside = dut.margin(0, dut.select_structure()[1])

@@ -68,7 +68,7 @@ def test_a_torque_that_no_effect_explains_remains_and_says_where_it_lives(ranked
     assert dut.findings[0].figures["torque"] == pytest.approx(0.02 * 0.9, rel=0.4)
 
 
-def test_structure_is_there_by_its_evidence_and_counts_where_it_is_material(ranked, linear, damper):
+def test_structure_is_there_by_evidence_and_counts_where_material(ranked, linear, damper):
     case = ranked(damper)
     model, structure = linear(case)
     probability, finding = indication(model, structure, structure[0], REAL.materiality)
@@ -83,14 +83,14 @@ def test_structure_is_there_by_its_evidence_and_counts_where_it_is_material(rank
     [InertiaError(1.3, 0.8, 1.2), MotorLag(0.04), CommandDelay(0.02)],
     ids=lambda e: e.identifier,
 )
-def test_beside_an_effect_that_explains_a_torque_no_generic_torque_is_unknown(ranked, left, effect):
+def test_no_generic_torque_is_unknown_beside_an_effect_that_explains_it(ranked, left, effect):
     case = ranked(effect)
     assert effect.identifier in [t.effect.identifier for t in case.fit.terms]
     assert left(case).probability < SURE
 
 
 @pytest.mark.parametrize("channel, size", [(0, 2.0), (4, 0.1)], ids=["force [N]", "torque [N·m]"])
-def test_what_held_out_flights_alone_show_is_not_what_the_training_flights_leave(ranked, left, channel, size):
+def test_what_held_out_flights_alone_show_is_not_what_training_leaves(ranked, left, channel, size):
     case = ranked()
     held_out = [dc.replace(e, y=e.y.copy()) for e in case.held_out]
     for e in held_out:
@@ -117,9 +117,7 @@ def test_a_force_now_and_then_is_unknown_wherever_it_is(ranked, left, where, siz
 
 @pytest.mark.parametrize("channel", [0, 4], ids=["force", "torque"])
 @pytest.mark.parametrize("times", [0.7, 2.0], ids=["too small to matter", "large"])
-def test_a_line_is_unknown_where_it_is_large_enough_to_matter_however_clear_it_is(
-    ranked, left, channel, times
-):
+def test_a_line_is_unknown_only_where_it_is_large_enough_to_matter(ranked, left, channel, times):
     case = ranked()
     least = module.least_lines(case.flights, SENSITIVE.materiality)[channel]
     wave = [dc.replace(e, y=e.y.copy()) for e in (*case.flights, *case.held_out)]

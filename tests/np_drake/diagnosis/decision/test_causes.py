@@ -105,7 +105,7 @@ def test_an_effect_is_a_cause_from_the_least_probability_on(judged_with, options
     assert all("not sure" in f.text for f in minor)
 
 
-def test_an_effect_too_small_to_matter_is_minor_except_where_gusts_blow_through_it(drag, judged_with):
+def test_an_effect_too_small_to_matter_is_minor_unless_gusts_need_it(drag, judged_with):
     tiny = LinearDrag(1e-3, 1e-3, 1e-3)
     fit = drag.fit
     small = dc.replace(
@@ -123,9 +123,7 @@ def test_an_effect_too_small_to_matter_is_minor_except_where_gusts_blow_through_
     assert [c.identifier for c in causes_of(*given, gusts=True)[0]] == ["linear_drag"]
 
 
-def test_a_drag_that_gusts_bring_has_the_prior_of_gusts_against_what_the_library_lacks(
-    judged_with, monkeypatch
-):
+def test_a_drag_that_gusts_bring_has_their_prior_against_the_unknown(judged_with, monkeypatch):
     given = judged_with()
     ranking, linear, *_ = given
     margin = -4.0  # with the prior of a drag by itself
@@ -197,7 +195,7 @@ def test_what_the_motion_tells_apart_is_not_named_beside_it(drag):
     assert "gyro_bias" not in equivalents(drag.ranking.problem, drag.ranking.models[0])["linear_drag"]
 
 
-def test_parameters_of_a_payload_are_known_no_better_than_a_pendulum_is_its_model(fit_at):
+def test_payload_parameters_are_known_no_better_than_the_pendulum_model(fit_at):
     payload = SuspendedPayload(0.2, 0.6, 0.0, 0.0, -0.05)
     exact, rough = (
         module._estimates(fit_at(payload, covariance=s), 0, PAPER, IDEAL.priors) for s in (1e-9, 0.01)

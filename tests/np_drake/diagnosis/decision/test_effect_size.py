@@ -35,9 +35,7 @@ def test_the_size_of_a_mass_is_its_share_of_the_weight(flights, fit, noise):
     assert 0.5 < found.gap <= 1.0
 
 
-def test_what_does_little_where_it_was_fitted_counts_by_what_it_does_on_a_held_out_flight(
-    flights, fit, noise
-):
+def test_what_does_little_in_the_fit_counts_by_what_it_does_held_out(flights, fit, noise):
     strong = [
         dc.replace(t, effect=LinearDrag(6.0, 6.0, 6.0)) if j == 1 else t for j, t in enumerate(fit.terms)
     ]

@@ -89,7 +89,7 @@ def test_a_force_that_follows_the_place_is_unknown_and_not_gusts(of):
     assert "place" in {f.name for f in dut.unexplained.findings}
 
 
-def test_beside_unknown_structure_the_probability_of_a_planted_drag_stays_the_same(of):
+def test_unknown_structure_leaves_the_probability_of_a_planted_drag(of):
     alone, beside = (
         next(c for c in of(*slow).causes if c.identifier == "linear_drag")
         for slow in ((None, None, None), WALLED)

@@ -53,7 +53,7 @@ def diagnosed(logs):
     return cache(lambda *effects: diagnose(Vehicle(), *logs(*effects)))
 
 
-def test_what_training_does_not_excite_is_novel_and_the_second_answer_names_it(diagnosed):
+def test_what_training_does_not_excite_is_in_the_second_answer_as_novel(diagnosed):
     dut: Diagnosis = diagnosed(DRAG)
     assert dut.new_on_held_out
     assert "linear_drag" not in dut.verdict
@@ -64,7 +64,7 @@ def test_what_training_does_not_excite_is_novel_and_the_second_answer_names_it(d
         assert low < 0.6 < high
 
 
-def test_the_second_answer_is_judged_by_second_halves_and_the_first_by_whole_flights(diagnosed):
+def test_second_halves_judge_the_second_answer_whole_flights_the_first(diagnosed):
     dut = diagnosed(DRAG)
     assert (dut.joined, dut.refit.joined) == ((), ("c",))
     assert dut.gap_reduction.fraction < 0.1 < 0.9 < dut.refit.gap_reduction.fraction
@@ -98,7 +98,7 @@ def first(seen, inferred):
     return inferred(flights, [seen(DRAG, name="c", seed=3, **how)])
 
 
-def test_gusts_which_repeat_nowhere_and_a_swing_that_may_be_lost_are_not_novel(first):
+def test_gusts_that_do_not_repeat_and_a_lost_swing_are_not_novel(first):
     assert novelty(first)
     gusts = Cause("gusty_wind", 0.9, {}, {}, effect=GustyWind())
     assert novelty(dc.replace(first, causes=[gusts])) == ()
@@ -108,7 +108,7 @@ def test_gusts_which_repeat_nowhere_and_a_swing_that_may_be_lost_are_not_novel(f
     assert novelty(dc.replace(first, ranking=hung)) == ()
 
 
-def test_where_no_flight_is_long_enough_for_two_halves_there_is_no_second_answer(first, monkeypatch):
+def test_no_flight_long_enough_for_two_halves_means_no_second_answer(first, monkeypatch):
     monkeypatch.setattr(module, "find_map_model", None)  # which is never asked
     short = [dc.replace(e, log=e.log.rows(0, 780)) for e in first.held_out]
     assert second_answer(dc.replace(first, held=dc.replace(first.held, flights=short))) is None

@@ -76,9 +76,7 @@ def test_a_mean_wind_below_a_quarter_of_a_metre_per_second_is_a_draught(fit_at, 
 
 
 @pytest.mark.parametrize("times, share", [(0.9, 0.0), (1.1, 1.0)])
-def test_a_wind_pushes_harder_than_thrust_under_an_attitude_error_of_the_sensors(
-    fit_at, flights, times, share
-):
+def test_a_wind_pushes_harder_than_thrust_under_a_sensor_attitude_error(fit_at, flights, times, share):
     (e,) = flights
     lean = 0.03
     speed = times * lean * e.vehicle.mass * e.vehicle.gravity / DRAG.d_x  # a drag at hover, nearly level
@@ -95,7 +93,7 @@ def test_a_wind_counts_by_what_it_pushes_while_it_acts(fit_at, flights):
     assert wind_share(new, 1, [e, absent, absent], 0.0, lean) == 1.0
 
 
-def test_a_wind_of_which_nothing_is_known_is_no_draught_with_the_probability_of_its_prior(fit_at, flights):
+def test_an_unknown_wind_is_no_draught_with_the_prior_probability(fit_at, flights):
     deviation = 0.2  # [m/s]
     found = wind_at(fit_at, flights, ConstantWind(0.0, 0.0, 0.0), 0.25, covariance=deviation)
     expected = np.exp(-0.5 * (0.25 / deviation) ** 2)  # Rayleigh

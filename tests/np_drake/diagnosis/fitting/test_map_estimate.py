@@ -154,7 +154,7 @@ def test_choices_are_not_free_and_absent_payloads_do_not_swing(seen):
 
 
 @pytest.mark.parametrize("delay", [0.0262, 0.0271, 0.0287])
-def test_a_delay_is_told_by_forces_alone_wherever_between_two_rows_it_falls(seen, noise, delay):
+def test_forces_alone_tell_a_delay_wherever_between_two_rows_it_falls(seen, noise, delay):
     flight = seen(CommandDelay(delay), noise=1.0, seconds=8.0, name="1")
     deaf = np.ones(15)
     deaf[3:6] = 1e6  # to torque

@@ -42,7 +42,7 @@ def mass(fit) -> float:
     return fit.terms[0].effect.payload.mass
 
 
-def test_the_first_fit_is_not_held_up_by_noise_that_rings_with_a_swing_not_met_yet(swinging):
+def test_the_first_fit_passes_noise_that_rings_with_an_unmet_swing(swinging):
     first = first_fit(swinging, ONLY, iterations=3)
     bent = refit(swinging, ONLY, None, iterations=3)
     assert mass(first) == pytest.approx(PAYLOAD.mass, rel=0.01)

@@ -69,7 +69,7 @@ def marginal(flight, noise, X: np.ndarray, prior: np.ndarray) -> float:
     return float(-0.5 * (y @ y - explained) - 0.5 * np.linalg.slogdet(np.eye(len(A)) + prior @ A)[1])
 
 
-def test_the_evidence_of_a_fit_is_that_of_the_linear_problem_with_this_prior(flight, noise, fit):
+def test_a_fit_has_the_evidence_of_the_linear_problem_with_its_prior(flight, noise, fit):
     (drag,) = (c for c in library_candidates([flight]) if c.identifiers == ("linear_drag",))
     root = prior_root(LinearDrag, flight.vehicle)
     columns = drag.columns["a"] @ np.linalg.inv(root)  # by physical coefficients

@@ -127,7 +127,7 @@ def knocked(e, *at):
     return dc.replace(e, outliers=outliers)
 
 
-def test_a_swing_may_jump_after_every_outlier_that_is_not_too_close_to_another(seen):
+def test_a_swing_may_jump_after_every_outlier_not_close_to_another(seen):
     dut = knocked(seen(seconds=8.0), 1.0, 1.2, 3.0)
     np.testing.assert_allclose(dut.t[jumps(dut, None)], [1.04, 3.04], atol=0.021)
     np.testing.assert_allclose(dut.t[jumps(dut, 2.0)], [3.04], atol=0.021)

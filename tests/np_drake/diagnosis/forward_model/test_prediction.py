@@ -61,7 +61,7 @@ def test_the_trace_of_the_true_effect_is_the_residual_of_an_exact_log(seen, effe
         assert size(residual[:, part]) < share * size(dut.y[:, part]) + SMALL
 
 
-def test_thrust_that_lags_leaves_its_trace_between_velocity_and_acceleration(seen):
+def test_lagging_thrust_shows_between_velocity_and_acceleration(seen):
     dut = seen(MotorLag(0.05), seconds=8.0)
     residual = dut.y - predicted_residual(dut, [Term(MotorLag(0.05))])
     assert size(residual[:, ev.VELOCITY]) < 0.1 * size(dut.y[:, ev.VELOCITY])  # a row is long for its kinks
@@ -69,7 +69,7 @@ def test_thrust_that_lags_leaves_its_trace_between_velocity_and_acceleration(see
 
 @pytest.mark.parametrize("accelerations", [True, False])
 @pytest.mark.parametrize("beside", [(), (ThrustScale(0.8),)], ids=["alone", "with weak rotors"])
-def test_a_center_of_mass_turns_with_the_thrust_of_the_interval_not_of_a_row(seen, beside, accelerations):
+def test_a_center_of_mass_turns_with_the_thrust_of_the_interval(seen, beside, accelerations):
     acting = [CenterOfMassOffset(0.012, 0.007, 0.006), *beside]
     dut = seen(*acting, accelerations=accelerations)
     residual = dut.y - predicted_residual(dut, [Term(e) for e in acting])
@@ -209,7 +209,7 @@ def test_an_onset_in_a_flight_leaves_the_trace_of_that_onset(seen, effect):
 
 @pytest.mark.parametrize("accelerations", [True, False])
 @pytest.mark.parametrize("at", [5.0, 5.01], ids=["on the grid", "between"])
-def test_what_begins_at_a_row_turns_the_vehicle_from_the_interval_after_it_on(seen, accelerations, at):
+def test_what_begins_at_a_row_turns_the_vehicle_from_the_next_interval(seen, accelerations, at):
     effect = CenterOfMassOffset(0.012, 0.007, 0.006)
     dut = seen(effect, onset={effect.identifier: at}, accelerations=accelerations)
     residual = dut.y - predicted_residual(dut, [Term(effect, {dut.name: at})])

@@ -32,7 +32,7 @@ def test_the_fraction_is_the_share_of_the_power_above_the_floor_that_went(before
     assert dut.closed_fraction(before, after, 1.0) == pytest.approx(share, abs=1e-9)
 
 
-def test_without_a_gap_nothing_shrinks_and_a_worse_model_shrinks_less_than_nothing():
+def test_without_a_gap_nothing_shrinks_and_a_worse_model_enlarges_it():
     assert dut.closed_fraction(1.0, 0.9, 1.0) == 0.0
     assert dut.closed_fraction(2.0, 3.0, 1.0) < 0.0
 
@@ -69,7 +69,7 @@ def test_the_bootstrap_interval_holds_the_value_it_was_made_with():
 
 @given(st.integers(20, 700), st.integers(1, 60))
 @settings(deadline=None, max_examples=40)
-def test_the_interval_holds_the_estimate_however_long_flights_are_and_wherever_the_gap_is(rows, spike):
+def test_the_interval_holds_the_estimate_for_any_lengths_and_gaps(rows, spike):
     noise = np.random.default_rng(rows).normal(size=(rows, 15))
     gap = np.zeros((rows, 1))
     gap[-min(spike, rows) :] = 6.0
@@ -112,7 +112,7 @@ def test_the_ladder_goes_down_cause_by_cause_from_nominal_to_the_floor(solved):
     assert sizes[-1] == pytest.approx(found.after)
 
 
-def test_a_cause_whose_share_is_not_known_comes_last_on_the_ladder_wherever_it_stands(solved):
+def test_a_cause_of_unknown_share_comes_last_on_the_ladder(solved):
     case, held, causes = solved
     blind = [dc.replace(c, share=np.nan) if c.identifier == "mass_error" else c for c in causes]
     for some in (blind, blind[::-1]):

@@ -107,7 +107,7 @@ def test_the_swing_at_the_start_of_an_unseen_flight_is_found(fly, noise):
     assert np.sqrt(np.mean(still**2)) > 1.2 * np.sqrt(np.mean(residual**2))
 
 
-def test_of_a_swing_that_is_hardly_known_the_mean_is_foreseen_which_misses_less(seen, noise):
+def test_a_hardly_known_swing_is_foreseen_by_its_mean_and_misses_less(seen, noise):
     faint, missed = dc.replace(PAYLOAD, mass=0.01), []
     for seed, swing in enumerate(np.random.default_rng(1).normal(size=(6, 4)) * [0.4, 0.4, 2.0, 2.0]):
         flight = seen(name="c", seed=seed, noise=1.0, seconds=8.0)
@@ -149,7 +149,7 @@ def knocked(flight, when):
     return dc.replace(flight, outliers=outliers)
 
 
-def test_a_swing_that_jumps_at_an_outlier_is_found_anew_and_those_rows_are_not_scored(seen, noise):
+def test_a_swing_that_jumps_is_found_anew_and_those_rows_do_not_score(seen, noise):
     flight = knocked(seen(PAYLOAD, name="c", seed=3, noise=1.0, seconds=12.0), 6.0)
     jumped = Term(PAYLOAD, hidden={"c": np.array([0.0, 0.0, 0.0, 0.0, 0.3, -0.2, 0.5, 0.8])})
     y = flight.y + predicted_residual(flight, [jumped]) - predicted_residual(flight, [Term(PAYLOAD)])
@@ -210,7 +210,7 @@ def test_outliers_of_a_swing_are_taken_in_turn(seen, noise):
     assert dut.outliers.sum() < 8  # nothing of the swing that is lost there
 
 
-def test_outliers_of_a_swing_are_taken_in_turn_however_many_it_misses_where_it_is_lost(seen, noise):
+def test_outliers_are_taken_in_turn_however_many_a_lost_swing_misses(seen, noise):
     flight = seen(PAYLOAD, name="c", seed=3, noise=1.0, seconds=12.0)
     at = np.searchsorted(flight.t, 3.0)
     y = flight.y.copy()
@@ -233,7 +233,7 @@ def test_the_profile_is_the_likelihood_of_every_instant(seen, noise):
     assert np.isneginf(profile[(t > t[0]) & (t < t[0] + 0.3)]).all()
 
 
-def test_a_hidden_state_that_settles_on_the_whole_flight_explains_all_of_it(seen, noise):
+def test_a_hidden_state_settled_on_the_whole_flight_explains_it_all(seen, noise):
     flight = seen(PAYLOAD, name="1", seed=3, noise=1.0, seconds=12.0)
     late = flight.t > 8.0
     astray = [Term(PAYLOAD, hidden={"1": np.array([0.3, -0.2, 0.0, 0.5])})]

@@ -49,7 +49,7 @@ def flights(seen):
     return [seen(name=n, seed=i, noise=1.0) for i, n in enumerate("ab")]
 
 
-def test_in_a_lively_flight_a_delay_and_a_lag_are_collinear_and_a_clock_ahead_is_like_neither(flights, noise):
+def test_lively_flight_makes_delay_and_lag_collinear_but_not_a_clock(flights, noise):
     found = [c.effects for c in confusables(flights, library_candidates(flights), noise)]
     assert ("command_delay", "motor_lag") in found
     assert not {("clock_offset", "command_delay"), ("clock_offset", "motor_lag")} & {*found}

@@ -101,7 +101,7 @@ def test_bounds_of_regimes_are_round_and_hold_every_value(spread, middle, seed):
     np.testing.assert_allclose(bounds / step, np.round(bounds / step), atol=1e-6)
 
 
-def test_a_residual_that_grows_with_speed_does_so_across_the_regimes_of_speed(seen, noise):
+def test_a_residual_that_grows_with_speed_does_so_across_speed_regimes(seen, noise):
     flight = seen()
     speed = dut.quantities(flight)["speed"][0]
     y = white(3, len(flight.t))

@@ -44,7 +44,7 @@ def test_the_spectrum_holds_the_variance(c):
     assert total == pytest.approx(dut.rms[c] ** 2, rel=0.02)
 
 
-def test_whitening_gives_unit_white_innovations_that_are_independent_across_channels():
+def test_whitening_gives_unit_innovations_independent_across_channels():
     mixing = np.array([[1.0, 0, 0], [0.8, 0.6, 0], [-0.5, 0.5, 0.7]])
     dut = fit_noise([processes(0, 20000, mixing)], STEP)
     white = dut.whiten(processes(5, 20000, mixing))  # of an unseen flight

@@ -1,7 +1,6 @@
 """Laws of Bayesian linear regression on Gram matrices."""
 
 from itertools import pairwise
-from unittest.mock import patch
 
 import numpy as np
 import pytest
@@ -9,8 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
-from np_drake.diagnosis.numerics import bayesian_linear_regression
-from np_drake.diagnosis.numerics.bayesian_linear_regression import Gram
+from np_drake.diagnosis.numerics.bayesian_linear_regression import Gram, _alike
 
 
 def problem(seed: int, rows: int = 12, channels: int = 2, k: int = 4) -> tuple[np.ndarray, np.ndarray]:
@@ -77,16 +75,14 @@ def test_columns_of_every_model_may_be_taken_out_first(seed, n, chosen):
 @given(
     st.integers(0, 10**6),
     st.lists(st.lists(st.sampled_from([0, 1, 2, 3]), unique=True), max_size=6),
-    st.sampled_from([1, 30, 10**6]),
 )
-def test_many_sets_together_have_each_its_density_with_priors_as_wide_as_asked(seed, sets, at_once):
+def test_many_sets_at_once_have_each_its_density_at_the_widths_asked(seed, sets):
     X, y = problem(seed, k=5)
     dut, columns = gram(4.0 * X, y), [np.array([0, 1]), np.array([2]), np.array([3, 4]), np.zeros(0, int)]
     groups = [[columns[i] for i in chosen] for chosen in sets]
     wide = [[i != 1 for i in chosen] for chosen in sets]
     indices = [np.concatenate([np.zeros(0, int), *g]) for g in groups]
-    with patch.object(bayesian_linear_regression, "AT_ONCE", at_once):
-        evidence, posteriors = dut.evidence_of_sets(groups, wide), dut.posteriors(indices)
+    evidence, posteriors = dut.evidence_of_sets(groups, wide), dut.posteriors(indices)
     for found, (mean, covariance), index, g, w in zip(
         evidence, posteriors, indices, groups, wide, strict=True
     ):
@@ -102,7 +98,16 @@ def test_many_sets_together_have_each_its_density_with_priors_as_wide_as_asked(s
         assert found == pytest.approx(expected, abs=1e-7)
 
 
-def test_an_effect_of_usual_size_has_the_usual_prior_and_one_of_ten_times_the_size_is_not_punished_for_it():
+@given(st.lists(st.integers(0, 4), max_size=12), st.sampled_from([1, 30, 10**6]))
+def test_sets_that_are_solved_together_are_alike_and_few_and_none_is_lost(sizes, at_once):
+    found = list(_alike(sizes, at_once))
+    assert sorted(np.concatenate([np.zeros(0), *found])) == [i for i, size in enumerate(sizes) if size]
+    for some in found:
+        assert len({sizes[i] for i in some}) == 1
+        assert len(some) == 1 or len(some) * sizes[some[0]] ** 2 <= at_once
+
+
+def test_an_effect_of_ten_times_the_usual_size_is_not_punished_for_it():
     rng = np.random.default_rng(5)
     X = rng.normal(size=(200, 1, 3))
     groups = [np.array([0, 1]), np.array([2])]

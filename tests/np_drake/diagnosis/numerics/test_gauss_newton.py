@@ -31,7 +31,7 @@ def test_a_quadratic_is_solved_in_one_step():
 
 @settings(max_examples=60, deadline=None)
 @given(st.integers(0, 10**6))
-def test_the_minimum_lies_within_the_bounds_and_no_free_figure_wants_to_move(seed):
+def test_the_minimum_is_within_bounds_and_free_figures_are_at_rest(seed):
     rng = np.random.default_rng(seed)
     J, y = linear(seed)
     lower = -rng.uniform(0.1, 8.0, 3)
@@ -87,7 +87,7 @@ def test_nothing_free_is_no_error():
     np.testing.assert_array_equal(dut.z, 0.0)
 
 
-def test_figures_of_which_the_residual_is_linear_change_nothing_but_what_is_worked_out_once():
+def test_linear_figures_change_only_what_is_worked_out_once():
     J, y = linear(3, n=4)
 
     def residual(z):

@@ -98,9 +98,7 @@ def test_what_no_effect_explains_is_found_where_it_lives(seen, noise, effect, na
 
 
 @pytest.mark.parametrize("frequency, damping", [(1.0, 0.05), (2.4, 0.2), (4.0, 0.05)])
-def test_a_torque_that_swings_behind_its_command_is_a_twist_at_that_frequency(
-    seen, noise, frequency, damping
-):
+def test_a_torque_swinging_behind_its_command_is_a_twist_at_that_rate(seen, noise, frequency, damping):
     flights = [swinging(seen(name=str(i), seed=i, noise=1.0), frequency, damping) for i in (1, 2)]
     candidates = generic_candidates(flights, priors=REAL.priors)
     problem = RegressionProblem(flights, noise, [], candidates, temperature=2.0, options=REAL)
@@ -129,7 +127,7 @@ def groups(seen):
     return flights, generic_candidates(flights, priors=REAL.priors)
 
 
-def test_a_group_has_the_same_columns_on_a_flight_whether_it_was_seen_before(seen, groups):
+def test_a_group_has_the_same_columns_on_a_flight_seen_before_or_not(seen, groups):
     flights, candidates = groups
     held_out = seen(name="later", seed=7, noise=1.0, seconds=6.0)
     for c in candidates:

@@ -85,7 +85,7 @@ def vague(mass: float | None = None, thrust: float | None = None):
 
 
 @pytest.mark.parametrize("options", [Options.for_sensors(real) for real in (True, False)])
-def test_the_larger_of_the_tolerance_and_what_the_vehicle_file_states_counts(fly, options):
+def test_the_larger_of_tolerance_and_vehicle_files_statement_counts(fly, options):
     log, own = fly(seed=1, noise=1.0), options.tolerance
     for stated, counts in [((None, None), own), ((1e-4, 1e-4), own)]:
         assert with_input(options, [make_flight_residuals(log, vague(*stated))]).tolerance == counts
@@ -94,7 +94,7 @@ def test_the_larger_of_the_tolerance_and_what_the_vehicle_file_states_counts(fly
     assert open_.real is own.real  # how well a vehicle is known tells nothing about sensors
 
 
-def test_what_a_vehicle_file_states_of_thrust_does_not_narrow_the_scale_of_a_throttle(fly):
+def test_a_vehicle_file_does_not_narrow_the_scale_of_a_throttle(fly):
     flight = make_flight_residuals(with_throttle(fly(seed=1, noise=1.0), 1.5), vague(thrust=0.02))
     assert with_input(Options.for_sensors(True), [flight]).tolerance.thrust == THROTTLE_SCALE
 
@@ -120,7 +120,7 @@ def test_a_throttle_opens_scale_curve_and_drift(fly):
     assert (open_.mass, open_.attitude) == (Tolerance().mass, Tolerance().attitude)
 
 
-def test_without_torque_its_channels_are_empty_and_so_are_effects_of_torque(fly):
+def test_without_torque_its_channels_and_its_effects_are_empty(fly):
     flight = make_flight_residuals(without_torque(fly(DRAG, seed=1, noise=1.0)), VEHICLE)
     assert not flight.knows_torque
     assert not flight.y[:, TORQUE].any()

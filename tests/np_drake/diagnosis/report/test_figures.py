@@ -7,16 +7,10 @@ import pytest
 
 from np_drake.diagnosis.report.figures import smoothed
 from np_drake.diagnosis.report.page import figures
-from np_drake.files import figure_file
 from np_drake.files.figure_file import png
 
+COARSE = 30  # [dots an inch]
 NAMES = ("ladder", "regimes", "timeline", "spectrum", "replay")
-
-
-@pytest.fixture(autouse=True)
-def coarse(monkeypatch):
-    """Pictures are drawn with few pixels."""
-    monkeypatch.setattr(figure_file, "RESOLUTION", 30)
 
 
 @pytest.fixture(scope="module")
@@ -30,7 +24,7 @@ def test_every_figure_has_labels_with_units(drawn, name):
     assert any("[" in ax.get_xlabel() for ax in axes)
     assert any("[" in ax.get_ylabel() for ax in axes) or name == "ladder"  # whose rungs have names
     assert drawn[name].legends or name == "regimes"  # whose numbers stand in it, beside a colour bar
-    assert png(drawn[name]).startswith(b"\x89PNG")
+    assert png(drawn[name], COARSE).startswith(b"\x89PNG")
 
 
 def test_what_was_not_computed_is_not_drawn(diagnosis):
@@ -50,7 +44,7 @@ def test_a_replay_that_got_lost_and_rows_without_numbers_are_drawn(diagnosis):
         gap_reduction=dc.replace(diagnosis.gap_reduction, replay_before=lost, replay_after=None),
     )
     for figure in figures(dut).values():
-        assert png(figure)
+        assert png(figure, COARSE)
 
 
 def labels(figure):

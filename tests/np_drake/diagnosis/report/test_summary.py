@@ -103,7 +103,7 @@ def test_the_cause_with_the_largest_share_comes_first(diagnosis):
     assert cause_table(turned) == cause_table(diagnosis)
 
 
-def test_the_table_says_what_a_cause_cannot_be_told_from_where_there_is_such(diagnosis):
+def test_the_table_says_what_a_cause_cannot_be_told_from_if_any(diagnosis):
     header, rows = cause_table(diagnosis)
     assert header[5:] == ["begins", "or else"]
     assert next(row for row in rows if row[0] == "linear_drag")[-1] == "quadratic_drag"

@@ -90,7 +90,7 @@ def test_on_a_tight_circle_the_gyros_drift_is_not_left_to_the_attitude(off, tilt
     np.testing.assert_allclose(residual.mean(axis=0), [0.0, off, 0.0], atol=0.001)
 
 
-def test_a_drift_of_more_than_half_a_turn_about_an_oblique_axis_is_followed():
+def test_a_drift_beyond_half_a_turn_about_an_oblique_axis_is_followed():
     t = np.arange(0.0, 600.0, 0.02)
     level = np.tile([1.0, 0, 0, 0], (len(t), 1))
     read = from_rotation_vector(0.008 * np.random.default_rng(2).normal(size=(len(t), 3)))

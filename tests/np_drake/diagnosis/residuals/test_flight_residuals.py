@@ -55,7 +55,7 @@ def test_each_acceleration_meets_the_command_of_its_own_row():
         assert np.std(y[:, 2]) > 0.5  # [N]
 
 
-def test_without_accelerations_a_change_of_velocity_meets_the_command_before_it():
+def test_without_accelerations_velocity_answers_the_command_before():
     bare = dc.replace(shaken(), a=None)
     np.testing.assert_allclose(make_flight_residuals(bare, VEHICLE).y, 0.0, atol=1e-9)
     swapped = dc.replace(bare, u=np.roll(bare.u, 1, axis=0))
@@ -85,7 +85,7 @@ def between():
     return vehicle, dc.replace(log, a=a, v=v, p=p)
 
 
-def test_what_thrust_changes_until_the_next_row_is_no_disagreement_of_accelerometer_and_velocity(between):
+def test_thrust_between_rows_sets_no_accelerometer_against_velocity(between):
     vehicle, log = between
     np.testing.assert_allclose(make_flight_residuals(log, vehicle).y, 0.0, atol=1e-9)
 
@@ -106,7 +106,7 @@ def test_what_rotors_did_before_the_log_began_is_no_residual(lagging):
     np.testing.assert_allclose(dut.y[:, 2], 0.0, atol=0.02)  # [N], e^-7 of what was missed
 
 
-def test_a_log_that_begins_as_its_first_command_has_it_or_with_measured_rotors_is_kept_whole(lagging):
+def test_a_log_begun_at_its_first_command_or_with_rotors_is_kept_whole(lagging):
     vehicle, log = lagging
     for kept in (log, dc.replace(log.rows(400, 800), input="rotor_speed")):
         assert make_flight_residuals(kept, vehicle).t[0] == kept.t[0]
@@ -121,7 +121,7 @@ def test_a_wrench_on_the_body_is_the_residual():
     np.testing.assert_allclose(found, np.tile([0, 0, 3.0, 0.1, -0.2, 0.05], (len(found), 1)), atol=1e-9)
 
 
-def test_kinematic_channels_show_a_velocity_that_is_not_the_slope_of_position(seen):
+def test_kinematic_channels_show_velocity_that_is_not_positions_slope(seen):
     dut = seen(VelocityBias(0.1, -0.2, 0.3))
     expected = np.tile([-0.1, 0.2, -0.3], (len(dut.t), 1))
     np.testing.assert_allclose(dut.y[:, ev.POSITION], expected, atol=1e-3)
@@ -138,7 +138,7 @@ def test_noisy_attitude_is_seen_and_a_turned_acceleration_too(seen):
     )
 
 
-def test_an_acceleration_that_another_attitude_turned_is_not_turned_back_with_the_noisy_one(fly):
+def test_acceleration_is_turned_back_by_the_attitude_that_turned_it(fly):
     log, quiet = fly(noise=0.3, attitude_noise=0.01), fly(noise=0.3)
     dut = make_flight_residuals(dc.replace(log, a=quiet.a), VEHICLE)
     assert not dut.turned
@@ -152,7 +152,7 @@ def test_a_flight_shorter_than_three_seconds_is_refused_in_one_line(fly):
     assert "\n" not in str(error.value)
 
 
-def test_the_low_pass_keeps_what_is_slow_without_phase_and_removes_what_is_fast():
+def test_the_low_pass_keeps_the_slow_in_phase_and_removes_the_fast():
     t = 0.01 * np.arange(1000)
     slow, fast = np.sin(2 * np.pi * 0.5 * t), np.sin(2 * np.pi * 30 * t)
     found = low_pass(np.stack([slow, fast], axis=1), 0.01, 8.0)[100:-100]
@@ -211,9 +211,7 @@ def lossy(seed: int, *, jitter: float = 0.0, loss: float = 0.0, path: Path) -> F
 
 
 @pytest.mark.parametrize("jitter, loss", [(0.0, 0.0), (0.3, 0.0), (0.0, 1.0), (0.3, 1.0)])
-def test_gyro_noise_gives_torque_a_power_like_frequency_squared_whatever_rows_are_missing(
-    tmp_path, jitter, loss
-):
+def test_gyro_noise_gives_torque_power_like_frequency_squared(tmp_path, jitter, loss):
     """The integral of torque is the change of rate, gaps included; where it is not, white slow torque shows."""
     power = 0.0
     for seed in range(2):

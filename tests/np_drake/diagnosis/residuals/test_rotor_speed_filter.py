@@ -96,7 +96,7 @@ def test_what_was_read_without_noise_is_as_it_was_read():
     np.testing.assert_allclose(most_likely(values, np.zeros(3), 0.01), values, atol=1e-12)
 
 
-def test_the_most_likely_thrust_is_nearer_than_what_was_read_and_its_noise_is_known(fly):
+def test_likeliest_thrust_is_nearer_than_the_reading_and_its_noise_known(fly):
     log = fly(noise=1.0, seconds=20.0)
     true, seen = (x.u @ VEHICLE.unmixer.T for x in (known(log), read(log)))
     found, noise = read_thrust(read(log), VEHICLE)

@@ -94,7 +94,7 @@ def test_a_lag_answers_a_step_as_an_exponential_of_rotor_speed():
     np.testing.assert_allclose(rows[20:59, 0], at_rows, atol=1e-3)  # continued over a quarter of a row [N]
 
 
-def test_rotors_that_swing_from_row_to_row_have_at_every_row_the_thrust_of_their_speed():
+def test_rotors_that_swing_by_row_have_the_thrust_of_their_speed():
     f, T = np.tile([[0.1], [9.0]], (30, 4)), 0.02
     rows, _ = Rotors(log_of(f), VEHICLE).thrust([MotorLag(T)])
     speed, target = np.sqrt(f[0, 0]), np.sqrt(f[:, 0])

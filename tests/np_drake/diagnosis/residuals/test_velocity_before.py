@@ -50,7 +50,7 @@ def test_without_a_disturbance_it_is_the_velocity():
 
 @given(row=st.integers(5, ROWS - 2), size=st.floats(1, 50))
 @settings(max_examples=20, deadline=None)
-def test_what_happens_in_an_interval_does_not_change_the_velocity_known_before_it(row, size):
+def test_an_interval_does_not_change_the_velocity_known_before_it(row, size):
     struck = np.zeros((ROWS, 3))
     struck[row] = size
     before, after = PointMass(np.zeros((ROWS, 3))).known(), PointMass(struck).known()

@@ -79,7 +79,7 @@ def test_no_model_names_an_effect_twice(searched):
         assert len(named) == len(set(named))
 
 
-def test_a_delay_and_a_clock_never_come_together_and_the_clock_is_of_the_other_sign(searched):
+def test_a_delay_and_a_clock_of_the_other_sign_never_come_together(searched):
     problem, models = searched
     sets = [set(names(problem, m.members)) for m in models]
     assert any("command_delay" in s for s in sets)

@@ -227,7 +227,7 @@ def test_what_begins_when_it_does_stands_for_it_and_is_not_beside_it(seen, noise
     assert not any(c is then for c in beside)
 
 
-def test_it_is_sought_where_one_from_the_start_explains_more_than_its_weight(seen, noise):
+def test_it_is_sought_if_one_from_the_start_explains_more_than_its_cost(seen, noise):
     payload = SuspendedPayload(0.4, 0.55)
     onset = {"suspended_payload": 1.5}
     flights = [seen(payload, name="1", seed=1, noise=1.0, seconds=10.0, onset=onset)]

@@ -69,7 +69,7 @@ def test_every_fit_is_one_of_the_models_that_were_met(dut):
     assert len(fitted) == len(set(fitted))
 
 
-def test_a_large_offset_of_the_mass_is_not_helped_by_a_mass_that_is_its_second_order(ranked):
+def test_a_large_offset_of_mass_needs_no_mass_as_its_second_order(ranked):
     dut = ranked(CenterOfMassOffset(0.012, 0.007, 0.006))
     assert names_of_fit(dut.fit) == ("center_of_mass_offset",)
     assert all(p < 0.5 for name, p in dut.ranking.probability.items() if name != "center_of_mass_offset")
@@ -88,7 +88,7 @@ def test_the_model_is_tried_without_its_faint_effects_all_and_each(dut):
         assert bool(drop_negligible(problem, Model(members, 0.0), strong)) is tried_without
 
 
-def test_of_effects_that_shift_commands_the_model_is_tried_with_the_one_that_shifts_most_and_with_none(dut):
+def test_the_largest_shift_of_commands_is_tried_and_none(dut):
     names = ["mass_error", "motor_lag", "command_delay"]
     problem = dut.ranking.problem
     at = {c.identifiers[0]: i for i, c in enumerate(problem.candidates) if len(c.identifiers) == 1}

@@ -43,9 +43,7 @@ def blown(seen):
 
 
 @pytest.mark.parametrize("most, named", [(0.1, False), (0.3, True)])  # [N·s/m], for a force of 1.7 N
-def test_gusts_that_need_more_wind_than_there_is_through_all_the_drag_there_may_be_are_none(
-    blown, most, named
-):
+def test_gusts_that_need_more_wind_than_there_is_are_none(blown, most, named):
     weak = cause(LinearDrag(0.02, 0.02, 0.02))
     weak = dc.replace(weak, parameters={n: Estimate(0.02, "", (0.0, most)) for n in weak.parameters})
     causes = as_gusts(*blown, [weak], 0.9, IDEAL)
@@ -112,14 +110,14 @@ def test_gusts_that_were_found_late_begin_where_their_power_does(seen, options):
         assert list(blown.onset.values()) == pytest.approx([8.0, 8.0], abs=0.15)
 
 
-def test_a_drag_that_seemed_to_act_throughout_begins_with_the_wind_where_it_is_not_felt_before(seen):
+def test_a_drag_not_felt_before_the_wind_begins_with_it(seen):
     gusts, late = GustyWind(0.0, 0.0, 0.0, 2.0, 0.5, seed=4), {"linear_drag": 8.0, "gusty_wind": 8.0}
     flights = flown(seen, DRAG, gusts, seconds=16.0, onset=late)
     for blown in as_gusts(flights, felt_in(flights), [cause(DRAG)], 0.9, IDEAL):
         assert list(blown.onset.values()) == pytest.approx([8.0, 8.0], abs=0.15)
 
 
-def test_a_drag_that_begins_with_the_wind_in_one_flight_does_so_in_another_that_did_not_tell(seen):
+def test_a_drag_that_begins_with_wind_once_does_so_where_nothing_tells(seen):
     gusts, how = GustyWind(1.0, -0.5, 0.0, 1.0, 0.5, seed=4), {"noise": 1.0, "seconds": 16.0}
     begins = {"1": 8.0, "2": 5.0}
     flights = [
@@ -132,7 +130,7 @@ def test_a_drag_that_begins_with_the_wind_in_one_flight_does_so_in_another_that_
 
 
 @pytest.mark.parametrize("held_out", [None, 3.0])
-def test_what_an_unseen_flight_seems_to_show_moves_nothing_in_the_fitted_ones(seen, held_out):
+def test_an_unseen_flight_moves_nothing_in_the_fitted_ones(seen, held_out):
     gusts = GustyWind(0.0, 0.0, 0.0, 2.0, 0.5, seed=4)
     *flights, third = (
         seen(DRAG, gusts, name=n, seed=int(n), noise=1.0, seconds=16.0, onset={"gusty_wind": 8.0})
@@ -158,7 +156,7 @@ def test_a_drag_that_acts_from_the_start_does_so_before_gusts(seen):
     assert list(wind.onset.values()) == pytest.approx([8.0, 8.0], abs=0.15)
 
 
-def test_in_an_unseen_flight_gusts_begin_where_their_power_does_and_their_figures_are_those_of_the_others(
+def test_unseen_gusts_begin_with_their_power_and_have_the_others_figures(
     seen,
 ):
     gusts, late = GustyWind(0.0, 0.0, 0.0, 2.0, 0.5, seed=4), {"linear_drag": 8.0, "gusty_wind": 8.0}

@@ -53,9 +53,7 @@ def behind(e):
 
 
 @pytest.mark.parametrize(("force", "tied"), [(jet, True), (behind, False)])
-def test_a_force_beside_gusts_is_tied_to_the_place_where_the_velocity_does_not_tell_it(
-    flights, force, tied, pushed
-):
+def test_a_force_beside_gusts_depends_on_place_if_velocity_does_not_tell(flights, force, tied, pushed):
     residual = pushed(flights, np.random.default_rng(4), 0.6)
     for e in flights:
         residual[e.name] = 0.3 * residual[e.name]

@@ -82,7 +82,7 @@ def test_a_steady_force_is_none(seen):
     assert slow_force(flights, residual, IDEAL).log_evidence == pytest.approx(still, abs=0.5)
 
 
-def test_an_attitude_may_wander_as_a_rig_does_but_not_as_fast_and_as_far_as_air_pushes(seen):
+def test_an_attitude_may_wander_as_a_rig_does_but_not_as_air_pushes(seen):
     flights = [dc.replace(e, turned=False) for e in flown(seen, attitude_noise=0.007)]
     weight = flights[0].vehicle.mass * flights[0].vehicle.gravity
     residual = left_of(flights)
@@ -95,7 +95,7 @@ def test_an_attitude_may_wander_as_a_rig_does_but_not_as_fast_and_as_far_as_air_
 
 
 @pytest.mark.parametrize("one", ["position", "accelerometer"])
-def test_where_the_accelerometer_needs_no_attitude_a_force_that_one_of_both_shows_alone_is_none(seen, one):
+def test_a_force_that_only_accelerometer_or_velocity_shows_is_none(seen, one):
     flights = [dc.replace(e, turned=True) for e in flown(seen, attitude_noise=0.007)]
     residual = left_of(flights)
     alone = slow_force(flights, pushed(flights, residual, **{one: 0.15}, time=1.0), REAL)
@@ -112,7 +112,7 @@ def test_the_spectrum_of_a_gauss_markov_process_holds_its_variance(rms, time):
     assert integrate.trapezoid(_markov(f, rms, time), f) == pytest.approx(np.exp(2 * rms), rel=0.01)
 
 
-def test_the_power_of_a_slow_force_is_its_mean_square_and_a_fast_one_has_none(seen):
+def test_a_slow_force_has_its_mean_square_as_power_and_a_fast_one_none(seen):
     flights = flown(seen, seconds=20.0)
     for frequency, expected in ((0.3, 0.5 * 0.8**2), (4.0, 0.0)):
         residual = {}
@@ -124,7 +124,7 @@ def test_the_power_of_a_slow_force_is_its_mean_square_and_a_fast_one_has_none(se
         assert slow_power(flights, residual) == pytest.approx(expected, rel=0.1, abs=0.01)
 
 
-def test_an_attitude_that_is_read_askew_is_no_slow_force_where_the_vehicle_yaws(seen):
+def test_an_attitude_read_askew_is_no_slow_force_where_the_vehicle_yaws(seen):
     flight, _ = flown(seen, seconds=20.0)
     x = flight.rows.x.copy()
     half = 0.2 * flight.rows.t

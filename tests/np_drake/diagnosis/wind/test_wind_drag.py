@@ -19,7 +19,7 @@ def named(ranking) -> list[str]:
     return [t.effect.identifier for t in ranking.best.terms]
 
 
-def test_gusts_are_felt_through_a_drag_that_is_too_small_to_be_found_by_itself(ranked):
+def test_gusts_act_through_a_drag_too_small_to_be_found_by_itself(ranked):
     case = ranked(NEGLIGIBLE, GUSTS)
     assert DRAG not in named(case.ranking)
     dut = conclude(case.found, case.held_out)
@@ -42,7 +42,7 @@ def test_a_weak_drag_begins_where_its_gusts_do(seen, inferred):
         assert [cause.onset[n] for n in ("a", "b")] == pytest.approx([7.0, 7.0], abs=0.2)
 
 
-def test_where_flights_speak_against_a_drag_or_name_it_themselves_nothing_changes(ranked):
+def test_nothing_changes_where_flights_refuse_a_drag_or_name_it(ranked):
     for effects in ((), (CenterOfMassOffset(0.012, 0.007, 0.006),), (LinearDrag(0.6, 0.6, 0.6),)):
         ranking = ranked(*effects).ranking
         assert with_drag(ranking) is ranking

@@ -90,9 +90,7 @@ def test_a_flight_may_have_a_mean_of_its_own(flights, pushed):
 
 
 @pytest.mark.parametrize("size", [0.5, 1.0, 2.0])
-def test_on_a_rig_gusts_begin_where_their_power_does_beside_an_attitude_that_errs_slowly(
-    flights, size, pushed
-):
+def test_on_a_rig_gusts_begin_with_their_power_beside_an_attitude_drift(flights, size, pushed):
     for seed in range(4):
         rng = np.random.default_rng(seed)
         residual = pushed(flights, rng, 0.5, begin=8.0)
@@ -101,7 +99,7 @@ def test_on_a_rig_gusts_begin_where_their_power_does_beside_an_attitude_that_err
         assert list(begins.values()) == pytest.approx([8.0, 8.0], abs=2 * BIN)
 
 
-def test_on_a_rig_gusts_begin_where_their_power_does_in_a_flight_longer_than_a_span(seen, pushed):
+def test_on_a_rig_gusts_begin_with_their_power_in_a_long_flight(seen, pushed):
     flights, rng = [seen(name="1", seed=1, seconds=30.0)], np.random.default_rng(3)
     residual = pushed(flights, rng, 0.5, begin=25.0)
     residual = {e.name: residual[e.name] + wandering(e, rng) for e in flights}

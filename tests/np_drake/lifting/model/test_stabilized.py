@@ -7,7 +7,7 @@ from np_drake.lifting.model.stabilized import stabilized, stabilized_all
 
 
 @given(st.integers(0, 10_000), st.floats(0.8, 1.5))
-def test_modes_outside_are_pulled_straight_onto_the_circle_and_keep_their_shape(seed, was):
+def test_modes_outside_are_pulled_onto_the_circle_and_keep_their_shape(seed, was):
     """Against the complex eigenvectors, which the code under test does not form."""
     generator = np.random.default_rng(seed)
     A = generator.standard_normal((24, 24))

@@ -1,8 +1,6 @@
 """Laws of checkpoints: a killed run goes on to the same model, and what is no checkpoint of the run is refused."""
 
 import signal
-import subprocess
-import sys
 import time
 
 import numpy as np
@@ -10,42 +8,28 @@ import pytest
 import torch
 from safetensors import safe_open
 from safetensors.numpy import load_file, save_file
-
-from np_drake.lifting.training.checkpoint import REMEDY, SCHEMA, Checkpoint
-from np_drake.lifting.training.train import make_config
-from np_drake.training_data.segments import Segment
-
-# Trains on noise through a filter; `started` appears once the training has begun.
-PROGRAM = """
-import sys
-from pathlib import Path
-
-import numpy as np
 from scipy.signal import lfilter
 
 from np_drake.lifting.model.model_file import save_model
-from np_drake.training_data.segments import Segment
+from np_drake.lifting.training.checkpoint import REMEDY, SCHEMA, Checkpoint
 from np_drake.lifting.training.train import make_config, train
+from np_drake.training_data.segments import Segment
 
-configuration, folder = sys.argv[1], Path(sys.argv[2])
-settings = {"paper": {"epochs": 12}, "delay-modal": {"iterations": 60}}[configuration]
-noise = lfilter([0.1], [1.0, -0.9], np.random.default_rng(0).standard_normal((900, 12)), axis=0)
-segment = Segment(noise[:, :6], noise[:, 6:], 0.02)
-(folder / "started").touch()
-result = train([segment], make_config(configuration, **settings), checkpoint=folder / "run.ckpt")
-save_model(result.model, folder / "model.safetensors")
-"""
+SETTINGS = {"paper": {"epochs": 12}, "delay-modal": {"iterations": 60}}
 
 
-def start(folder, configuration):
-    program = folder / "program.py"
-    program.write_text(PROGRAM)
-    (folder / "started").unlink(missing_ok=True)
-    run = subprocess.Popen([sys.executable, str(program), configuration, str(folder)])
-    while not (folder / "started").exists():
-        assert run.poll() is None
-        time.sleep(0.005)
-    return run
+def noise():
+    """Return a segment of noise through a filter."""
+    values = lfilter([0.1], [1.0, -0.9], np.random.default_rng(0).standard_normal((900, 12)), axis=0)
+    return Segment(values[:, :6], values[:, 6:], 0.02)
+
+
+def train_on_noise(configuration, folder):
+    """Train with checkpoints; `started` appears once the training begins."""
+    (folder / "started").touch()
+    config = make_config(configuration, **SETTINGS[configuration])
+    result = train([noise()], config, checkpoint=folder / "run.ckpt")
+    save_model(result.model, folder / "model.safetensors")
 
 
 def content(path):
@@ -55,22 +39,34 @@ def content(path):
     return metadata, {name: value.tobytes() for name, value in load_file(path).items()}
 
 
-@pytest.mark.parametrize("configuration", ["paper", "delay-modal"])
-def test_a_run_killed_at_any_three_instants_ends_in_the_same_model(configuration, tmp_path):
+@pytest.mark.parametrize("configuration", SETTINGS)
+def test_a_run_killed_at_any_three_instants_ends_in_the_same_model(configuration, tmp_path, forked):
+    def start(folder):
+        (folder / "started").unlink(missing_ok=True)
+        run = forked(train_on_noise, configuration, folder)
+        while not (folder / "started").exists():
+            assert run.is_alive()
+            time.sleep(0.005)
+        return run
+
+    train([noise()], make_config(configuration, **dict.fromkeys(SETTINGS[configuration], 1)))  # imports all
     whole, killed = tmp_path / "whole", tmp_path / "killed"
     whole.mkdir()
     killed.mkdir()
-    run, begun = start(whole, configuration), time.monotonic()
-    assert run.wait() == 0
+    run, begun = start(whole), time.monotonic()
+    run.join()
+    assert run.exitcode == 0
     length = time.monotonic() - begun
     kills = 0
     for share in np.random.default_rng(7).uniform(0.1, 0.5, 3):
-        run = start(killed, configuration)
+        run = start(killed)
         time.sleep(share * length)
         run.kill()
-        kills += run.wait() == -signal.SIGKILL
-    run = start(killed, configuration)
-    assert run.wait() == 0
+        run.join()
+        kills += run.exitcode == -signal.SIGKILL
+    run = start(killed)
+    run.join()
+    assert run.exitcode == 0
     assert kills >= 1
     for name in ("model.safetensors", "run.ckpt"):
         assert content(whole / name) == content(killed / name)
@@ -114,7 +110,7 @@ FAULTS = {
 
 
 @pytest.mark.parametrize("fault", FAULTS)
-def test_what_is_no_checkpoint_of_the_run_is_one_line_with_file_and_remedy_and_stays(checkpoint, fault):
+def test_a_foreign_checkpoint_stays_and_is_one_line_with_file_and_remedy(checkpoint, fault):
     dut, path = checkpoint
     fault(path)
     before = path.read_bytes()

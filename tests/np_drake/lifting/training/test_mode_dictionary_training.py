@@ -111,7 +111,7 @@ def test_a_whole_flight_at_once_is_the_flight_sample_by_sample(model, torque, kn
     )
 
 
-def test_missing_samples_leave_a_usable_forecast_and_a_long_gap_ends_the_evidence(dut):
+def test_missing_samples_leave_a_forecast_and_a_long_gap_ends_evidence(dut):
     unseen = flight(5, 400)
     memory = dut.initial_memory()
     for k in range(400):

@@ -48,9 +48,9 @@ def made() -> dict[str, Stream]:
     }
 
 
-def everything(path: Path) -> Recording:
+def everything(path: Path, chunk: int = crazyflie.CHUNK) -> Recording:
     wanted = {name: list(columns) for name, columns in CRAZYFLIE.contents(path).items()}
-    return CRAZYFLIE.read(path, wanted, lambda share: None)
+    return crazyflie.read(path, wanted, lambda share: None, chunk)
 
 
 def same(one: Recording, other: Recording) -> bool:
@@ -92,12 +92,12 @@ def test_every_struct_type_keeps_its_value(log, writer, letter):
 
 
 @pytest.mark.parametrize("chunk", [1, 50, 1000])
-def test_records_across_the_pieces_of_a_file_are_whole(log, writer, made, monkeypatch, chunk):
+def test_records_across_the_pieces_of_a_file_are_whole(log, writer, made, chunk):
     writer.write(log, made)
     whole = everything(log)
-    monkeypatch.setattr(crazyflie, "CHUNK", chunk)
-    assert same(everything(log), whole)
-    assert everything(log).notes == ()
+    dut = everything(log, chunk)
+    assert same(dut, whole)
+    assert dut.notes == ()
 
 
 def test_only_what_is_wanted_is_returned_and_progress_reaches_the_end(log, writer, made):

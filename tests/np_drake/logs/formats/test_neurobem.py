@@ -51,7 +51,7 @@ def test_body_rates_change_with_the_angular_acceleration(agile):
     )  # 1.2 of 9.8, 0.55 of 2.6 rad/s² seen
 
 
-def test_rotor_speed_carries_the_weight_and_turns_the_way_the_vehicle_turns(agile):
+def test_rotor_speed_carries_the_weight_and_turns_as_the_vehicle_does(agile):
     """Collective thrust within 10 %; each torque of the mixer correlates with what was measured."""
     vehicle = published_vehicle()
     measured = labels.raw_labels(agile, vehicle)[:, 3:] + agile.u[:, 1:]

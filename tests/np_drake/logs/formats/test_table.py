@@ -196,16 +196,22 @@ def test_a_damaged_gzip_is_refused(tmp_path):
         read(tmp_path / "made.csv.gz", "x")
 
 
+def test_a_line_that_is_too_long_is_refused(tmp_path):
+    path = tmp_path / "long.csv"
+    path.write_text("t,x\n1,2\n" + "1" * text_lines.MAX_LINE + ",2\n")
+    with pytest.raises(LogError, match="line 3: must have at most 1000000 characters"):
+        read(path, "x")
+
+
 def test_what_fills_the_memory_is_refused(tmp_path, monkeypatch):
     monkeypatch.setattr(text_lines, "text_budget", lambda path: 50_000)
-    monkeypatch.setattr(text_lines, "MAX_LINE", 5000)
     (tmp_path / "bomb.csv.gz").write_bytes(gzip.compress(b"t,x\n" + b"1,2\n" * 10**6))
     with pytest.raises(LogError, match="at most 0 MB of text"):
         read(tmp_path / "bomb.csv.gz", "x")
-    (tmp_path / "long.csv").write_text("t,x\n1,2\n" + "1" * 6000 + ",2\n")
-    with pytest.raises(LogError, match="line 3: must have at most 5000 characters"):
-        read(tmp_path / "long.csv", "x")
-    monkeypatch.setattr(text_lines, "MAX_ROWS", 10)
+    require, more = text_lines.require_rows_within_limit, text_lines.MAX_ROWS - 10  # than there are
+    monkeypatch.setattr(
+        text_lines, "require_rows_within_limit", lambda path, rows: require(path, rows + more)
+    )
     (tmp_path / "rows.csv").write_text("t,x\n" + "1,2\n" * 11)
     with pytest.raises(LogError, match=r"at most .* rows"):
         read(tmp_path / "rows.csv", "x")

@@ -118,7 +118,7 @@ def rotors(rows: Mapping[str, int], used: int, rate: float) -> dict[str, Stream]
     return found
 
 
-def test_four_rotors_in_use_are_taken_and_those_that_never_change_are_left_out(log, writer):
+def test_four_rotors_in_use_are_taken_and_constant_ones_left_out(log, writer):
     writer.write(log, rotors({"esc_status": 8, "actuator_motors": 12, "actuator_outputs": 16}, 4, 100.0))
     contents = ULOG.contents(log)
     assert contents["actuator_motors"] == tuple(f"control[{i}]" for i in range(4))
@@ -133,7 +133,7 @@ def test_four_rotors_in_use_are_taken_and_those_that_never_change_are_left_out(l
 
 
 @pytest.mark.parametrize(("used", "rate"), [(6, 100.0), (3, 100.0), (4, 10.0)])
-def test_rotors_that_are_not_four_or_are_logged_slowly_leave_collective_thrust(log, writer, used, rate):
+def test_rotors_not_four_or_logged_slowly_leave_collective_thrust(log, writer, used, rate):
     writer.write(log, rotors({"esc_status": 8, "actuator_motors": 12}, used, rate))
     dut = sources(ULOG.contents(log))
     assert dut["throttle"] == ["vehicle_thrust_setpoint/xyz[2]"]

@@ -66,7 +66,7 @@ def test_a_command_that_was_held_until_its_row_moves_one_row_up():
     "slow, bound",  # at 10 Hz [m, m/s, 1, rad/s, m/s²]; chords would be off by 5 mm and 1 cm/s
     [("position", 1e-3), ("velocity", 1e-3), ("attitude", 1e-9), ("rates", 1e-9), ("acceleration", 0.06)],
 )
-def test_a_signal_of_another_rate_follows_the_flight_and_the_better_the_faster(slow, bound):
+def test_a_signal_of_another_rate_follows_the_flight_better_if_faster(slow, bound):
     errors = []
     for rate in (10.0, 20.0, 40.0):
         dut = align(signals_at({slow: rate}), PLAIN)

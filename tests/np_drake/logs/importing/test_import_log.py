@@ -66,7 +66,7 @@ NED_FRD = (("world", "ned"), ("body", "frd"))
     ],
     ids=["NED/FRD", "xyzw", "deg/s and -f", "ms"],
 )
-def test_a_log_in_its_own_conventions_is_the_flight_and_in_others_is_refused(written, excited, own):
+def test_a_log_is_the_flight_in_its_conventions_and_refused_in_others(written, excited, own):
     t = excited.t * (1000.0 if own[0][0] == "time.unit" else 1.0)
     (flight,) = written(own, own, t=t).flights
     same(flight, excited)
@@ -93,7 +93,7 @@ def test_the_time_column_of_the_map_is_read(written, excited):
     assert flight.t == pytest.approx(excited.t - excited.t[0])
 
 
-def test_a_flight_whose_thrust_is_negative_is_not_taken_for_one_on_the_ground(written):
+def test_a_flight_of_negative_thrust_is_not_taken_for_one_on_the_ground(written):
     with pytest.raises(WrongConventions, match=r"thrust.scale: -1.0"):
         written((("thrust.scale", -1.0),), ())
 

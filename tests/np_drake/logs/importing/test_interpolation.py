@@ -44,7 +44,7 @@ def test_a_gyro_bias_does_not_move_the_attitude_at_its_samples():
     assert angle_between(dut, constant_turn(BETWEEN)).max() < 1e-12
 
 
-def test_a_state_under_constant_acceleration_is_a_parabola_between_its_samples():
+def test_constant_acceleration_is_a_parabola_between_samples():
     fine = np.linspace(0.0, 4.0, 81)
     rate = Signal(fine, 3.0 * fine[:, None])
     dut = Signal(HALF_SECONDS, 1.5 * HALF_SECONDS[:, None] ** 2).integrated(rate, BETWEEN)

@@ -28,7 +28,7 @@ def test_a_clean_signal_is_kept_to_the_bit():
     assert notes == []
 
 
-def test_rows_without_number_and_rows_that_run_back_are_left_out_and_counted():
+def test_rows_without_number_or_running_back_are_left_out_and_counted():
     t = 0.01 * np.arange(100)
     x = moving(t)
     x["y"][7] = np.nan

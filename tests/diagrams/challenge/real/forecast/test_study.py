@@ -10,7 +10,6 @@ from diagrams.challenge.real.forecast.study import estimate_at_end, run_study, s
 from np_drake.files.atomic_file import plain
 from np_drake.payload_filter.model_file import PayloadFilterModel
 from np_drake.payload_filter.predictor import PayloadFilter
-from np_drake.residual_models.hold import Hold
 from np_drake.scaling import scales
 
 
@@ -39,18 +38,18 @@ def test_the_oracle_pendulum_is_near_zero_and_persistence_is_one(cones, payload,
 
 
 def test_no_row_is_trained_on_the_manoeuvre_that_it_is_scored_on(cones, monkeypatch):
-    seen = []
+    seen, opened = [], study._opened
 
-    def trainer(flights, step):
-        seen.append(sorted(log.name for log, _ in flights))
-        return Hold(step=step)
+    def trained_on(flights):
+        seen.append(sorted(flight.log.name for flight in flights))
+        return opened(flights)
 
-    monkeypatch.setattr(study, "ROWS", {PERSISTENCE: trainer, "mine": trainer})
-    found = run_study(cones, [PERSISTENCE, "mine"], step=0.02, workers=Here())
+    monkeypatch.setattr(study, "_opened", trained_on)
+    found = run_study(cones, [PERSISTENCE, "linear"], step=0.02, workers=Here())
     held_out = [["00", "01"], ["10", "11"], ["20", "21"]]
     everything = sorted(flight.log.name for flight in cones)
     assert seen == [[n for n in everything if n not in fold] for fold in held_out for _ in range(2)]
-    scored = [s.flight for s in found.scores if (s.row, s.motion) == ("mine", "known")]
+    scored = [s.flight for s in found.scores if (s.row, s.motion) == ("linear", "known")]
     assert scored == everything
 
 
@@ -70,7 +69,7 @@ def test_horizons_are_whole_steps():
     assert steps_of((0.001, 0.1), 0.01) == [1, 10]
 
 
-def test_persistence_is_always_among_the_rows_and_an_unknown_one_is_refused():
+def test_persistence_is_always_a_row_and_an_unknown_row_is_refused():
     assert choose(["ridge"]) == [PERSISTENCE, "ridge"]
     assert {PERSISTENCE, "ridge", TOLD} <= set(choose([]))
     with pytest.raises(ValueError, match="--only"):

@@ -54,7 +54,7 @@ def payload(manoeuvre, low, high):
     )
 
 
-def test_the_payload_is_shown_by_manoeuvre_and_counted_where_the_truth_lies_inside():
+def test_the_payload_is_shown_by_manoeuvre_with_its_coverage():
     payloads = [payload("one", 0.1, 0.3), payload("one", 0.3, 0.5), payload("two", 0.15, 0.25)]
     true = PayloadEstimate(Estimate(0.2, 0, 0), Estimate(0.4, 0, 0), Estimate(0.9, 0, 0))
     _, header, rows = payload_table(payloads, true, (0.26, 0.28))
@@ -66,7 +66,7 @@ def test_the_payload_is_shown_by_manoeuvre_and_counted_where_the_truth_lies_insi
     assert len(header) == 4
 
 
-def test_the_figure_has_a_line_for_every_row_but_persistence_in_both_panels():
+def test_both_panels_have_a_line_for_every_row_but_persistence():
     figure = ratio_figure([line for line in LINES if np.isfinite(line["ratio"])])
     assert [len(axis.lines) for axis in figure.axes] == [2 + len(choose([])) - 1] * 2
     assert len(figure.legends[0].get_texts()) == len(choose([]))

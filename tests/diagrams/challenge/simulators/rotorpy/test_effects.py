@@ -1,5 +1,7 @@
 """Effects act in the simulator `rotorpy` as they do by themselves."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 
@@ -9,7 +11,6 @@ from diagrams.challenge.generate.magnitudes import draw_effect
 from diagrams.challenge.generate.trajectories import draw_plan
 from diagrams.challenge.out_of_library.draw import OUT_OF_LIBRARY, draw_out_of_library
 from diagrams.challenge.simulators.rotorpy import simulator
-from diagrams.challenge.simulators.rotorpy.simulator import fly
 from np_drake import attitude
 from np_drake.diagnosis.forward_model.payload_state import Term
 from np_drake.diagnosis.forward_model.prediction import predicted_residual
@@ -19,6 +20,9 @@ from np_drake.effects.combine import total_wrench
 from np_drake.effects.library import LIBRARY
 from np_drake.labels import raw_labels
 
+# The laws hold from any start; a settled one only takes longer.
+fly = partial(simulator.fly, warm_up=0.5)  # [s]
+
 EXACT = {"atol": 1e-9}  # [N, N·m]: at a row nothing is integrated
 PURE = [n for n, e in LIBRARY.items() if e.place == "wrench" and n not in ("suspended_payload", "gusty_wind")]
 MEMORYLESS = ["thrust_scale", "thrust_drift", "weak_rotor"]
@@ -27,13 +31,6 @@ SENSORS = [n for n, e in LIBRARY.items() if e.place == "measurement" and n != "c
 SIGNED = [
     n for n, e in LIBRARY.items() if n in PURE or n in MEMORYLESS or e.place == "mass" or n == "motor_lag"
 ]
-
-
-@pytest.fixture(scope="module", autouse=True)
-def short_warm_up():
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(simulator, "WARM_UP", 0.5)
-        yield
 
 
 def drawn(name, vehicle):

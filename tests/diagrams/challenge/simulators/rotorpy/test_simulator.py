@@ -1,3 +1,5 @@
+from functools import partial
+
 import numpy as np
 import pytest
 
@@ -13,25 +15,19 @@ from diagrams.challenge.out_of_library.draw import OUT_OF_LIBRARY, draw_out_of_l
 from diagrams.challenge.out_of_library.wind import PassingVehicle
 from diagrams.challenge.simulators.drake import simulator
 from diagrams.challenge.simulators.rotorpy import simulator as rotorpy_simulator
-from diagrams.challenge.simulators.rotorpy.simulator import fly
 from np_drake import attitude
 from np_drake.effects.library import LIBRARY
 from np_drake.labels import raw_labels
 from np_drake.rigid_body import residual_wrench
 
+# The laws hold from any start; a settled one only takes longer [s].
+fly_in_drake, fly = (partial(of.fly, warm_up=0.5) for of in (simulator, rotorpy_simulator))
 # What a momentary wrench does not show whole: effects with memory, with more mass, or with clocks of their own.
 SHARED = [
     *("center_of_mass_offset", "suspended_payload", "motor_lag", "command_delay", "clock_offset"),
     *("linear_drag", "rotor_gyroscopic", "thrust_rate_torque", "yaw_backlash", "liquid_slosh"),
     *("creeping_blades", "dynamic_inflow"),
 ]
-
-
-@pytest.fixture(scope="module", autouse=True)
-def short_warm_up():
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(rotorpy_simulator, "WARM_UP", simulator.WARM_UP)
-        yield
 
 
 @pytest.fixture(scope="module")
@@ -72,7 +68,7 @@ def test_a_flight_is_the_same_twice(vehicle, plan, t, clean):
 @pytest.mark.parametrize("nominal", VEHICLES[:2], ids=lambda vehicle: vehicle.name)
 def test_a_clean_flight_is_that_of_the_other_simulator(nominal, t):
     plan = draw_plan(np.random.default_rng(0), nominal, 5.0, "sprints")
-    ours, theirs = fly(nominal, plan, t=t), simulator.fly(nominal, plan, t=t)
+    ours, theirs = fly(nominal, plan, t=t), fly_in_drake(nominal, plan, t=t)
     np.testing.assert_allclose(ours.p, theirs.p, atol=1e-4)  # [m]; two integrators
     np.testing.assert_allclose(ours.a, theirs.a, atol=2e-3)  # [m/s²]
     np.testing.assert_allclose(ours.rotor, theirs.rotor, atol=0.05)  # [rad/s]
@@ -81,7 +77,7 @@ def test_a_clean_flight_is_that_of_the_other_simulator(nominal, t):
 @pytest.mark.parametrize("name", SHARED)
 def test_an_effect_moves_the_vehicle_as_in_the_other_simulator(name, vehicle, plan, t, clean):
     effects = drawn(name, vehicle)
-    ours, theirs = fly(vehicle, plan, effects, t=t), simulator.fly(vehicle, plan, effects, t=t)
+    ours, theirs = fly(vehicle, plan, effects, t=t), fly_in_drake(vehicle, plan, effects, t=t)
     # The other one's other clock interpolates across commands, at which accelerations jump.
     for signal in ("p", "v", "q", "w") if name == "clock_offset" else ("p", "v", "q", "w", "a", "al"):
         a, b, c = (getattr(log, signal) for log in (ours, theirs, clean))
@@ -93,8 +89,8 @@ def test_rotors_that_speed_up_twist_back_as_in_the_other_simulator(t):
     racer = VEHICLES[1]  # with lag
     plan = draw_plan(np.random.default_rng(0), racer, 5.0, "sprints")
     effect = LIBRARY["rotor_gyroscopic"](0.005 * racer.J[2, 2])
-    ours, theirs = (module.fly(racer, plan, [effect], t=t) for module in (rotorpy_simulator, simulator))
-    added = rms(theirs.al - simulator.fly(racer, plan, t=t).al)
+    ours, theirs = (in_either(racer, plan, [effect], t=t) for in_either in (fly, fly_in_drake))
+    added = rms(theirs.al - fly_in_drake(racer, plan, t=t).al)
     assert rms(ours.al - theirs.al) < 0.02 * added
 
 
