@@ -39,9 +39,7 @@ def parameters() -> str:
         for identifier, effect in effects_for("rotor_speed").items()
         for figures, alike in groupby(effect.parameters, _figures)
     ]
-    return "\n".join(
-        ["| effect | parameter | unit | neutral | range | typical |", "|---|---|---|---|---|---|", *rows]
-    )
+    return "\n".join(["| effect | parameter | unit | neutral | range | typical |", "|---|---|---|---|---|---|", *rows])
 
 
 def _section(effect: type[Effect]) -> str:

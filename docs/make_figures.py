@@ -16,12 +16,7 @@ STEPS = (  # step, what it does, dataclass that it passes on, flights that it re
     ("Prediction", "the fit on flights that it has not seen", "HeldOut", "held-out flights"),
     ("What is left", "generic structure, spectral lines, gusts", "Unexplained", "all flights"),
     ("Decision", "probability of each effect; practical equivalence", "Inference", "all flights"),
-    (
-        "Identifiability",
-        "what these flights cannot show or tell apart",
-        "Identifiability",
-        "training flights",
-    ),
+    ("Identifiability", "what these flights cannot show or tell apart", "Identifiability", "training flights"),
     ("Localisation", "channels, times, regimes, frequencies", "Localisation", "held-out flights"),
     ("Gap reduction", "residual and replay before and after", "GapReduction", "held-out flights"),
 )
@@ -36,19 +31,13 @@ def draw() -> plt.Figure:
     axes.text(WIDTH / 2, 0.5, "Vehicle and FlightLogs", ha="center", family="monospace", color=GREY)
     for k, (step, what, passed, reads) in enumerate(STEPS):
         y = -PITCH * k
-        _box(
-            axes, y, BLUE if reads == "training flights" else ORANGE if reads == "held-out flights" else GREY
-        )
+        _box(axes, y, BLUE if reads == "training flights" else ORANGE if reads == "held-out flights" else GREY)
         axes.text(WIDTH / 2, y - 0.2, step, ha="center", va="center", weight="bold")
         axes.text(WIDTH / 2, y - 0.44, what, ha="center", va="center", fontsize=9)
         axes.text(WIDTH + 0.25, y - HEIGHT / 2, reads, va="center", fontsize=9, color=GREY)
         _arrow(axes, y - HEIGHT, y - PITCH)
-        axes.text(
-            WIDTH / 2 + 0.15, y - (HEIGHT + PITCH) / 2, passed, va="center", fontsize=9, family="monospace"
-        )
-    axes.text(
-        WIDTH / 2, -PITCH * len(STEPS) - 0.2, "Diagnosis", ha="center", family="monospace", weight="bold"
-    )
+        axes.text(WIDTH / 2 + 0.15, y - (HEIGHT + PITCH) / 2, passed, va="center", fontsize=9, family="monospace")
+    axes.text(WIDTH / 2, -PITCH * len(STEPS) - 0.2, "Diagnosis", ha="center", family="monospace", weight="bold")
     _arrow(axes, 0.42, 0.0)
     _second_answer(axes)
     return figure

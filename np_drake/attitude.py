@@ -71,9 +71,7 @@ def quaternion_rate(q: np.ndarray, w_WB_B: np.ndarray) -> np.ndarray:
     """
     w, x, y, z = _components(q)
     a, b, c = _components(w_WB_B)
-    return 0.5 * _vector(
-        -x * a - y * b - z * c, w * a + y * c - z * b, w * b + z * a - x * c, w * c + x * b - y * a
-    )
+    return 0.5 * _vector(-x * a - y * b - z * c, w * a + y * c - z * b, w * b + z * a - x * c, w * c + x * b - y * a)
 
 
 def skew(r: np.ndarray) -> np.ndarray:

@@ -49,9 +49,7 @@ class DelayFilter:
 
     def __init__(self, vehicle: Vehicle, *, step: float, known: float = 0.0, track: bool = True):
         if not 0 <= known <= LONGEST_DELAY * step:
-            raise ValueError(
-                f"DelayFilter: the delay must be 0 to {LONGEST_DELAY * step:g} s; got {known:g} s."
-            )
+            raise ValueError(f"DelayFilter: the delay must be 0 to {LONGEST_DELAY * step:g} s; got {known:g} s.")
         self.step, self.track, self._vehicle = step, track, vehicle
         self._known = round(FINE * known / step)
         pace, own = ratios(vehicle).clock, vehicle.rotor_time_constant

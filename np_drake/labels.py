@@ -114,11 +114,7 @@ class LabelFilter:
         started: (1,) 0 or 1.   rotor: (4,) lagged rotor speed [rad/s], NaN before the first sample.
         state: (sections, 2, 6) of the filters.
         """
-        return {
-            "started": np.zeros(1),
-            "rotor": np.full(4, np.nan),
-            "state": np.zeros((self._sections, 2, 6)),
-        }
+        return {"started": np.zeros(1), "rotor": np.full(4, np.nan), "state": np.zeros((self._sections, 2, 6))}
 
     def step(
         self, memory: Memory, *, x: np.ndarray, a: np.ndarray, al: np.ndarray, u: np.ndarray

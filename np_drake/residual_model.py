@@ -104,9 +104,7 @@ class FlightForecasts:
     z: np.ndarray  # (o, K), one a sample
     offset: np.ndarray  # (o, 6) held over the horizon [N, N·m]
 
-    def at(
-        self, horizons: list[int], origins: np.ndarray, zeta: np.ndarray, *, zeta_known: bool
-    ) -> np.ndarray:
+    def at(self, horizons: list[int], origins: np.ndarray, zeta: np.ndarray, *, zeta_known: bool) -> np.ndarray:
         """Return chi_hat of the forecasts at `origins`, see `FlightCourse`, (o, len(horizons), 6) [N, N·m]."""
         z, offset, now = self.z[origins - self.first], self.offset[origins - self.first], zeta[origins]
         chi_hat = np.empty((len(origins), len(horizons), 6))
@@ -135,9 +133,7 @@ class FlightCourse(Protocol):
 
     first: int
 
-    def at(
-        self, horizons: list[int], origins: np.ndarray, zeta: np.ndarray, *, zeta_known: bool
-    ) -> np.ndarray:
+    def at(self, horizons: list[int], origins: np.ndarray, zeta: np.ndarray, *, zeta_known: bool) -> np.ndarray:
         """Return chi_hat (o, len(horizons), 6) [N, N·m].
 
         Args:

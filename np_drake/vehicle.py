@@ -181,9 +181,7 @@ def vehicle_file(name: str | Path) -> Path:
         return PRESETS / f"{name}.yaml"
     path = Path(name)
     if not path.exists() and path.name == str(name) and not path.suffix:
-        raise ValueError(
-            f"{name}: no such vehicle file, and no preset; the presets are {', '.join(preset_names())}."
-        )
+        raise ValueError(f"{name}: no such vehicle file, and no preset; the presets are {', '.join(preset_names())}.")
     return path
 
 

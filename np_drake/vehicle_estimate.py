@@ -41,20 +41,14 @@ class Measured:
 
         Raises: ValueError: where one is impossible or in another unit.
         """
-        _require(
-            LIGHTEST <= self.mass <= HEAVIEST,
-            f"mass must be {LIGHTEST:g} to {HEAVIEST:g} kg; got {self.mass:g}",
-        )
-        _require(
-            0 < self.wheelbase <= 10, f"wheelbase must be positive and at most 10 m; got {self.wheelbase:g}"
-        )
+        _require(LIGHTEST <= self.mass <= HEAVIEST, f"mass must be {LIGHTEST:g} to {HEAVIEST:g} kg; got {self.mass:g}")
+        _require(0 < self.wheelbase <= 10, f"wheelbase must be positive and at most 10 m; got {self.wheelbase:g}")
         _require(
             0 < self.propeller <= self.wheelbase,
             f"propeller must be a diameter up to the wheelbase, {self.wheelbase:g} m; got {self.propeller:g}",
         )
         _require(
-            0.05 <= self.hover_throttle <= 0.95,
-            f"hover throttle must be 0.05 to 0.95; got {self.hover_throttle:g}",
+            0.05 <= self.hover_throttle <= 0.95, f"hover throttle must be 0.05 to 0.95; got {self.hover_throttle:g}"
         )
         _require(self.curve in CURVES, f"throttle curve must be {' or '.join(CURVES)}; got {self.curve!r}")
         return self

@@ -82,9 +82,7 @@ class ActuatorEffects(LeafSystem):
         """
         context.SetContinuousState(self._resting_state(thrust))
 
-    def _passed(
-        self, stages: Sequence["Stage"], state: np.ndarray, thrust: np.ndarray, t: float
-    ) -> np.ndarray:
+    def _passed(self, stages: Sequence["Stage"], state: np.ndarray, thrust: np.ndarray, t: float) -> np.ndarray:
         """Return the thrust (4,) [N] after these stages."""
         for stage in stages:
             if stage.acts(t):

@@ -117,8 +117,7 @@ def _make_one(
     propellers = add_propellers(builder, plant, vehicle, rotors.thrust, body=body)
     pair = builder.AddNamedSystem("pair", MatrixGain(pair_state(plant, body)))
     cable = builder.AddNamedSystem(
-        "cable",
-        Cable(length=payload.length, hook=payload.hook, stiffness=payload.stiffness, damping=payload.damping),
+        "cable", Cable(length=payload.length, hook=payload.hook, stiffness=payload.stiffness, damping=payload.damping)
     )
     builder.Connect(pair.get_output_port(), cable.get_input_port())
     forces = [cable.GetOutputPort("generalized_force")]

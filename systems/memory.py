@@ -43,9 +43,7 @@ class MemorySystem(LeafSystem):
             value.set_value(calc(context))
 
         return self.DeclareCacheEntry(
-            "step",
-            ValueProducer(allocate=Value[object], calc=store),
-            {self.all_input_ports_ticket(), self.xd_ticket()},
+            "step", ValueProducer(allocate=Value[object], calc=store), {self.all_input_ports_ticket(), self.xd_ticket()}
         )
 
     def memory(self, context) -> Memory:

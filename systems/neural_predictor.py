@@ -43,14 +43,10 @@ class NeuralPredictor(ResidualPredictor):
         horizon, stride, vehicle: as of `ResidualPredictor`.
     """
 
-    def __init__(
-        self, model: NeuralPredictorModel, *, horizon: int, stride: int, vehicle: Vehicle | None = None
-    ):
+    def __init__(self, model: NeuralPredictorModel, *, horizon: int, stride: int, vehicle: Vehicle | None = None):
         super().__init__(model, horizon=horizon, stride=stride, vehicle=vehicle)
         self._np = model
-        self.DeclareAbstractOutputPort(
-            "lifted_linear_system", Value[object], self._calc_system, {self.xd_ticket()}
-        )
+        self.DeclareAbstractOutputPort("lifted_linear_system", Value[object], self._calc_system, {self.xd_ticket()})
 
     def _declare_memory(self, initial: Memory) -> None:
         self.z_index = self._declare_group("z", initial)  # (K,) lifted vector

@@ -57,9 +57,7 @@ class NpMpc(LeafSystem):
         self.DeclareVectorOutputPort("u", INPUT_SIZE, self._calc_u, xd)
         self.DeclareVectorOutputPort("status", 1, self._calc_flag(0), xd)
         self.DeclareVectorOutputPort("solve_time", 1, self._calc_flag(1), xd)
-        for group, (name, shape) in enumerate(
-            zip(("plan_u", "plan_x", "plan_chi"), self._shapes, strict=True)
-        ):
+        for group, (name, shape) in enumerate(zip(("plan_u", "plan_x", "plan_chi"), self._shapes, strict=True)):
             self.DeclareVectorOutputPort(name, int(np.prod(shape)), self._calc_group(group), xd)
         self.DeclarePeriodicDiscreteUpdateEvent(controller.period, 0.0, self._update_plan)
 

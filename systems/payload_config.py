@@ -29,9 +29,7 @@ class PayloadConfig:
             raise ValueError(f"PayloadConfig: tether must be cable, rod or none; got {self.tether!r}.")
         for name in ("mass", "length", "radius", "stiffness"):
             if not 0 < getattr(self, name) < np.inf:
-                raise ValueError(
-                    f"PayloadConfig: {name} must be positive and finite; got {getattr(self, name)}."
-                )
+                raise ValueError(f"PayloadConfig: {name} must be positive and finite; got {getattr(self, name)}.")
         if not self.damping >= 0 or np.shape(self.hook) != (3,):
             raise ValueError("PayloadConfig: damping must not be negative and hook must be (3,) [m].")
         if not 0 <= self.air_damping < np.inf:

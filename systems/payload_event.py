@@ -27,9 +27,7 @@ class PayloadEvent:
         if not 0 < self.time < np.inf:
             raise ValueError(f"events: time must be positive and finite [s]; got {self.time}.")
         if not 0 <= self.mass < np.inf or (self.kind == "attach") != (self.mass > 0):
-            raise ValueError(
-                f"events: mass must be positive for kind attach and 0 for another [kg]; got {self.mass}."
-            )
+            raise ValueError(f"events: mass must be positive for kind attach and 0 for another [kg]; got {self.mass}.")
         if np.shape(self.impulse) != (3,) or not np.isfinite(self.impulse).all():
             raise ValueError(f"events: impulse must be three finite values [N·s]; got {self.impulse}.")
         if (self.kind == "impulse") != bool(np.any(self.impulse)):

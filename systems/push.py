@@ -41,9 +41,7 @@ class Push(LeafSystem):
         Raises: ValueError: on a force on a payload that there is not.
         """
         if np.any(payload) and not self._payload:
-            raise ValueError(
-                f"Push: there must be a payload on a cable to be pushed; got {payload} N on none."
-            )
+            raise ValueError(f"Push: there must be a payload on a cable to be pushed; got {payload} N on none.")
         context.get_mutable_numeric_parameter(0).SetFromVector(np.concatenate([vehicle, payload]))
 
     def _calc_force(self, context, output) -> None:

@@ -59,10 +59,7 @@ class ResidualPredictor(MemorySystem):
         self._label_port = self.DeclareVectorInputPort("label", 6)
         self._reads_plan: tuple[ReadsPlan, PlanPorts] | None = None
         if isinstance(model, ReadsPlan):
-            self._reads_plan = (
-                model,
-                PlanPorts(self, horizon=horizon, step=stride * model.step, age=model.step),
-            )
+            self._reads_plan = (model, PlanPorts(self, horizon=horizon, step=stride * model.step, age=model.step))
         self._look_ahead = None if vehicle is None else LookAhead(model, vehicle)
         if self._look_ahead is not None:
             self._sent_port = self.DeclareVectorInputPort("sent", 4 * KEPT)
@@ -77,9 +74,7 @@ class ResidualPredictor(MemorySystem):
         self.DeclarePeriodicDiscreteUpdateEvent(model.step, 0.0, self._update_memory)
 
     def _take_sample(self, context):
-        sample = Sample(
-            self._x_port.Eval(context), self._u_port.Eval(context), self._label_port.Eval(context)
-        )
+        sample = Sample(self._x_port.Eval(context), self._u_port.Eval(context), self._label_port.Eval(context))
         memory = self._model.update(self.memory(context), sample)
         if self._look_ahead is None or not self._delay_port.HasValue(context):
             return memory, self._forecast(context, memory)

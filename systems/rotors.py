@@ -63,9 +63,7 @@ def add_rotor_chain(
     Args: as `add_rotors`.
     """
     mixer = builder.AddNamedSystem("mixer", MatrixGain(vehicle.unmixer))
-    limit = builder.AddNamedSystem(
-        "saturation", Saturation(np.zeros(4), np.full(4, vehicle.max_rotor_thrust))
-    )
+    limit = builder.AddNamedSystem("saturation", Saturation(np.zeros(4), np.full(4, vehicle.max_rotor_thrust)))
     builder.ExportInput(mixer.get_input_port(), "u")
     builder.Connect(mixer.get_output_port(), limit.get_input_port())
     command = limit.get_output_port()

@@ -83,9 +83,7 @@ class MeasurementEffects(LeafSystem):
         return reading
 
     def _calc_reading(self, context, value) -> None:
-        value.set_value(
-            self._measure(context, self._acceleration_port.Eval(context), self._thrust_port.Eval(context))
-        )
+        value.set_value(self._measure(context, self._acceleration_port.Eval(context), self._thrust_port.Eval(context)))
 
     def _calc_x(self, context, output) -> None:
         output.SetFromVector(self._measure(context, np.zeros(6), np.zeros(4)).x)

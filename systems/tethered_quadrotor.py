@@ -27,9 +27,7 @@ from systems.rotors import add_rotors
 from systems.wrench_effects import WrenchEffects
 
 
-def make_plant(
-    vehicle: Vehicle, payload: PayloadConfig, mass_effects: Sequence[MassEffect] = ()
-) -> MultibodyPlant:
+def make_plant(vehicle: Vehicle, payload: PayloadConfig, mass_effects: Sequence[MassEffect] = ()) -> MultibodyPlant:
     """Return a continuous MultibodyPlant with the bodies `quadrotor` and, unless there is no tether, `payload`.
 
     The air brakes a payload on a cable by the damping of its floating joint.
@@ -162,8 +160,7 @@ def make_tethered_quadrotor(
     acceleration = builder.AddNamedSystem("acceleration", BodyAcceleration(plant))
     builder.Connect(plant.get_state_output_port(), acceleration.GetInputPort("plant_state"))
     builder.Connect(
-        plant.get_generalized_acceleration_output_port(),
-        acceleration.GetInputPort("generalized_acceleration"),
+        plant.get_generalized_acceleration_output_port(), acceleration.GetInputPort("generalized_acceleration")
     )
     builder.ExportOutput(state.get_output_port(), "x")
     builder.ExportOutput(acceleration.get_output_port(), "acceleration")

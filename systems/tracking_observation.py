@@ -33,10 +33,7 @@ class TrackingObservation(LeafSystem):
         self._reference, self._times = reference, np.array([0.0, *task.ahead])
         self._x_port = self.DeclareVectorInputPort("x", 13)
         self.DeclareVectorOutputPort(
-            "observation",
-            task.observation_size,
-            self._calc_observation,
-            {self.time_ticket(), self._x_port.ticket()},
+            "observation", task.observation_size, self._calc_observation, {self.time_ticket(), self._x_port.ticket()}
         )
 
     def _calc_observation(self, context, output) -> None:

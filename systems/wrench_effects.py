@@ -35,12 +35,7 @@ class WrenchEffects(LeafSystem):
     """
 
     def __init__(
-        self,
-        vehicle: Vehicle,
-        effects: Sequence[WrenchEffect],
-        num_velocities: int,
-        *,
-        onsets: Onsets = NO_ONSETS,
+        self, vehicle: Vehicle, effects: Sequence[WrenchEffect], num_velocities: int, *, onsets: Onsets = NO_ONSETS
     ):
         """Declare ports.
 

@@ -58,10 +58,7 @@ class WrenchOracle(LeafSystem):
         self._sent_port = self.DeclareVectorInputPort("sent", 4 * KEPT)
         self._delay_port = self.DeclareVectorInputPort("delay", 1)
         self.DeclareAbstractOutputPort(
-            "forecast",
-            Value[object],
-            self._calc_forecast,
-            {self.all_input_ports_ticket(), self.time_ticket()},
+            "forecast", Value[object], self._calc_forecast, {self.all_input_ports_ticket(), self.time_ticket()}
         )
 
     def _calc_forecast(self, context, output) -> None:

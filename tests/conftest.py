@@ -26,9 +26,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 def pytest_configure(config: pytest.Config) -> None:
     for number, handler in ((signal.SIGINT, signal.default_int_handler), (signal.SIGHUP, signal.SIG_DFL)):
-        if (
-            signal.getsignal(number) == signal.SIG_IGN
-        ):  # as nohup and jobs in the background leave it to children
+        if signal.getsignal(number) == signal.SIG_IGN:  # as nohup and jobs in the background leave it to children
             signal.signal(number, handler)
     config.addinivalue_line("markers", f"{MARKER}: needs the folder of real flights (set by the fixture)")
     if config.getoption(OPTION) and not hasattr(config, "workerinput"):
@@ -65,9 +63,7 @@ def real_flights() -> Path:
     """The folder of real flights with imrc/, neural_fly/ and ulog/."""
     folder = real_flights_folder()
     if not all((folder / name).is_dir() for name in ("imrc", "neural_fly", "ulog")):
-        pytest.skip(
-            f"no real flights in {folder}: set NP_DRAKE_REAL to the folder of imrc/, neural_fly/ and ulog/"
-        )
+        pytest.skip(f"no real flights in {folder}: set NP_DRAKE_REAL to the folder of imrc/, neural_fly/ and ulog/")
     return folder
 
 

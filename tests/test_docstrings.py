@@ -123,20 +123,10 @@ def test_the_law_asks_for_no_needless_word(source):
 
 
 @pytest.mark.parametrize(
-    "first",
-    [
-        "Is it a number?",
-        "Of the rows.",
-        "The same for gp.",
-        "And back.",
-        "As `check`.",
-        "(n, 3) force [N]",
-    ],
+    "first", ["Is it a number?", "Of the rows.", "The same for gp.", "And back.", "As `check`.", "(n, 3) force [N]"]
 )
 def test_the_law_sees_a_breach(first):
-    assert faults(
-        f'"""A module."""\n\n\nclass A:\n    """A class."""\n\n    def f(self):\n        """{first}"""\n'
-    )
+    assert faults(f'"""A module."""\n\n\nclass A:\n    """A class."""\n\n    def f(self):\n        """{first}"""\n')
 
 
 def test_the_law_sees_a_missing_docstring():

@@ -11,14 +11,7 @@ FLOORS = ("np_drake", "systems", "diagrams")  # from the ground up
 FILES = sorted(path.relative_to(ROOT) for floor in FLOORS for path in (ROOT / floor).rglob("*.py"))
 # From the ground up: a module imports from its own room and from those before it.
 DIAGNOSIS = (
-    *(
-        "options",
-        "numerics",
-        "result",
-        "residuals",
-        "forward_model",
-        "regressors",
-    ),
+    *("options", "numerics", "result", "residuals", "forward_model", "regressors"),
     *(
         "fitting",
         "held_out",
@@ -79,9 +72,7 @@ def faults(path: Path, source: str) -> list[str]:
     forbidden = [*FLOORS[floor + 1 :], "pydrake.all", "tests"]
     if floor == 0:
         forbidden += SIMULATOR
-    return sorted(
-        name for name in names if name.startswith(".") or any(within(name, package) for package in forbidden)
-    )
+    return sorted(name for name in names if name.startswith(".") or any(within(name, package) for package in forbidden))
 
 
 def test_there_are_files_on_the_ground_floor():
@@ -113,10 +104,7 @@ def test_the_law_sees_a_breach(path, source):
     "path, source",
     [
         ("np_drake/x.py", "from pydrake.solvers import MathematicalProgram"),
-        (
-            "systems/x.py",
-            "import np_drake.labels\nfrom pydrake.systems.framework import LeafSystem",
-        ),
+        ("systems/x.py", "import np_drake.labels\nfrom pydrake.systems.framework import LeafSystem"),
         ("diagrams/x.py", "from systems.rotors import Rotors\nimport np_drake"),
     ],
 )
@@ -141,9 +129,7 @@ def arrows(package: str) -> dict[str, set[str]]:
     for name, path in known.items():
         taken = imports(source_of(path))
         direct = {other for other in taken if other in known}
-        found[name] = (
-            direct - {other for other in direct if any(d.startswith(f"{other}.") for d in direct)} - {name}
-        )
+        found[name] = direct - {other for other in direct if any(d.startswith(f"{other}.") for d in direct)} - {name}
     return found
 
 

@@ -118,9 +118,7 @@ def _difference(key: str, theirs: Any, mine: Any) -> str:
     return f"its {key} is {json.dumps(theirs)}, this campaign's {json.dumps(mine)}"
 
 
-def _run(
-    work: Callable[[Case], dict], cases: list[Case], jobs: int, scheduler: str
-) -> Iterator[tuple[int, Record]]:
+def _run(work: Callable[[Case], dict], cases: list[Case], jobs: int, scheduler: str) -> Iterator[tuple[int, Record]]:
     """Yield (number, {"result" or "error", "seconds"}) as cases finish, never in this process."""
     guarded = Guarded(work)
     if not cases:

@@ -20,9 +20,7 @@ def tabulate(title: str, lines: Iterable[Any], columns: Iterable[Column]) -> Tab
         columns: header, and key of the line or function of it.
     """
     columns = list(columns)
-    rows = [
-        tuple(line[cell] if isinstance(cell, str) else cell(line) for _, cell in columns) for line in lines
-    ]
+    rows = [tuple(line[cell] if isinstance(cell, str) else cell(line) for _, cell in columns) for line in lines]
     return title, [header for header, _ in columns], rows
 
 

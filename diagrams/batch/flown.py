@@ -69,9 +69,7 @@ def require_rows(names: Collection[str], known: Collection[str]) -> None:
     Raises: ValueError: on an unknown name.
     """
     if unknown := set(names) - set(known):
-        raise ValueError(
-            f"--only: must name rows of the table ({'; '.join(known)}); got {', '.join(sorted(unknown))}."
-        )
+        raise ValueError(f"--only: must name rows of the table ({'; '.join(known)}); got {', '.join(sorted(unknown))}.")
 
 
 def _present(row: str) -> str:

@@ -7,26 +7,17 @@ from typer import Argument, Option
 
 DEFAULT_SOLVER = "sqp"  # of every verb that flies
 Solver = Annotated[str, Option("--solver", help="sqp | ipopt (MathematicalProgram, the reference)")]
-Seeds = Annotated[
-    int, Option("--seeds", min=1, max=10_000, help="Evaluation flights a row, of seeds seed + 1, …")
-]
-Only = Annotated[
-    list[str] | None, Option("--only", help="Only rows of these names (nominal is always flown).")
-]
-Group = Annotated[
-    list[str] | None, Option("--only", metavar="GROUP", help="Only cases of this group; repeatable.")
-]
+Seeds = Annotated[int, Option("--seeds", min=1, max=10_000, help="Evaluation flights a row, of seeds seed + 1, …")]
+Only = Annotated[list[str] | None, Option("--only", help="Only rows of these names (nominal is always flown).")]
+Group = Annotated[list[str] | None, Option("--only", metavar="GROUP", help="Only cases of this group; repeatable.")]
 Reality = Annotated[
     Path | None,
     Option(
-        "--reality",
-        metavar="FILE",
-        help="Fly in the simulator of this scenario, as corrected.yaml of a diagnosis.",
+        "--reality", metavar="FILE", help="Fly in the simulator of this scenario, as corrected.yaml of a diagnosis."
     ),
 ]
 Neurobem = Annotated[
-    Path | None,
-    Option("--neurobem", metavar="DIR", envvar="NP_DRAKE_NEUROBEM", help="Folder of the real flights."),
+    Path | None, Option("--neurobem", metavar="DIR", envvar="NP_DRAKE_NEUROBEM", help="Folder of the real flights.")
 ]
 RealFlights = Annotated[
     Path | None,

@@ -120,7 +120,5 @@ def failures(records: Sequence[Record]) -> list[str]:
 
 def _named(case: Case) -> str:
     """Return the values of a case that are no list; a lone number with its name."""
-    known = {
-        key: value for key, value in case.items() if isinstance(value, str | int | float) and value != ""
-    }
+    known = {key: value for key, value in case.items() if isinstance(value, str | int | float) and value != ""}
     return ", ".join(value if isinstance(value, str) else f"{key} {value:g}" for key, value in known.items())

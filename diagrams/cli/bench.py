@@ -20,12 +20,8 @@ RECORDED = {"mpc": "default, K = 12", "mpc_refit": "paper, K = 24"}  # key of --
 def bench(
     run: Run,
     problems: Annotated[int, Option(min=10, max=100_000, help="Recorded NP-MPC problems.")] = 200,
-    seconds: Annotated[
-        float, Option(min=1.0, max=3600.0, help="Simulated time of the simulator [s].")
-    ] = 40.0,
-    predictor: Annotated[
-        bool, Option("--predictor", help="Only the predictors, against the pseudo-inverse.")
-    ] = False,
+    seconds: Annotated[float, Option(min=1.0, max=3600.0, help="Simulated time of the simulator [s].")] = 40.0,
+    predictor: Annotated[bool, Option("--predictor", help="Only the predictors, against the pseudo-inverse.")] = False,
 ) -> Report:
     """Time solvers, predictor, simulator and training; peers: CasADi + IPOPT (extra `bench`), acados."""
     if os.environ.get("OMP_NUM_THREADS") != "1":
@@ -53,16 +49,9 @@ def bench(
             progress=on_progress,
         )
     content, tables = _others(measure, config, run, walls, seconds)
-    growth = [
-        {"N": n, "K": K, "solver": r.name, **dc.asdict(r)}
-        for n, K in GROWTH
-        for r in found[growth_name(n, K)]
-    ]
+    growth = [{"N": n, "K": K, "solver": r.name, **dc.asdict(r)} for n, K in GROWTH for r in found[growth_name(n, K)]]
     starts = {name: [dc.asdict(r) for r in rows] for name, rows in found.items() if "start" in name}
-    timed = {
-        key: {r.name: {"N": mpc.horizon, **dc.asdict(r)} for r in found[name]}
-        for key, name in RECORDED.items()
-    }
+    timed = {key: {r.name: {"N": mpc.horizon, **dc.asdict(r)} for r in found[name]} for key, name in RECORDED.items()}
     return Report(
         [*_solver_tables(found), *tables],
         config=dc.asdict(mpc),

@@ -45,9 +45,7 @@ def _make(
     cases: Annotated[int, Option(min=0, max=100_000, help="Cases with effects.")] = 44,
     clean: Annotated[int, Option(min=0, max=100_000, help="Clean controls: cases without.")] = 20,
     seconds: Annotated[float, Option(help="Length of every flight [s].")] = 20.0,
-    unseen: Annotated[
-        bool, Option("--unseen", help="Out-of-library effects alone, of kinds in no other set.")
-    ] = False,
+    unseen: Annotated[bool, Option("--unseen", help="Out-of-library effects alone, of kinds in no other set.")] = False,
 ) -> Report:
     """Fly and write a set: about half single effects, then pairs, triples, onsets in flight, out-of-library effects.
 
@@ -106,13 +104,10 @@ def _solve(
 @reports("challenge_score", seed=0, out=options.Out)
 def _score(
     run: Run,
-    answers: Annotated[
-        Path, Argument(metavar="ANSWERS", help="Folder of <case>/diagnosis.json, or of sets.")
-    ],
+    answers: Annotated[Path, Argument(metavar="ANSWERS", help="Folder of <case>/diagnosis.json, or of sets.")],
     truth: Annotated[Path, Argument(metavar="TRUTH", help="Folder of <case>/truth.json, or of sets.")],
     visible: Annotated[
-        float,
-        Option(metavar="RATIO", min=1.0, max=1e6, help="Visibility from which a case must be found [1]."),
+        float, Option(metavar="RATIO", min=1.0, max=1e6, help="Visibility from which a case must be found [1].")
     ] = 1.5,
     misses: Annotated[bool, Option("--misses", help="List every miss.")] = False,
 ) -> Report:

@@ -37,12 +37,7 @@ def demo(run: Run, solver: options.Solver = options.DEFAULT_SOLVER, jobs: option
         say(f"seed {run.seed}, {wall:.0f} s; start with {write_demo(result, folder)}")
 
     return Report(
-        [
-            flights_table(result.flights),
-            _reduction_table(result),
-            _causes_table(result),
-            _meeting_table(result),
-        ],
+        [flights_table(result.flights), _reduction_table(result), _causes_table(result), _meeting_table(result)],
         config=as_config(result.flights[-1].config),
         metrics={
             "runs": [flight.summary() for flight in result.flights],

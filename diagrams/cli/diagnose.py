@@ -36,9 +36,7 @@ def diagnose(
     ] = None,
     train: Annotated[list[Path] | None, Option(metavar="LOG", help=f"To fit effects to. {LOG_HELP}")] = None,
     held_out: Annotated[list[Path] | None, Option(metavar="LOG", help=f"To judge them. {LOG_HELP}")] = None,
-    no_replay: Annotated[
-        bool, Option("--no-replay", help="Leave out the open-loop replay in the simulator.")
-    ] = False,
+    no_replay: Annotated[bool, Option("--no-replay", help="Leave out the open-loop replay in the simulator.")] = False,
     no_second_look: Annotated[
         bool, Option("--no-second-look", help="No second answer with halves of the held-out flights.")
     ] = False,
@@ -77,12 +75,7 @@ def diagnose(
     content = found.as_json()
     del content["schema"]  # the head says it
     return Report(
-        tables(found),
-        config=config,
-        metrics=content,
-        lines=judgement(found),
-        notes=notes(found),
-        write=write,
+        tables(found), config=config, metrics=content, lines=judgement(found), notes=notes(found), write=write
     )
 
 
@@ -97,9 +90,7 @@ def write_simulator(found: "Diagnosis", vehicle: "Vehicle", folder: Path) -> Pat
     return folder / FILE
 
 
-def write_ghosts(
-    found: "Diagnosis", vehicle: "Vehicle", held_out: "list[FlightLog]", folder: Path
-) -> Path | None:
+def write_ghosts(found: "Diagnosis", vehicle: "Vehicle", held_out: "list[FlightLog]", folder: Path) -> Path | None:
     """Write `replay.html` to a folder and print where it is, or why there is none; without flights say nothing.
 
     Raises: OSError: if it cannot be written.
@@ -123,9 +114,7 @@ def write_ghosts(
     return path
 
 
-def choose_files(
-    case: Path | None, vehicle: Path | None, train: list[Path], held_out: list[Path]
-) -> "CaseFiles":
+def choose_files(case: Path | None, vehicle: Path | None, train: list[Path], held_out: list[Path]) -> "CaseFiles":
     """Return the files of a case folder, or those given one by one.
 
     Raises: ValueError: if both or neither are given, or the folder is no case.
@@ -137,9 +126,7 @@ def choose_files(
             raise ValueError("give a case folder, or at least one --train LOG and one --held-out LOG.")
         return CaseFiles(vehicle, tuple(train), tuple(held_out))
     if case.is_file():
-        raise ValueError(
-            f"{case}: CASE must be a folder; name every log behind its own --train or --held-out."
-        )
+        raise ValueError(f"{case}: CASE must be a folder; name every log behind its own --train or --held-out.")
     if train or held_out:
         raise ValueError("give either a case folder or --train and --held-out, not both.")
     return find_case(case, vehicle)
@@ -197,13 +184,7 @@ def diagnose_logs(
         simulator = DrakeReplay(vehicle) if replay else None
         how = {None: None, True: Tolerance(), False: IDEAL_SENSORS}[rig]
         found = five_steps(
-            vehicle,
-            train,
-            held_out,
-            simulator,
-            adaptive_split=second_look,
-            tolerance=how,
-            on_progress=advance,
+            vehicle, train, held_out, simulator, adaptive_split=second_look, tolerance=how, on_progress=advance
         )
         advance(1.0)
     return found

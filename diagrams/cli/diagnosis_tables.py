@@ -37,16 +37,10 @@ def tables(diagnosis: Diagnosis) -> list[Table]:
         ("what the flights tested", ["finding"], [(text,) for text in tested]),
         ("how far", GAP_HEADER, gap_rows(diagnosis)),
         *([("second answer: how far", GAP_HEADER, gap_rows(refit))] if refit else []),
-        (
-            "replay, median error, nominal → with causes",
-            ["horizon [s]", *_QUANTITIES],
-            replay_rows(diagnosis),
-        ),
+        ("replay, median error, nominal → with causes", ["horizon [s]", *_QUANTITIES], replay_rows(diagnosis)),
         ("what remains, and minor findings", ["finding", "what was found"], left),
     ]
-    return [
-        (title, header, [tuple(map(_plain, row)) for row in rows]) for title, header, rows in every if rows
-    ]
+    return [(title, header, [tuple(map(_plain, row)) for row in rows]) for title, header, rows in every if rows]
 
 
 def notes(diagnosis: Diagnosis) -> list[str]:
@@ -68,9 +62,7 @@ def second_answer(diagnosis: Diagnosis) -> list[str]:
 def replay_rows(diagnosis: Diagnosis) -> list[tuple]:
     """Return a row for every horizon."""
     gaps = [
-        gap
-        for gap in (diagnosis.gap_reduction.replay_before, diagnosis.gap_reduction.replay_after)
-        if gap is not None
+        gap for gap in (diagnosis.gap_reduction.replay_before, diagnosis.gap_reduction.replay_after) if gap is not None
     ]
     rows: list[tuple] = []
     for k, horizon in enumerate(gaps[0].horizon if gaps else ()):

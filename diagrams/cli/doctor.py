@@ -21,9 +21,7 @@ def doctor(
     run: Run,
     logs: Annotated[
         list[Path],
-        Argument(
-            metavar="LOG...", help="Flight logs of our format, or of any that `import` reads; of one vehicle."
-        ),
+        Argument(metavar="LOG...", help="Flight logs of our format, or of any that `import` reads; of one vehicle."),
     ],
     vehicle: Annotated[
         Path | None,
@@ -34,8 +32,7 @@ def doctor(
         ),
     ] = None,
     log_map: Annotated[
-        Path | None,
-        Option("--map", metavar="FILE", help="Map of columns and conventions (YAML), as for `import`."),
+        Path | None, Option("--map", metavar="FILE", help="Map of columns and conventions (YAML), as for `import`.")
     ] = None,
     repair: options.Repair = False,
 ) -> Report:
@@ -46,9 +43,7 @@ def doctor(
     nominal = _vehicle(vehicle)
     declared = None if log_map is None else load_map_file(log_map)
     with progress("examining", 1.0) as advance:
-        flights, sheets, failures = _opened(
-            logs, nominal, declared, repair, lambda share: advance(0.3 * share)
-        )
+        flights, sheets, failures = _opened(logs, nominal, declared, repair, lambda share: advance(0.3 * share))
         if not flights:
             raise failures[0]
         report = examine(
@@ -57,12 +52,7 @@ def doctor(
         advance(1.0)
     from diagrams.cli.doctor_screen import screen
 
-    config = {
-        "logs": logs,
-        "vehicle": None if nominal is None else nominal.name,
-        "map": log_map,
-        "repair": repair,
-    }
+    config = {"logs": logs, "vehicle": None if nominal is None else nominal.name, "map": log_map, "repair": repair}
     say(*(f"not usable: {failure}" for failure in failures[1:]))
     return Report(
         [],

@@ -19,9 +19,7 @@ def screen(report: LogReport) -> list[str]:
     lines = [] if len(report.flights) == 1 else _flights(report)
     first = report.flights[0]
     head = first.name[:40] if len(report.flights) == 1 else f"{len(report.flights)} flights"
-    verdict = (
-        "usable: no" if not report.usable else "usable: with limits" if report.problems else "usable: yes"
-    )
+    verdict = "usable: no" if not report.usable else "usable: with limits" if report.problems else "usable: yes"
     title = head + (f", vehicle {report.vehicle[:20]}, {report.sensors} sensors" if report.sensors else "")
     body = [f"{title}{verdict:>{max(2, WIDTH - len(title))}}"]
     for problem in report.problems[:MOST_PROBLEMS]:
@@ -51,14 +49,8 @@ def _flights(report: LogReport) -> list[str]:
     lines = []
     for f in report.flights[:MOST_FLIGHTS]:
         test = tests.get(f.name)
-        swings = (
-            ""
-            if test is None
-            else f", swings: {'yes' if test.swings else 'no'} ({test.log_bayes_factor:.0f})"
-        )
-        lines.append(
-            f"  {f.name[:40]:<41}{f.duration:.3g} s at {1 / f.step:.3g} Hz, {_gaps(f)}{swings}"[:WIDTH]
-        )
+        swings = "" if test is None else f", swings: {'yes' if test.swings else 'no'} ({test.log_bayes_factor:.0f})"
+        lines.append(f"  {f.name[:40]:<41}{f.duration:.3g} s at {1 / f.step:.3g} Hz, {_gaps(f)}{swings}"[:WIDTH])
     if len(report.flights) > MOST_FLIGHTS:
         lines.append(f"  … and {len(report.flights) - MOST_FLIGHTS} more (--json has all)")
     return lines
@@ -109,8 +101,7 @@ def _noise(f: FlightFacts) -> str:
 def _clocks(f: FlightFacts) -> str:
     return (
         "; ".join(
-            f"{lag.late} {1e3 * lag.seconds:+.1f} ± {1e3 * lag.deviation:.1f} ms after {lag.early}"
-            for lag in f.lags
+            f"{lag.late} {1e3 * lag.seconds:+.1f} ± {1e3 * lag.deviation:.1f} ms after {lag.early}" for lag in f.lags
         )
         or "no two signals move alike enough to tell their lag"
     )
@@ -135,9 +126,7 @@ def _residual(report: LogReport) -> str:
     torques = [floor[f"torque {axis}"] for axis in "xyz"]
     turning = f", torque up to {_si(max(torques), 'N·m')}" if max(torques) > 0 else ", torque not known"
     before = ", ".join(f"{share:.1f}" for share in shares)
-    return (
-        f"force x, y, z {before} % of weight (RMS); when every effect helps up to {_si(force, 'N')}{turning}"
-    )
+    return f"force x, y, z {before} % of weight (RMS); when every effect helps up to {_si(force, 'N')}{turning}"
 
 
 def _swings(report: LogReport) -> str:
@@ -162,11 +151,7 @@ def _effects(report: LogReport) -> list[str]:
     if rest:
         lines.append(_row("cannot be told", "but from this size on", "usual", "why"))
         for name, answers in rest.items():
-            why = (
-                "like " + answers[0].beside[0]
-                if answers[0].reason.startswith("it cannot")
-                else "no clear trace"
-            )
+            why = "like " + answers[0].beside[0] if answers[0].reason.startswith("it cannot") else "no clear trace"
             lines.append(_row(f"  {name}", _sizes(answers), f"{answers[0].typical:.2g}", why))
         todo: dict[str, list[str]] = {}
         for name, answers in rest.items():

@@ -40,8 +40,7 @@ def evaluate(
         bool, Option("--leave-one-out", help="Score every LOG by models trained on all the others.")
     ] = False,
     only: Annotated[
-        list[str] | None,
-        Option(help="Train only this one: a configuration of np, or payload_filter; repeatable."),
+        list[str] | None, Option(help="Train only this one: a configuration of np, or payload_filter; repeatable.")
     ] = None,
     also: Annotated[
         list[str] | None, Option(help="Rows of these as well, trained likewise: gp | knode; repeatable.")
@@ -127,16 +126,12 @@ def _choose_flights(
     if logs:
         named = [path.resolve() for path in (*train, *logs)]
         if twice := [path for path in (*train, *logs) if named.count(path.resolve()) > 1]:
-            raise ValueError(
-                f"{twice[0]}: must be given once; a flight to score must be held out of training."
-            )
+            raise ValueError(f"{twice[0]}: must be given once; a flight to score must be held out of training.")
         return train, logs
     if predictor or train:
         raise ValueError("give the flights to score: np-drake evaluate LOG….")
     if neurobem is None:
-        raise ValueError(
-            "give flights, or the folder of the NeuroBEM flights as --neurobem DIR or NP_DRAKE_NEUROBEM."
-        )
+        raise ValueError("give flights, or the folder of the NeuroBEM flights as --neurobem DIR or NP_DRAKE_NEUROBEM.")
     from np_drake.logs.formats.neurobem import RACE_TRACK, TRAINING
 
     say("the paper prints 0.057 N and 0.006 N·m for race track 1 (one step ahead).")

@@ -31,10 +31,7 @@ def open_flights(paths: list[Path], vehicle_file: Path | None, *, repair: bool =
     file, or if NeuroBEM arrays are mixed with logs.
     """
     vehicle = None if vehicle_file is None else load_vehicle(vehicle_file)
-    inputs = [
-        _scenario(path) if path.suffix in SCENARIOS else _opened(path, vehicle, repair=repair)
-        for path in paths
-    ]
+    inputs = [_scenario(path) if path.suffix in SCENARIOS else _opened(path, vehicle, repair=repair) for path in paths]
     flights = []
     for path, found in zip(paths, inputs, strict=True):
         flights += found if isinstance(found, list) else [simulated(path, found)]

@@ -35,9 +35,7 @@ def fly(
             f"0.2 to 1 s a solve); default: the scenario file's, or {options.DEFAULT_SOLVER}."
         ),
     ] = None,
-    predictor: Annotated[
-        Path | None, Option(help="Model file of controller np, payload_filter, gp or knode.")
-    ] = None,
+    predictor: Annotated[Path | None, Option(help="Model file of controller np, payload_filter, gp or knode.")] = None,
     told_mass: Annotated[
         bool, Option("--told-mass", help="Known mass: controller and estimator have the payload's.")
     ] = False,
@@ -46,16 +44,10 @@ def fly(
     reality: options.Reality = None,
     sample: Annotated[
         int | None,
-        Option(
-            min=1,
-            max=10_000,
-            metavar="N",
-            help="Fly N simulators drawn from the posterior of a corrected one.",
-        ),
+        Option(min=1, max=10_000, metavar="N", help="Fly N simulators drawn from the posterior of a corrected one."),
     ] = None,
     mcap: Annotated[
-        Path | None,
-        Option(metavar="FILE", help="Write the flight as MCAP for Foxglove and PlotJuggler (extra mcap)."),
+        Path | None, Option(metavar="FILE", help="Write the flight as MCAP for Foxglove and PlotJuggler (extra mcap).")
     ] = None,
     live: Annotated[
         bool, Option("--live", help="Fly in real time in a browser (Meshcat), and be pushed there.")
@@ -141,10 +133,7 @@ def _fly_live(config: "FlightConfig", seed: int) -> "FlightResult":
         try:
             with progress(f"flying {config.name} with {config.controller.kind}", config.end) as advance:
                 flight = simulate(
-                    config,
-                    seed=seed,
-                    monitor=lambda t: advance(t, f"{100 * view.error:.1f} cm off"),
-                    watch=view,
+                    config, seed=seed, monitor=lambda t: advance(t, f"{100 * view.error:.1f} cm off"), watch=view
                 )
         except LostVehicle as lost:
             if not len(lost.signals["t"]):

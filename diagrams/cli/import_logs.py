@@ -29,17 +29,10 @@ def import_logs(
     ],
     log_map: Annotated[
         Path | None,
-        Option(
-            "--map",
-            metavar="FILE",
-            help="Map of columns and conventions (YAML); default: by the log's own names.",
-        ),
+        Option("--map", metavar="FILE", help="Map of columns and conventions (YAML); default: by the log's own names."),
     ] = None,
     rate: Annotated[
-        float,
-        Option(
-            metavar="HZ", min=0, max=20_000, help="Rate of the rows; 0: of the fastest signal that is used."
-        ),
+        float, Option(metavar="HZ", min=0, max=20_000, help="Rate of the rows; 0: of the fastest signal that is used.")
     ] = 0.0,
     adopt: Annotated[
         bool, Option("--adopt", help="Where a log fits other conventions than declared, take those.")
@@ -65,9 +58,7 @@ def import_logs(
                 found = _imported(path, declared, rate, adopt, lambda share, k=number: advance(k + share, ""))
                 written += _write(found, run.folder, suffix, written)
             except (LogError, OSError) as error:
-                failures.append(
-                    str(error) if isinstance(error, LogError) else f"{path}: {error.strerror or error}."
-                )
+                failures.append(str(error) if isinstance(error, LogError) else f"{path}: {error.strerror or error}.")
                 continue
             left += [f"{path.name}: {note}" for note in found.sheet.content["notes"] if "left out" in note]
             rows += [_row(flight, found) for flight in found.flights]
@@ -78,24 +69,12 @@ def import_logs(
         more = f" ({len(failures)} of {len(logs)} logs failed)" if len(logs) > 1 else ""
         failure = LogError(failures[0] + more)
     return Report(
-        [
-            (
-                "imported flights",
-                ["flight", "s", "Hz", "input", "timing [ms]", "rows bridged or left out"],
-                rows,
-            )
-        ]
+        [("imported flights", ["flight", "s", "Hz", "input", "timing [ms]", "rows bridged or left out"], rows)]
         if rows
         else [],
-        config={
-            "logs": [str(p) for p in logs],
-            "map": None if log_map is None else str(log_map),
-            "rate": rate,
-        },
+        config={"logs": [str(p) for p in logs], "map": None if log_map is None else str(log_map), "rate": rate},
         metrics={"files": written, "failures": failures},
-        summary=[*left, f"{len(written)} flights written to {run.folder}, a sheet beside each."]
-        if written
-        else [],
+        summary=[*left, f"{len(written)} flights written to {run.folder}, a sheet beside each."] if written else [],
         failure=failure,
     )
 

@@ -30,9 +30,7 @@ def next_flight(
     report: Annotated[Path, Argument(metavar="REPORT", help="Folder of np-drake diagnose --out.")],
     box: Annotated[Box, Option("--box", metavar="X Y Z", help="Room [m]: floor at z = 0, x = y = 0 amid.")],
     seconds: Annotated[float, Option("--seconds", min=SHORTEST, max=LONGEST, help="Length [s].")] = 20.0,
-    controller: Annotated[
-        str, Option("--controller", help="Kind that will fly it, as of np-drake fly.")
-    ] = "hold",
+    controller: Annotated[str, Option("--controller", help="Kind that will fly it, as of np-drake fly.")] = "hold",
     speed: Annotated[
         float | None, Option("--speed", help="Largest speed [m/s]; default: 0.6 of the controller's.")
     ] = None,
@@ -67,11 +65,7 @@ def next_flight(
         in_simulator = InSimulator(config, found, limits, run.scratch, run.seed)
         with progress(f"flying with {controller}", 1.0) as advance:
             motion, flown = keep_limits(
-                motion,
-                explanations,
-                in_simulator,
-                controller=controller,
-                tell=lambda share: advance(share, ""),
+                motion, explanations, in_simulator, controller=controller, tell=lambda share: advance(share, "")
             )
     prediction, usage = found.predicted(motion, limits), motion.usage(limits)
 
@@ -88,9 +82,7 @@ def next_flight(
         metrics=content(explanations, prediction, usage, flown),
         lines=[sentence(explanations), outlook(prediction), ""],
         summary=[verdict(flown, usage)],
-        notes=[]
-        if evaluations is None
-        else ["warning: --evaluations has no effect: nothing is searched for."],
+        notes=[] if evaluations is None else ["warning: --evaluations has no effect: nothing is searched for."],
         figures={"next_flight.png": lambda: track_figure(motion, limits)},
         write=write,
     )
@@ -151,9 +143,7 @@ def _most(usage: Mapping[str, float]) -> str:
     return f"{100 * usage[name]:.0f} % of {name}"
 
 
-def tables(
-    explanations: "Sequence[Explanation]", prediction: "Prediction", flown: "Sequence[Flown]"
-) -> list[Table]:
+def tables(explanations: "Sequence[Explanation]", prediction: "Prediction", flown: "Sequence[Flown]") -> list[Table]:
     """Return the tables of pairs, of intervals, and of the flights in the simulator.
 
     Args:
@@ -187,9 +177,7 @@ def _pairs(explanations: "Sequence[Explanation]", prediction: "Prediction") -> l
     return [(pair, f"{d:.2g}", "hardly" if d < HARDLY else "yes") for pair, d in said]
 
 
-def _intervals(
-    explanation: "Explanation", intervals: Mapping[str, tuple[float, float]]
-) -> list[tuple[str, ...]]:
+def _intervals(explanation: "Explanation", intervals: Mapping[str, tuple[float, float]]) -> list[tuple[str, ...]]:
     """Return a row for each parameter of the effects that an explanation names."""
     values = {f"{e.identifier}.{name}": v for e in explanation.effects for name, v in e.values.items()}
     named = {name: pair for name, pair in intervals.items() if name.split(".")[0] in explanation.named}
@@ -228,9 +216,6 @@ def content(
         "intervals": list(prediction.intervals),
         "usage": dict(usage),
     }
-    flights = [
-        {"explanation": f.explanation.label, "usage": f.usage, "posterior": f.posterior.tolist()}
-        for f in flown
-    ]
+    flights = [{"explanation": f.explanation.label, "usage": f.usage, "posterior": f.posterior.tolist()} for f in flown]
     stand = [{"named": list(e.named), "probability": e.probability} for e in explanations]
     return {"explanations": stand, "candidates": [candidate], "flown": flights}

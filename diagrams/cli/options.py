@@ -24,22 +24,15 @@ Json = Annotated[OptionalPath, Option("--json", metavar="FILE", help="Write the 
 Out = Annotated[OptionalPath, Option("--out", metavar="DIR", help="Folder for logs and figures.")]
 Markdown = Annotated[OptionalPath, Option("--markdown", metavar="FILE", help="Write the table as Markdown.")]
 Seed = Annotated[int, Option("--seed", min=0, max=2**31 - 1, help="Seed of every random draw.")]
-Undrawn = Annotated[
-    int, Option("--seed", min=0, max=2**31 - 1, hidden=True)
-]  # of verbs without a random draw
+Undrawn = Annotated[int, Option("--seed", min=0, max=2**31 - 1, hidden=True)]  # of verbs without a random draw
 Jobs = Annotated[int, Option("--jobs", min=1, max=1024, help="Processes on this machine.")]
 DEFAULT_JOBS = 2  # of every verb of many cases
 Scheduler = Annotated[
-    str,
-    Option(
-        "--scheduler", metavar="ADDRESS", help="Work on the Dask cluster of this scheduler: tcp://HOST:PORT."
-    ),
+    str, Option("--scheduler", metavar="ADDRESS", help="Work on the Dask cluster of this scheduler: tcp://HOST:PORT.")
 ]
 OutOfCases = Annotated[
     OptionalPath,
-    Option(
-        "--out", metavar="DIR", help="Folder for figures, models and a file for every case, to resume from."
-    ),
+    Option("--out", metavar="DIR", help="Folder for figures, models and a file for every case, to resume from."),
 ]
 CASES = "cases"  # folder in --out with a file for every case
 VehicleFile = Annotated[
@@ -51,9 +44,7 @@ VehicleFile = Annotated[
     ),
 ]
 Repair = Annotated[bool, Option("--repair", help="Mend a few bad rows of a log and say so.")]
-Epochs = Annotated[
-    int | None, Option("--epochs", min=1, max=1_000_000, help="Passes; default: the configuration's.")
-]
+Epochs = Annotated[int | None, Option("--epochs", min=1, max=1_000_000, help="Passes; default: the configuration's.")]
 Configuration = Annotated[
     str | None,
     Option(

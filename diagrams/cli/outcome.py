@@ -33,9 +33,7 @@ def run_app(app: typer.Typer, arguments: list[str]) -> int:
     arguments = [argument for argument in arguments if argument != DEBUG]
     empty = _empty(arguments)
     if empty is not None:
-        say = (
-            f"an argument must not be empty; got {empty}. Name a file, a folder or a value, or leave it out."
-        )
+        say = f"an argument must not be empty; got {empty}. Name a file, a folder or a value, or leave it out."
         return _report(app, arguments, say, BAD_INPUT)
     try:
         with guard_inputs(inputs_of(arguments)):

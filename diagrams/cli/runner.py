@@ -50,11 +50,7 @@ def reports(
     """
     last: list[Shared] = [
         ("seed", options.Undrawn if seed is None else options.Seed, seed or 0),
-        *(
-            [("jobs", options.Jobs, options.DEFAULT_JOBS), ("scheduler", options.Scheduler, "")]
-            if many
-            else []
-        ),
+        *([("jobs", options.Jobs, options.DEFAULT_JOBS), ("scheduler", options.Scheduler, "")] if many else []),
         *([("out", out, folder)] if out is not None else []),
         ("json", options.Json, None),
         *([("markdown", options.Markdown, None)] if markdown else []),

@@ -65,9 +65,7 @@ def stability_text(lines: list[dict[str, Any]], rows: list[dict[str, Any]]) -> l
     said = []
     for name in dict.fromkeys(line["model"] for line in lines):
         of = [line for line in lines if line["model"] == name]
-        windows, unstable, pulled = (
-            sum(line[key] for line in of) for key in ("windows", "unstable", "pulled")
-        )
+        windows, unstable, pulled = (sum(line[key] for line in of) for key in ("windows", "unstable", "pulled"))
         scored = [row for row in rows if row["model"] == name]
         peak = np.nanmax([row[f"{kind}_peak"] for row in scored for kind in ("force", "torque")], initial=0.0)
         lost, flown = diverged(scored), len({line["flight"] for line in of})

@@ -42,9 +42,7 @@ def open_streams() -> list[Outlet]:
         before.flush()
         outlet = Outlet(number, "w", closefd=False)
         buffered = before.isatty() or number == 2
-        text = io.TextIOWrapper(
-            io.BufferedWriter(outlet), before.encoding, errors=PLAIN, line_buffering=buffered
-        )
+        text = io.TextIOWrapper(io.BufferedWriter(outlet), before.encoding, errors=PLAIN, line_buffering=buffered)
         setattr(sys, name, text)
         outlets.append(outlet)
     return outlets

@@ -86,9 +86,7 @@ def train(
         head = {"configuration": configuration, "step": step, **dc.asdict(config)}
         lag = rotor_lag_of(result.model)
         if lag > 0:
-            say(
-                f"rotors: {1e3 * lag:.0f} ms behind the command; in flight the labels of this model allow for it."
-            )
+            say(f"rotors: {1e3 * lag:.0f} ms behind the command; in flight the labels of this model allow for it.")
         lines, tables = [], [_loss_table(summary, wall)]
         notes = [f"model: {out}", f"loss curve: {curve}"]
     if loss or tables:

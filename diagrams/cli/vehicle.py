@@ -16,8 +16,7 @@ if TYPE_CHECKING:
 vehicle = typer.Typer(help="Vehicle files: new, list, show.", add_completion=False, rich_markup_mode=None)
 Preset = Annotated[str | None, Option(metavar="NAME", help="Begin with this vehicle of `vehicle list`.")]
 MassUncertainty = Annotated[
-    float | None,
-    Option(help="Standard deviation of the mass over the mass; default: 0.01, or the preset's [1]."),
+    float | None, Option(help="Standard deviation of the mass over the mass; default: 0.01, or the preset's [1].")
 ]
 ThrustUncertainty = Annotated[
     float | None, Option(help="Standard deviation of thrust over thrust; default: 0.4, or the preset's [1].")
@@ -27,22 +26,17 @@ ThrustUncertainty = Annotated[
 @vehicle.command("new")
 def new(
     mass: Annotated[float | None, Option(help="Mass with battery, without payload [kg].")] = None,
-    wheelbase: Annotated[
-        float | None, Option(help="Distance from motor to motor, across the centre [m].")
-    ] = None,
+    wheelbase: Annotated[float | None, Option(help="Distance from motor to motor, across the centre [m].")] = None,
     propeller: Annotated[float | None, Option(help="Propeller diameter [m].")] = None,
     hover_throttle: Annotated[float | None, Option(help="Throttle in hover, 0 to 1.")] = None,
     throttle_curve: Annotated[
-        str,
-        Option(metavar="CURVE", help="Thrust over throttle: quadratic (throttle is rotor speed) | linear."),
+        str, Option(metavar="CURVE", help="Thrust over throttle: quadratic (throttle is rotor speed) | linear.")
     ] = "quadratic",
     mass_uncertainty: MassUncertainty = None,
     thrust_uncertainty: ThrustUncertainty = None,
     preset: Preset = None,
     name: Annotated[str | None, Option(help="Name of the vehicle; default: mine, or the preset's.")] = None,
-    out: Annotated[
-        Path | None, Option(metavar="FILE", help="Vehicle file to write; default: print it.")
-    ] = None,
+    out: Annotated[Path | None, Option(metavar="FILE", help="Vehicle file to write; default: print it.")] = None,
 ) -> None:
     """Write a commented vehicle file from four measures; or a copy of a preset, with --mass of another mass.
 
@@ -55,9 +49,7 @@ def new(
     measures = {"wheelbase": wheelbase, "propeller": propeller, "hover_throttle": hover_throttle}
     if preset is not None:
         if given := [_option(key) for key, value in measures.items() if value is not None]:
-            raise ValueError(
-                f"--preset: goes with --mass, --name and uncertainties alone; got {', '.join(given)}."
-            )
+            raise ValueError(f"--preset: goes with --mass, --name and uncertainties alone; got {', '.join(given)}.")
         text = _copy_of(preset, mass, name, stated)
     else:
         measures["mass"] = mass
@@ -87,9 +79,7 @@ def presets() -> None:
 
 
 @vehicle.command("show")
-def show(
-    name: Annotated[str, Argument(metavar="VEHICLE", help="Name of `vehicle list`, or a vehicle file.")],
-) -> None:
+def show(name: Annotated[str, Argument(metavar="VEHICLE", help="Name of `vehicle list`, or a vehicle file.")]) -> None:
     """Print a vehicle file with its sources, its scales and the default flight that follows from them."""
     from np_drake.vehicle import load_vehicle, vehicle_file
 
@@ -131,10 +121,7 @@ def _copy_of(preset: str, mass: float | None, name: str | None, stated: Mapping[
             r"^mass: .*$", f"mass: {mass:.15g} # given; the preset's is {known.mass:g} [kg]", text, flags=re.M
         )
     dc.replace(known, **stated).check()  # type: ignore[arg-type]
-    lines = [
-        f"{field}: {value:.15g} # given: standard deviation over the value [1]"
-        for field, value in stated.items()
-    ]
+    lines = [f"{field}: {value:.15g} # given: standard deviation over the value [1]" for field, value in stated.items()]
     return "\n".join([text.rstrip("\n"), *lines, ""]) if lines else text
 
 
@@ -146,9 +133,7 @@ def _preset_table() -> Table:
     rows = []
     for name in preset_names():
         known = load_vehicle(name)
-        rows.append(
-            (name, known.mass, 100 * scales(known).length, numbers(known).thrust_to_weight, _source(name))
-        )
+        rows.append((name, known.mass, 100 * scales(known).length, numbers(known).thrust_to_weight, _source(name)))
     return "vehicles", ["name", "mass [kg]", "arm [cm]", "thrust/weight [1]", "source"], rows
 
 

@@ -37,10 +37,7 @@ def write_demo(demo: Demo, folder: Path) -> Path:
 def _pictures(demo: Demo) -> dict[str, bytes]:
     """Return PNG bytes by name."""
     learned = demo.flown(HELD_OUT, LEARNED.kind)
-    pictures = {
-        "foretold": png(foretold(demo)),
-        f"{HELD_OUT}_{LEARNED.kind}_wrench": png(figures.wrench(learned)),
-    }
+    pictures = {"foretold": png(foretold(demo)), f"{HELD_OUT}_{LEARNED.kind}_wrench": png(figures.wrench(learned))}
     for track in TRACKS:
         flights = [f for f in demo.flights if f.config.name == track]
         title = f"{track} · seed {flights[0].seed}"
@@ -55,10 +52,7 @@ def _write_simulators(demo: Demo, folder: Path) -> dict[str, str]:
     config = corrected.corrected_simulator(demo.diagnosis, vehicle)
     corrected.write_corrected(config, demo.diagnosis, folder / corrected.FILE)
     side_by_side.write_side_by_side(demo.beside, vehicle, folder / side_by_side.FILE)
-    return {
-        side_by_side.FILE: f"The {HELD_OUT} beside its simulators",
-        corrected.FILE: "Corrected simulator",
-    }
+    return {side_by_side.FILE: f"The {HELD_OUT} beside its simulators", corrected.FILE: "Corrected simulator"}
 
 
 def _write_replays(demo: Demo, folder: Path) -> dict[str, str]:

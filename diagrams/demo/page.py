@@ -29,9 +29,7 @@ def write_index(demo: Demo, pictures: Mapping[str, bytes], links: Mapping[str, s
         links: texts of links by the names of files in the same folder.
     Raises: OSError: if it cannot be written.
     """
-    template = Environment(autoescape=True, undefined=StrictUndefined).from_string(
-        TEMPLATE.read_text("utf-8")
-    )
+    template = Environment(autoescape=True, undefined=StrictUndefined).from_string(TEMPLATE.read_text("utf-8"))
     shown = {name: embedded(picture) for name, picture in pictures.items()}
     write_text(folder / FILE, template.render(**content(demo), figures=shown, links=links, style=style()))
     return folder / FILE
@@ -47,8 +45,7 @@ def content(demo: Demo) -> dict[str, Any]:
         "held_out": HELD_OUT,
         "errors": error_rows(demo),
         "cut": [
-            (track, words.percent(cut["E_xy"]), words.percent(cut["E_z"]))
-            for track, cut in demo.reduction().items()
+            (track, words.percent(cut["E_xy"]), words.percent(cut["E_z"])) for track, cut in demo.reduction().items()
         ],
         "causes": cause_rows(demo),
         "meeting": meeting_rows(demo),
@@ -99,9 +96,7 @@ def cause_rows(demo: Demo) -> list[tuple[str, ...]]:
             rows.append((*first, parameter, *words.estimate(estimate, unit), told))
             first = ("", "")
     if UNKNOWN in demo.diagnosis.verdict:
-        rows.append(
-            (UNKNOWN, words.probability(demo.diagnosis.unknown_probability), "", "", "", words.NOTHING)
-        )
+        rows.append((UNKNOWN, words.probability(demo.diagnosis.unknown_probability), "", "", "", words.NOTHING))
     missed = [name for name in demo.withheld if name not in causes]
     return rows + [(words.capital(words.bare_name(name)), "not named", "", "", "", "acts") for name in missed]
 

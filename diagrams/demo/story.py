@@ -119,16 +119,11 @@ def run_demo(
         simulated: length of the flights in either simulator, after the ramp, at most that of a flight [s].
         on_progress: is told the share that is done and what is done next.
     """
-    models = {
-        LEARNED.kind: folder / "predictor.safetensors",
-        FILTER.kind: folder / "payload_filter.safetensors",
-    }
+    models = {LEARNED.kind: folder / "predictor.safetensors", FILTER.kind: folder / "payload_filter.safetensors"}
     practice = training_config(TRAINING, solver=solver)
     nominal = practice.reality.nominal()
     tracked = {
-        (track, row.kind): Trip(
-            configure(track, row, solver=solver, model=str(models.get(row.kind, ""))), seed + 1
-        )
+        (track, row.kind): Trip(configure(track, row, solver=solver, model=str(models.get(row.kind, ""))), seed + 1)
         for track in TRACKS
         for row in ROWS
     }
@@ -138,9 +133,7 @@ def run_demo(
 
     steps = _Steps(jobs, on_progress)
     unlearned = {key: trip for key, trip in tracked.items() if key[1] not in TRAINED}
-    done = steps.run(
-        "training and flights", {"learned": partial(_learn, practice, seed, models), **unlearned}
-    )
+    done = steps.run("training and flights", {"learned": partial(_learn, practice, seed, models), **unlearned})
     training, trained = done.pop("learned")
     train = [diagnosed(training), diagnosed(done[TRACKS[0], NOMINAL.kind])]
     held_out = [diagnosed(done[HELD_OUT, NOMINAL.kind])]
@@ -196,9 +189,7 @@ def _call(work: Callable[[], Any]) -> Any:
     return work()
 
 
-def _learn(
-    config: FlightConfig, seed: int, models: Mapping[str, Path]
-) -> tuple[FlightResult, dict[str, Any]]:
+def _learn(config: FlightConfig, seed: int, models: Mapping[str, Path]) -> tuple[FlightResult, dict[str, Any]]:
     """Return the training flight and what the models, which are written, were trained on."""
     flight = fly(config, seed=seed)
     train_payload_filter_model(flight, models[FILTER.kind])

@@ -5,9 +5,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 EXACT, APPROXIMATE, LEFT_OUT = "exact", "approximate", "left out"
-Law = Mapping[
-    str, tuple[str, str]
-]  # identifier or place of an effect -> how a format carries it, and in words
+Law = Mapping[str, tuple[str, str]]  # identifier or place of an effect -> how a format carries it, and in words
 _SENSOR = (LEFT_OUT, "an error of the sensors, not of the motion")
 _UNKNOWN = (LEFT_OUT, "this export does not know it")
 

@@ -107,10 +107,7 @@ def _motor(actuators: Element, c: Corrected, i: int) -> None:
     x, y, _ = c.vehicle.rotor_positions[i]
     roll, pitch, yaw = c.torque_share
     gear = [0, 0, 1, (roll - 1) * y, (1 - pitch) * x, yaw * c.kappa * c.vehicle.rotor_directions[i]]
-    given: dict[str, Any] = {
-        "gainprm": c.scale * c.rotor_share[i],
-        "ctrlrange": [0, c.vehicle.max_rotor_thrust],
-    }
+    given: dict[str, Any] = {"gainprm": c.scale * c.rotor_share[i], "ctrlrange": [0, c.vehicle.max_rotor_thrust]}
     if c.time_constant > 0:
         given |= {"dyntype": "filter", "dynprm": c.time_constant}
     if c.dead_time > 0:

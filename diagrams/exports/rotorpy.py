@@ -107,7 +107,5 @@ def write_rotorpy(vehicle: Vehicle, effects: Sequence[Any], path: str | Path) ->
     write_json(path, rotorpy_parameters(vehicle, effects))
     account = carried(effects, LAW)
     if vehicle.gravity != GRAVITY:
-        account.append(
-            Carried("gravity", LEFT_OUT, f"RotorPy's is {GRAVITY:g}, not {vehicle.gravity:g} m/s²")
-        )
+        account.append(Carried("gravity", LEFT_OUT, f"RotorPy's is {GRAVITY:g}, not {vehicle.gravity:g} m/s²"))
     return account

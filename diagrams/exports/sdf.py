@@ -71,9 +71,7 @@ def write_sdf(vehicle: Vehicle, effects: Sequence[Any], path: str | Path) -> lis
     for i in range(4):
         _motor(model, c, i)
     _air(model, c)
-    comment = (
-        "np_drake export: motorConstant [N/(rad/s)^2], momentConstant [m]; commands are rotor speeds [rad/s]"
-    )
+    comment = "np_drake export: motorConstant [N/(rad/s)^2], momentConstant [m]; commands are rotor speeds [rad/s]"
     write_xml(root, path, comment)
     return _account(c, effects)
 

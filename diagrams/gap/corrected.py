@@ -124,8 +124,7 @@ def _autocovariance(where: Localisation, channel: int) -> tuple[float, np.ndarra
     step = flights[0][0]
     lags = min(int(LONGEST / step), min(len(series) for _, series in flights) // 2)
     total = sum(
-        np.array([series[:-k] @ series[k:] / (len(series) - k) for k in range(1, lags)])
-        for _, series in flights
+        np.array([series[:-k] @ series[k:] / (len(series) - k) for k in range(1, lags)]) for _, series in flights
     )
     return step, np.asarray(total) / len(flights)
 

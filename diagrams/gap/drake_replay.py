@@ -98,9 +98,7 @@ class DrakeReplay:
         self.hidden = hidden
         self._rollouts: dict[tuple, Rollout] = {}
 
-    def __call__(
-        self, logs: list[FlightLog], effects: list[tuple[Effect, dict[str, float | None]]]
-    ) -> ReplayGap:
+    def __call__(self, logs: list[FlightLog], effects: list[tuple[Effect, dict[str, float | None]]]) -> ReplayGap:
         """Return the errors over all starts of all flights.
 
         Raises: ValueError: where a flight is too short for the longest horizon.
@@ -115,10 +113,7 @@ class DrakeReplay:
         return np.array([self._error(flight, k) for k in self._start_rows(log)])
 
     def follow(
-        self,
-        log: FlightLog,
-        effects: list[tuple[Effect, dict[str, float | None]]],
-        legs: Sequence[np.ndarray],
+        self, log: FlightLog, effects: list[tuple[Effect, dict[str, float | None]]], legs: Sequence[np.ndarray]
     ) -> list[Leg]:
         """Return the open-loop replay along each leg, started anew from the logged state of its first row.
 
@@ -159,9 +154,7 @@ class DrakeReplay:
         first, last = log.t[0] + LEAD, log.t[-1] - self._horizons[-1] - _MARGIN
         if last < first:
             least = LEAD + self._horizons[-1] + _MARGIN
-            raise ValueError(
-                f"DrakeReplay: {log.name} must last at least {least:.2g} s; got {np.ptp(log.t):.3g} s."
-            )
+            raise ValueError(f"DrakeReplay: {log.name} must last at least {least:.2g} s; got {np.ptp(log.t):.3g} s.")
         return np.unique(np.searchsorted(log.t, np.linspace(first, last, self._starts)))
 
     def _error(self, flight: _Flight, start: int) -> np.ndarray:

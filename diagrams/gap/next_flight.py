@@ -87,9 +87,7 @@ def read_report(folder: Path) -> DiagnosisReport:
     return DiagnosisReport(folder, load_flight(str(folder / CORRECTED)), explanations, readings)
 
 
-def write_scenario(
-    config: FlightConfig, explanations: Sequence[Explanation], folder: Path, report: Path
-) -> Path:
+def write_scenario(config: FlightConfig, explanations: Sequence[Explanation], folder: Path, report: Path) -> Path:
     """Write the scenario that flies the track `TRACK` of the same folder, and return its path.
 
     Args:

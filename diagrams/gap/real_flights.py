@@ -94,10 +94,7 @@ def _opened(folder: Path) -> list[FlightLog]:
 
 
 def leave_one_out(
-    folder: Path,
-    *,
-    workers: Workers | None = None,
-    on_progress: Callable[[int, int], None] = lambda done, total: None,
+    folder: Path, *, workers: Workers | None = None, on_progress: Callable[[int, int], None] = lambda done, total: None
 ) -> list[Fold]:
     """Return a fold for every agile flight, held out in turn, with the others as training flights.
 
@@ -126,13 +123,7 @@ def rows(folds: Sequence[Fold]) -> list[dict]:
     for name, some in [*((f.name, [f]) for f in folds), (POOLED, list(folds))]:
         for group, channels in GROUPS.items():
             before, after = (_rms([getattr(f, key) for f in some], channels) for key in ("before", "after"))
-            line = {
-                "flight": name,
-                "group": group,
-                "nominal": before,
-                "after": after,
-                "cut": 1 - after / before,
-            }
+            line = {"flight": name, "group": group, "nominal": before, "after": after, "cut": 1 - after / before}
             if group == "torque":
                 line["zero"] = _rms([f.zero for f in some], (0, 1, 2))
                 line["mean"] = _rms([f.mean for f in some], (0, 1, 2))

@@ -11,16 +11,7 @@ from pydrake.geometry import Rgba
 from diagrams.gap.drake_replay import DrakeReplay
 from diagrams.loop.replay.film import FRAME_RATE, Film, frames
 from diagrams.loop.replay.page import Page, ReadOut, Trail, write_page
-from diagrams.loop.replay.scene import (
-    DARK,
-    GREEN,
-    RED,
-    add_payload,
-    add_quadrotor,
-    add_trail,
-    arm_length,
-    new_scene,
-)
+from diagrams.loop.replay.scene import DARK, GREEN, RED, add_payload, add_quadrotor, add_trail, arm_length, new_scene
 from np_drake.diagnosis.gap.gap_reduction import LEAD
 from np_drake.diagnosis.result import HORIZONS, Diagnosis
 from np_drake.effects.base import Effect

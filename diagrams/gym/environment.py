@@ -66,9 +66,7 @@ class TrackingEnv(DrakeGymEnv):
             raise ResetNeeded("TrackingEnv: step must follow a reset; call reset() first.")
         action = np.asarray(action, float)
         if action.shape != (ACTION_SIZE,) or not np.isfinite(action).all():
-            raise ValueError(
-                f"TrackingEnv: action must be {ACTION_SIZE} finite numbers in [-1, 1]; got {action}."
-            )
+            raise ValueError(f"TrackingEnv: action must be {ACTION_SIZE} finite numbers in [-1, 1]; got {action}.")
         self._step += 1
         # To a whole multiple of the period, where sums of it would drift off the events of the diagram.
         self.time_step = self._step * self._flight.period - self.simulator.get_context().get_time()

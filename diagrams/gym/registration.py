@@ -62,9 +62,7 @@ def make_env(
     from diagrams.gym.environment import TrackingEnv
 
     if vehicle is not None and not isinstance(experiment, str):
-        raise ValueError(
-            "make_env: vehicle must go with the name of an experiment; set config.vehicle instead."
-        )
+        raise ValueError("make_env: vehicle must go with the name of an experiment; set config.vehicle instead.")
     action = ActionConfig(base, authority).check()
 
     draw = experiment if callable(experiment) else _always(experiment, vehicle)

@@ -106,9 +106,7 @@ class TrackingSimulator:
     Raises: ValueError: if the period is no whole multiple of the controller's, at which the sensors are read.
     """
 
-    def __init__(
-        self, config: FlightConfig, task: TrackingTask, action: ActionConfig, period: float | None = None
-    ):
+    def __init__(self, config: FlightConfig, task: TrackingTask, action: ActionConfig, period: float | None = None):
         self.config, self.task, self.reference = config, task, make_reference(config.reference)
         self.period = config.controller.period if period is None else period
         ratio = self.period / config.controller.period
@@ -177,9 +175,7 @@ class SimulatorPool:
     Raises: ValueError: on a size below one or an impossible configuration.
     """
 
-    def __init__(
-        self, draw: Draw, make: Callable[[FlightConfig], TrackingSimulator], *, size: int, seed: int = 0
-    ):
+    def __init__(self, draw: Draw, make: Callable[[FlightConfig], TrackingSimulator], *, size: int, seed: int = 0):
         if size < 1:
             raise ValueError(f"SimulatorPool: simulators must be at least 1; got {size}.")
         self.configs = [draw(np.random.default_rng([seed, i])).check() for i in range(size)]

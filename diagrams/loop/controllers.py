@@ -84,9 +84,7 @@ class ControllerConfig:
                 f"for this vehicle; got {self.command_delay:g} s."
             )
         if not 0 <= self.extra_mass < np.inf:
-            raise ValueError(
-                f"controller: extra_mass must be finite and not negative [kg]; got {self.extra_mass}."
-            )
+            raise ValueError(f"controller: extra_mass must be finite and not negative [kg]; got {self.extra_mass}.")
         if self.predictor and self.kind not in LEARNED:
             raise ValueError(f"controller: a predictor is for kind {', '.join(LEARNED)}; got {self.kind}.")
         if self.kind in REACTIONS and not self.predictor:
@@ -223,8 +221,7 @@ def add_controller(
     solver = make_solver(config.solver, believed, config.mpc, time_limit=SOLVER_SHARE * config.deadline)
     solver = FaultySolver(solver, solver_faults) if solver_faults else solver
     mpc = builder.AddNamedSystem(
-        "np_mpc",
-        NpMpc(MpcController(believed, config.mpc, solver, period=period, deadline=config.deadline)),
+        "np_mpc", NpMpc(MpcController(believed, config.mpc, solver, period=period, deadline=config.deadline))
     )
     builder.Connect(rig.GetOutputPort("x"), mpc.GetInputPort("x"))
     builder.Connect(source.GetOutputPort("flat"), mpc.GetInputPort("flat"))
@@ -312,9 +309,7 @@ def _connect_delay(builder, delay: DelayEstimator | None, system, rig=None) -> N
         builder.Connect(rig.GetOutputPort("x"), system.GetInputPort("x"))
 
 
-def _make_predictor(
-    model: ResidualModel, config: ControllerConfig, vehicle: Vehicle | None
-) -> ResidualPredictor:
+def _make_predictor(model: ResidualModel, config: ControllerConfig, vehicle: Vehicle | None) -> ResidualPredictor:
     """Return the LeafSystem of a model; see it for `vehicle`."""
     horizon, stride = config.mpc.horizon, config.stride
     if isinstance(model, NeuralPredictorModel):

@@ -25,9 +25,7 @@ def settings_of(config: Any) -> dict:
     }
 
 
-def load_experiment(
-    name: str, vehicle: Vehicle | None = None, reality: str | Path | None = None
-) -> FlightConfig:
+def load_experiment(name: str, vehicle: Vehicle | None = None, reality: str | Path | None = None) -> FlightConfig:
     """Return the experiment called `name`, or the scenario file at that path.
 
     Args:
@@ -56,9 +54,7 @@ def training_flight(scenario: Path) -> FlightConfig:
     named = read_yaml(scenario)
     if "reference" not in named:
         circle = load_experiment("training_circle", config.vehicle)
-        config = dc.replace(
-            config, reference=circle.reference, duration=named.get("duration", circle.duration)
-        )
+        config = dc.replace(config, reference=circle.reference, duration=named.get("duration", circle.duration))
     if "solver" not in (named.get("controller") or {}):
         config.controller.solver = SOLVER
     return config.check()

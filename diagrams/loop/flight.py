@@ -56,9 +56,7 @@ class FlightConfig:
         for part in (self.vehicle, self.reality, self.reference, self.controller):
             part.check()
         if not re.fullmatch(r"\w[\w.-]*", self.name):
-            raise ValueError(
-                f"FlightConfig: name must be letters, digits, '_', '-' and '.'; got {self.name!r}."
-            )
+            raise ValueError(f"FlightConfig: name must be letters, digits, '_', '-' and '.'; got {self.name!r}.")
         if not 0 < self.duration < np.inf:
             raise ValueError(f"FlightConfig: duration must be positive and finite [s]; got {self.duration}.")
         if self.end > MOST_ROWS * self.controller.period:
@@ -70,9 +68,7 @@ class FlightConfig:
         if self.controller.kind == "oracle":
             self._check_oracle()
         # What fails in flight may fail altogether: that is no mistake of the scenario.
-        lift = (
-            4 * self.vehicle.max_rotor_thrust * self.reality.thrust_at(self.vehicle, self.end, failing=False)
-        )
+        lift = 4 * self.vehicle.max_rotor_thrust * self.reality.thrust_at(self.vehicle, self.end, failing=False)
         if self.carried_mass * self.vehicle.gravity > 0.9 * lift:
             raise ValueError(
                 f"FlightConfig: {self.carried_mass:.4g} kg are more than the rotors can carry ({lift:.3g} N). "
@@ -86,36 +82,22 @@ class FlightConfig:
     def _check_events(self) -> None:
         times = [event.check().time for event in self.events]
         if len({*times}) < len(times) or not all(t < self.end for t in times):
-            raise ValueError(
-                f"{self.name}: events must have times of their own within the flight; got {times} [s]."
-            )
+            raise ValueError(f"{self.name}: events must have times of their own within the flight; got {times} [s].")
         if times and self.reality.hung.tether != "cable":
-            raise ValueError(
-                f"{self.name}: events need a payload on a cable; got {self.reality.hung.tether}."
-            )
+            raise ValueError(f"{self.name}: events need a payload on a cable; got {self.reality.hung.tether}.")
 
     def _check_oracle(self) -> None:
         reality, longest = self.reality, LONGEST_DELAY * self.controller.period
         if reality.payload.tether == "rod":
             raise ValueError("FlightConfig: the oracle knows cable and no tether; got a rod.")
         if reality.dead_time > longest:
-            raise ValueError(
-                f"FlightConfig: the oracle knows delays up to {longest:g} s; got {reality.dead_time:g}."
-            )
+            raise ValueError(f"FlightConfig: the oracle knows delays up to {longest:g} s; got {reality.dead_time:g}.")
 
     def _check_track(self) -> None:
-        vehicle, thrust = (
-            self.vehicle.with_mass(self.carried_mass),
-            self.reality.thrust_at(self.vehicle, self.end),
-        )
+        vehicle, thrust = (self.vehicle.with_mass(self.carried_mass), self.reality.thrust_at(self.vehicle, self.end))
         try:
             require_flyable(
-                make_reference(self.reference),
-                vehicle,
-                self.controller.mpc,
-                end=self.end,
-                arena=ARENA,
-                thrust=thrust,
+                make_reference(self.reference), vehicle, self.controller.mpc, end=self.end, arena=ARENA, thrust=thrust
             )
         except ValueError as error:
             raise ValueError(f"{self.reference.track}: {error}") from error

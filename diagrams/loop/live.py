@@ -64,10 +64,7 @@ class LiveView:
         self._until = dict.fromkeys(pushes, -np.inf)  # when a push ends [s]
         self._clicks = dict.fromkeys(pushes, 0)
         gravity = config.vehicle.gravity
-        self._weight = {
-            VEHICLE: config.vehicle.mass * gravity,
-            PAYLOAD: config.reality.hung.mass * gravity,
-        }  # [N]
+        self._weight = {VEHICLE: config.vehicle.mass * gravity, PAYLOAD: config.reality.hung.mass * gravity}  # [N]
         self._add_objects()
         self._add_controls()
 
@@ -160,9 +157,7 @@ class LiveView:
         self.meshcat.SetTransform("quadrotor", pose(x))
         self._show_arrow("thrust", x[:3], scale * thrust.sum() * attitude.body_z(x[3:7]))
         start, push = x[:3], np.zeros(3) if forces is None else forces[0]
-        if (
-            self.has_payload
-        ):  # a push on the payload is drawn as long as one of that share of weight on the vehicle
+        if self.has_payload:  # a push on the payload is drawn as long as one of that share of weight on the vehicle
             hung = self._config.reality.hung
             X, length = tether_pose(x, np.array(hung.hook), plant[11:14])
             self.meshcat.SetTransform("payload", RigidTransform(plant[11:14]))

@@ -16,12 +16,7 @@ DARK, RED, BLUE, GREY = (0.2, 0.2, 0.22), (0.84, 0.37, 0.0), (0.0, 0.45, 0.7), (
 XYZ = ("x", "y", "z")
 INPUT = ("thrust", "tau_x", "tau_y", "tau_z")
 WRENCH = ("f_x", "f_y", "f_z", "tau_x", "tau_y", "tau_z")
-MEASURED = (
-    *(f"p_{c}" for c in XYZ),
-    *(f"q_{c}" for c in "wxyz"),
-    *(f"v_{c}" for c in XYZ),
-    *(f"w_{c}" for c in XYZ),
-)
+MEASURED = (*(f"p_{c}" for c in XYZ), *(f"q_{c}" for c in "wxyz"), *(f"v_{c}" for c in XYZ), *(f"w_{c}" for c in XYZ))
 
 
 def write_flight_mcap(flight: FlightResult, path: str | Path) -> None:
@@ -45,9 +40,7 @@ def channels(flight: FlightResult) -> list[Channel]:
         Channel("/scene", foxglove.SCENE_UPDATE, [(when, _scene(flight, when)) for when in start]),
         Channel("/reference/path", foxglove.POSES_IN_FRAME, [(when, _path(flight, when)) for when in start]),
         Channel("/reference/pose", foxglove.POSE_IN_FRAME, _poses(times, s["p_ref"])),
-        Channel(
-            "/quadrotor/pose", foxglove.POSE_IN_FRAME, _poses(times, s["x_true"][:, :3], s["x_true"][:, 3:7])
-        ),
+        Channel("/quadrotor/pose", foxglove.POSE_IN_FRAME, _poses(times, s["x_true"][:, :3], s["x_true"][:, 3:7])),
         *_tether(flight, times),
         *(_numeric(times, *signal) for signal in _signals(flight)),
     ]
@@ -110,9 +103,7 @@ def _tether(flight: FlightResult, times: list[int]) -> list[Channel]:
         strip = foxglove.line(np.stack([p_WT[k], p_WP[k]]), GREY, thickness=0.01)
         return {"deletions": [], "entities": [foxglove.entity(when, WORLD, "tether", lines=[strip])]}
 
-    return [
-        Channel("/tether", foxglove.SCENE_UPDATE, ((when, update(k, when)) for k, when in enumerate(times)))
-    ]
+    return [Channel("/tether", foxglove.SCENE_UPDATE, ((when, update(k, when)) for k, when in enumerate(times)))]
 
 
 def _scene(flight: FlightResult, when: int) -> Json:

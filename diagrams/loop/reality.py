@@ -32,9 +32,7 @@ class RealityConfig:
     thrust_scale: float = 0.96  # real over nominal thrust at the start [1]
     thrust_loss: float = 0.0  # share of the starting thrust that a falling battery takes each second [1/s]
     noise: MeasurementNoise = dc.field(default_factory=lambda: MeasurementNoise(attitude=0.003))
-    wind: list[float] = dc.field(
-        default_factory=lambda: [0.0, 0.0, 0.0]
-    )  # mean, in W; the drag feels it [m/s]
+    wind: list[float] = dc.field(default_factory=lambda: [0.0, 0.0, 0.0])  # mean, in W; the drag feels it [m/s]
     gust: float = 0.0  # standard deviation of each axis of the wind, correlated over 1 s [m/s]
     gust_seed: int = 0  # of the wind's gusts
     # Act besides all of these, each from its onset on; a suspended payload here needs `payload: {tether: none}`.
@@ -73,11 +71,7 @@ class RealityConfig:
     def nominal(self) -> "RealityConfig":
         """Return the vehicle as its file says, with the same noise of the sensors: the nominal simulator."""
         return RealityConfig(
-            payload=PayloadConfig(tether="none"),
-            rotor_drag=0.0,
-            motor_lag=0.0,
-            thrust_scale=1.0,
-            noise=self.noise,
+            payload=PayloadConfig(tether="none"), rotor_drag=0.0, motor_lag=0.0, thrust_scale=1.0, noise=self.noise
         )
 
     @property

@@ -57,9 +57,7 @@ def scaled(config: Any) -> Any:
             "Leave it out."
         )
     unit = ratios(config.vehicle)
-    carried = Scales(
-        unit.length, payload_ratio(config.vehicle, type(config.reality.payload)().mass), unit.time
-    )
+    carried = Scales(unit.length, payload_ratio(config.vehicle, type(config.reality.payload)().mass), unit.time)
     controller, mpc = config.controller, _times(config.controller.mpc, MPC, unit)
     thrust, *torques = mpc.weight_input
     weights = [thrust / unit.force**2, *(t / unit.torque**2 for t in torques)]
@@ -86,9 +84,7 @@ def scaled(config: Any) -> Any:
 
 def _times(part: Any, powers: dict[str, tuple[int, int, int]], unit: Scales) -> Any:
     """Return a copy of a dataclass, each field of `powers` multiplied by these powers of the units."""
-    return _replaced(
-        part, ((name, unit.length**a * unit.mass**b * unit.time**c) for name, (a, b, c) in powers.items())
-    )
+    return _replaced(part, ((name, unit.length**a * unit.mass**b * unit.time**c) for name, (a, b, c) in powers.items()))
 
 
 def _paced(part: Any, powers: dict[str, int], unit: Scales) -> Any:

@@ -86,9 +86,7 @@ def _attach_notes(lines: list[dict], config: FlightConfig) -> list[str]:
 
 def label_deviation(config: FlightConfig) -> float:
     """Return the standard deviation of the label's f_z in hover, from filtered accelerometer noise [N]."""
-    sections = next(
-        s for channels, s in config.controller.label.filters(config.controller.period) if channels == FORCE
-    )
+    sections = next(s for channels, s in config.controller.label.filters(config.controller.period) if channels == FORCE)
     impulse = np.zeros(4000)
     impulse[0] = 1.0
     gain = np.linalg.norm(signal.sosfilt(sections, impulse))

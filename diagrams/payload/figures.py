@@ -63,10 +63,7 @@ def event_responses(runs: list[dict], config: FlightConfig, title: str) -> Figur
     events = list(dict.fromkeys(run["event"] for run in runs))
     figure, axes = new_figure(len(events), 1, width=7.5, height=2.4 * len(events) + 0.6, sharex=True)
     rows = list(dict.fromkeys(run["row"] for run in runs))
-    curves = [
-        (rows[0], "label", f"label of {rows[0]} (low-passed)"),
-        *((row, "chi_hat", row) for row in rows),
-    ]
+    curves = [(rows[0], "label", f"label of {rows[0]} (low-passed)"), *((row, "chi_hat", row) for row in rows)]
     for ax, event in zip(axes[:, 0], events, strict=True):
         for k, (row, name, text) in enumerate(curves):
             mine = [run for run in runs if (run["event"], run["row"]) == (event, row)]

@@ -35,9 +35,7 @@ def run(run: Run, options: Options) -> Report:
     said = verdict(lines)
     named = {row.name: f"trained on {row.training}" if row.training else "" for row in rows}
     controllers = {
-        row.name: dc.asdict(
-            hover_swing.hover_config(row, solver=run.solver, model=named[row.name]).controller
-        )
+        row.name: dc.asdict(hover_swing.hover_config(row, solver=run.solver, model=named[row.name]).controller)
         for row in rows
     }
     of_figure = f"Hover, impulse on the payload, seed {run.seeds[0]}"

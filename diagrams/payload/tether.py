@@ -54,9 +54,7 @@ def run(run: Run, options: Options) -> Report:
         options: of the study.
     """
     cases = [
-        {"flight": experiment, "length": length, "seed": run.seed}
-        for experiment in EXPERIMENTS
-        for length in LENGTHS
+        {"flight": experiment, "length": length, "seed": run.seed} for experiment in EXPERIMENTS for length in LENGTHS
     ]
     config = {name: settings_of(load_experiment(name)) for name in EXPERIMENTS}
     lines = results(run.cases("flights", "", _line_of, cases, config=config))

@@ -24,11 +24,7 @@ from np_drake.vehicle import MeasurementNoise, Vehicle
 
 NAME = "np_drake_peer"
 # With the blocks of `solver_options` the fastest of eleven settings for N = 10, 20, 40 and K = 24; own measurement.
-_OPTIONS: Mapping[str, Any] = {
-    "qp_solver": "PARTIAL_CONDENSING_HPIPM",
-    "hpipm_mode": "SPEED",
-    "qp_solver_iter_max": 50,
-}
+_OPTIONS: Mapping[str, Any] = {"qp_solver": "PARTIAL_CONDENSING_HPIPM", "hpipm_mode": "SPEED", "qp_solver_iter_max": 50}
 _BLOCK = 10  # stages that are condensed into one [1]
 _FAR = 100.0  # bound that no soft row reaches, for rows with one side [1, m]
 VELOCITIES = [7, 8, 9]  # states with a soft box

@@ -115,9 +115,7 @@ class _Program:
         self._y_ref = np.zeros((n, 19 if config.weight_swing > 0 else 17))
         self._stage, self._end = np.zeros(count), np.zeros(count)
 
-    def solve(
-        self, h: Horizon, t: Trajectory, forecast: WrenchForecast, steps: int
-    ) -> tuple[np.ndarray, AcadosTimes]:
+    def solve(self, h: Horizon, t: Trajectory, forecast: WrenchForecast, steps: int) -> tuple[np.ndarray, AcadosTimes]:
         """Return the thrusts (N, 4) [N] after real-time iterations from t, and their times.
 
         Raises: SolverFailure: if HPIPM fails.

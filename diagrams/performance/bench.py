@@ -63,9 +63,7 @@ def _ready(config: FlightConfig, seed: int) -> Simulator:
     return simulator
 
 
-def time_predictor(
-    model: NeuralPredictor, *, horizon: int, stride: int, repeats: int = 500
-) -> dict[str, float]:
+def time_predictor(model: NeuralPredictor, *, horizon: int, stride: int, repeats: int = 500) -> dict[str, float]:
     """Return median and p95 of one sample: lift, refit where there is one, and forecast [ms].
 
     Args:
@@ -96,9 +94,7 @@ def real_time_factors(*, seconds: float, seed: int) -> dict[str, float]:
         seed: of the noise.
     """
     config = load_experiment("circle")
-    bare = dc.replace(
-        config, reality=dc.replace(config.reality, rotor_drag=0.0, motor_lag=0.0, thrust_scale=1.0)
-    )
+    bare = dc.replace(config, reality=dc.replace(config.reality, rotor_drag=0.0, motor_lag=0.0, thrust_scale=1.0))
     config.controller.kind, config.controller.solver = "np", "sqp"
     config.duration = max(seconds / 4, 1.0)
     return {

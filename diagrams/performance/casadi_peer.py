@@ -50,9 +50,7 @@ class CasadiSolver:
         try:
             self._casadi: Any = importlib.import_module("casadi")
         except ImportError as error:
-            raise ImportError(
-                "CasadiSolver: casadi must be installed: pip install 'np_drake[bench]'."
-            ) from error
+            raise ImportError("CasadiSolver: casadi must be installed: pip install 'np_drake[bench]'.") from error
         if not self._casadi.has_nlpsol("ipopt"):
             raise ImportError(
                 "CasadiSolver: casadi must come with IPOPT; that of comma-deps-acados does not: "
@@ -85,14 +83,7 @@ class CasadiSolver:
         lbx, ubx = np.full(len(x_init), -np.inf), np.full(len(x_init), np.inf)
         lbx[: 4 * n], ubx[: 4 * n] = 0.0, self.condensed.vehicle.max_rotor_thrust
         lbx[-3:] = 0.0
-        given = {
-            "x0": x_init,
-            "p": self._parameters(h, problem),
-            "lbx": lbx,
-            "ubx": ubx,
-            "lbg": lower,
-            "ubg": upper,
-        }
+        given = {"x0": x_init, "p": self._parameters(h, problem), "lbx": lbx, "ubx": ubx, "lbg": lower, "ubg": upper}
         start = time.perf_counter()  # the time of this project's own preparation is not counted
         answer = solver(**given)
         spent = time.perf_counter() - start
@@ -113,12 +104,7 @@ class CasadiSolver:
         ca, config, vehicle = self._casadi, self.condensed.config, self.condensed.vehicle
         n, SX = config.horizon, self._casadi.SX
         T, X, Z, s = SX.sym("T", 4, n), SX.sym("X", 13, n), SX.sym("Z", K, n), SX.sym("s", 3)
-        x0, x_ref, u_ref, P = (
-            SX.sym("x0", 13),
-            SX.sym("xr", 13, n + 1),
-            SX.sym("ur", 4, n),
-            SX.sym("P", 13, 13),
-        )
+        x0, x_ref, u_ref, P = (SX.sym("x0", 13), SX.sym("xr", 13, n + 1), SX.sym("ur", 4, n), SX.sym("P", 13, 13))
         A, B, C = SX.sym("A", K, K), SX.sym("B", K, 6), SX.sym("C", 6, K)
         z0, offset = SX.sym("z0", K), SX.sym("o", 6, n)
         min_cosine = self.condensed.objective.min_cosine

@@ -160,9 +160,7 @@ class Options:
     """Options of the study."""
 
     minutes: Annotated[float, Option(min=0.05, max=60.0, help="Of flight at every rate [min].")] = 10.0
-    rates: Annotated[list[float] | None, Option("--rate", min=10.0, max=500.0, help="Of the loop [1/s].")] = (
-        None
-    )
+    rates: Annotated[list[float] | None, Option("--rate", min=10.0, max=500.0, help="Of the loop [1/s].")] = None
 
 
 def run(run: Run, options: Options) -> Report:

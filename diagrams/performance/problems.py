@@ -16,13 +16,7 @@ _TRUE_WRENCH = np.array([0.4, -0.3, -2.0, 0.01, -0.01, 0.002])  # that pulls at 
 
 
 def tracking_problems(
-    vehicle: Vehicle,
-    config: MpcConfig,
-    *,
-    count: int = 200,
-    period: float = 0.02,
-    lifted: int = 24,
-    seed: int = 0,
+    vehicle: Vehicle, config: MpcConfig, *, count: int = 200, period: float = 0.02, lifted: int = 24, seed: int = 0
 ) -> list[MpcProblem]:
     """Return the problems of a closed loop on the circle.
 

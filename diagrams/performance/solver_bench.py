@@ -109,23 +109,15 @@ def run(
         for j in np.roll(np.arange(len(solvers)), turn).tolist():
             for i in block.tolist():
                 last = plans[j]
-                warm = (
-                    shift(last, elapsed=period, step=step)
-                    if period is not None and last is not None
-                    else None
-                )
+                warm = shift(last, elapsed=period, step=step) if period is not None and last is not None else None
                 answers[i][j], seconds[i, j] = _attempt(solvers[j], problems[i], warm)
                 plans[j] = answers[i][j] or warm
                 if isinstance(times := getattr(solvers[j], "times", None), PhaseTimes):
                     feedback[i, j] = times.feedback
         if progress:
             progress(int(block[-1]) + 1, len(problems))
-    best = np.array(
-        [_best_cost(problem, row, optimum) for problem, row in zip(problems, answers, strict=True)]
-    )
-    reports = [
-        _report(s.name, seconds[:, j], [row[j] for row in answers], best) for j, s in enumerate(solvers)
-    ]
+    best = np.array([_best_cost(problem, row, optimum) for problem, row in zip(problems, answers, strict=True)])
+    reports = [_report(s.name, seconds[:, j], [row[j] for row in answers], best) for j, s in enumerate(solvers)]
     for report, after in zip(reports, np.median(feedback, axis=0).tolist(), strict=True):
         report.feedback_ms = None if np.isnan(after) else 1e3 * after
     medians = {r.name: r.median_ms for r in reports}
@@ -201,9 +193,7 @@ def growth_name(n: int, K: int) -> str:
     return f"N = {n}, K = {K}"
 
 
-def _attempt(
-    solver: MpcSolver, problem: MpcProblem, warm: MpcSolution | None
-) -> tuple[MpcSolution | None, float]:
+def _attempt(solver: MpcSolver, problem: MpcProblem, warm: MpcSolution | None) -> tuple[MpcSolution | None, float]:
     """Return the answer and its own solve time [s]; for a failure, all that was spent."""
     start = time.perf_counter()
     try:
@@ -213,9 +203,7 @@ def _attempt(
     return answer, answer.solve_time
 
 
-def _report(
-    name: str, seconds: np.ndarray, answers: list[MpcSolution | None], best: np.ndarray
-) -> SolverReport:
+def _report(name: str, seconds: np.ndarray, answers: list[MpcSolution | None], best: np.ndarray) -> SolverReport:
     given = [(a, b) for a, b in zip(answers, best, strict=True) if a is not None]
     gaps = np.array([(a.cost - b) / max(abs(b), 1e-6) for a, b in given]) if given else np.array([np.nan])
     ms = 1e3 * seconds

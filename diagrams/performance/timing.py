@@ -120,22 +120,13 @@ def timing_line(row: str, solver: str, spent: Spent) -> dict:
         spent: its processor times.
     """
     total, base = spent.predict + spent.solve, float(np.median(spent.reference))
-    line: dict = {
-        "row": row,
-        "solver": solver,
-        "periods": len(total),
-        "failures": spent.failures,
-        "reference": base,
-    }
+    line: dict = {"row": row, "solver": solver, "periods": len(total), "failures": spent.failures, "reference": base}
     for name, values in (("predict", spent.predict), ("solve", spent.solve)):
         line[name], line[f"{name}_p95"] = float(np.median(values)), float(np.quantile(values, 0.95))
         line[f"{name}_ratio"] = line[name] / base
     for rate in RATES:
         load = total * rate / 1e3
-        line[f"load_{rate}"], line[f"load_{rate}_p95"] = (
-            float(np.median(load)),
-            float(np.quantile(load, 0.95)),
-        )
+        line[f"load_{rate}"], line[f"load_{rate}_p95"] = (float(np.median(load)), float(np.quantile(load, 0.95)))
     return line
 
 
@@ -158,9 +149,7 @@ def timing_table(
     """
     lines = []
     for number, row in enumerate(rows):
-        flight = record(
-            row, periods=periods, model=models.get((row.training, row.configuration), ""), seed=seed
-        )
+        flight = record(row, periods=periods, model=models.get((row.training, row.configuration), ""), seed=seed)
         lines += [timing_line(row.name, solver, replay(flight, solver)) for solver in SOLVERS]
         on_progress(number + 1, len(rows))
     return lines

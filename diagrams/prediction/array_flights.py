@@ -68,9 +68,7 @@ def neurobem_folder(study: str, neurobem: Path | None) -> Path:
     return required(neurobem, f"{study}: {where}")
 
 
-def trained(
-    run: Run, training: Flight, epochs: int | None = None
-) -> tuple[dict[str, LiftedModel], dict[str, dict]]:
+def trained(run: Run, training: Flight, epochs: int | None = None) -> tuple[dict[str, LiftedModel], dict[str, dict]]:
     """Train `paper` and `mode-dictionary` on one segment.
 
     Args:
@@ -106,9 +104,7 @@ def forecasts(model: LiftedModel, flight: Flight) -> FlightForecasts:
         flight: flight of at least its window.
     Raises: ValueError: if it is too short.
     """
-    course = NeuralPredictor(model, PredictorOptions(torque="predict")).along(
-        flight.segment.chi, flight.segment.zeta
-    )
+    course = NeuralPredictor(model, PredictorOptions(torque="predict")).along(flight.segment.chi, flight.segment.zeta)
     if course is None or len(flight.segment) < model.window + 2:
         raise ValueError(f"{flight.name}: at least {model.window + 2} samples are needed.")
     return course

@@ -76,8 +76,7 @@ def estimation_table(
     cases = [{"flight": flight.name, "model": name} for flight in flown for name in models]
     records = run.cases("every origin", "", Forecasting(models, tuple(flown), first), cases, config=config)
     results = {
-        (case["flight"], case["model"]): result
-        for case, result in zip(cases, every_result(records), strict=True)
+        (case["flight"], case["model"]): result for case, result in zip(cases, every_result(records), strict=True)
     }
     cells, origins_of = {}, {}
     for flight in flown:
@@ -167,8 +166,7 @@ def run(run: Run, options: Options) -> Report:
             "table": table.lines(),
             "at_or_below_the_paper": {row: table.at_or_below(row) for row in _own_rows()},
             "stability": {
-                name: {flight: dc.asdict(found) for flight, found in of.items()}
-                for name, of in table.stability.items()
+                name: {flight: dc.asdict(found) for flight, found in of.items()} for name, of in table.stability.items()
             },
         },
         lines=[*_lines(table, training.name, run.seed), *settings_lines(settings)],

@@ -64,9 +64,7 @@ def rows_of(flight: Flight, span: tuple[float, float] = SPAN) -> np.ndarray:
     rows = np.arange(*np.rint(np.array(span) / flight.segment.step).astype(int))
     if len(rows) == 0 or rows[-1] >= len(flight.segment):
         end = flight.segment.step * len(flight.segment)
-        raise ValueError(
-            f"{flight.name}: must reach from {span[0]:g} s to {span[1]:g} s; it ends at {end:g} s."
-        )
+        raise ValueError(f"{flight.name}: must reach from {span[0]:g} s to {span[1]:g} s; it ends at {end:g} s.")
     return rows
 
 

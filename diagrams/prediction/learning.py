@@ -52,12 +52,7 @@ def train_reaction(flight: FlightResult, path: Path, *, name: str, seed: int = 0
     """
     controller = flight.config.controller
     model, _ = train_motion_model(
-        name,
-        [_scored(flight)],
-        flight.config.vehicle,
-        step=controller.period,
-        label=controller.label,
-        seed=seed,
+        name, [_scored(flight)], flight.config.vehicle, step=controller.period, label=controller.label, seed=seed
     )
     model.save(path)
     return model

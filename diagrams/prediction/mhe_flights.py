@@ -95,9 +95,7 @@ class Estimating:
         """
         stem, rows, exact = case["flight"], [], []
         sequence, name = read_wrenches(self.folder / "npy" / f"{stem}.npy"), TESTS[stem]
-        rows.append(
-            _row(name, PUBLISHED_ROW, dict(zip(COLUMNS, PUBLISHED[name][PUBLISHED_ROW], strict=True)))
-        )
+        rows.append(_row(name, PUBLISHED_ROW, dict(zip(COLUMNS, PUBLISHED[name][PUBLISHED_ROW], strict=True))))
         for row, motion in _motions(self.folder, stem, sequence).items():
             run = run_mhe(motion, self.config)
             exact.append(run.step_time)
@@ -148,9 +146,7 @@ def run(run: Run, options: Options) -> Report:
     table = mhe_table(run, folder, config)
     of_flight = {
         flight: [
-            (line["row"], *(f"{line[name]:.3f}" for name in COLUMNS))
-            for line in table.rows
-            if line["flight"] == flight
+            (line["row"], *(f"{line[name]:.3f}" for name in COLUMNS)) for line in table.rows if line["flight"] == flight
         ]
         for flight in dict.fromkeys(line["flight"] for line in table.rows)
     }

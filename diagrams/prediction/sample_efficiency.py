@@ -59,9 +59,7 @@ def pieces(segment: Segment, samples: int) -> list[Segment]:
         samples: of a piece [1].
     """
     starts = range(0, len(segment) - samples + 1, samples)
-    return [
-        Segment(segment.chi[k : k + samples], segment.zeta[k : k + samples], segment.step) for k in starts
-    ]
+    return [Segment(segment.chi[k : k + samples], segment.zeta[k : k + samples], segment.step) for k in starts]
 
 
 def sample_efficiency(

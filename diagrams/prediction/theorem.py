@@ -138,9 +138,7 @@ def assumption_lines(lines: list[dict]) -> list[str]:
     for name in dict.fromkeys(line["model"] for line in lines):
         of = [line for line in lines if line["model"] == name]
         L, radius = max(line["lipschitz"] for line in of), max(line["spectral_radius"] for line in of)
-        said.append(
-            f"{name}: Lipschitz constant {L:.4g}, largest spectral radius of a window's A {radius:.6f}."
-        )
+        said.append(f"{name}: Lipschitz constant {L:.4g}, largest spectral radius of a window's A {radius:.6f}.")
         for line in (line for line in of if line["violated"]):
             parts = ", ".join(f"{what} in {_percent(share)} %" for what, share in line["violated"].items())
             said.append(f"  {line['flight']}, alphas {line['alpha']}: violated: {parts} of windows")

@@ -24,9 +24,7 @@ def robustness_figure(lines: Sequence[dict], title: str = "") -> Figure:
     """
     varied = axes_of(lines)
     blocks, columns = -(-len(varied) // COLUMNS), min(COLUMNS, len(varied))
-    figure, axes = new_figure(
-        2 * blocks, columns, width=1.5 + 1.9 * columns, height=0.6 + 4.8 * blocks, sharey="row"
-    )
+    figure, axes = new_figure(2 * blocks, columns, width=1.5 + 1.9 * columns, height=0.6 + 4.8 * blocks, sharey="row")
     rows = list(dict.fromkeys(line["row"] for line in lines))
     for number, axis in enumerate(varied):
         block, column = divmod(number, COLUMNS)

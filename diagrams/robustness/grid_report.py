@@ -74,9 +74,7 @@ def _by_speed(lines: Sequence[dict], title: str) -> Table:
 
     columns: list[Column] = [("controller", "row")]
     columns += [(f"{speed:g} m/s", cell(speed)) for speed in lines[0]["speeds"]]
-    return tabulate(
-        f"grid, E_xy [cm] by speed: median (smallest–largest) of its points; {title}", lines, columns
-    )
+    return tabulate(f"grid, E_xy [cm] by speed: median (smallest–largest) of its points; {title}", lines, columns)
 
 
 def _percent(share: float) -> str:

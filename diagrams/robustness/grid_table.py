@@ -71,9 +71,7 @@ def grid_table(points: Sequence[dict]) -> list[dict]:
         if not mine:
             continue
         judged = [point for point in mine if point["near"] is not None]
-        worst = max(
-            (p for p in mine if p["over_oracle"] is not None), key=lambda p: p["over_oracle"], default=None
-        )
+        worst = max((p for p in mine if p["over_oracle"] is not None), key=lambda p: p["over_oracle"], default=None)
         others = mine[0]["against"]
         lines.append(
             {

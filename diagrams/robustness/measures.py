@@ -21,9 +21,7 @@ def lost_beyond(config: FlightConfig) -> float:
     return LOST * ratios(config.vehicle).length
 
 
-def measures(
-    config: FlightConfig, signals: dict[str, np.ndarray], why: str = "", settling: float = SETTLING
-) -> dict:
+def measures(config: FlightConfig, signals: dict[str, np.ndarray], why: str = "", settling: float = SETTLING) -> dict:
     """Return the metrics of a flight until it is lost, and of its steady window where it is not.
 
     Args:

@@ -178,10 +178,7 @@ def run_robustness(
     Returns: the records of the trainings and of the flights. Rows whose training failed do not fly.
     """
     trainings, models, able = sweep.train(rows)
-    work, cases = (
-        Flying(models, sweep.solver, sweep.duration),
-        flight_cases(able, sweep.seeds, models, axes, grid),
-    )
+    work, cases = (Flying(models, sweep.solver, sweep.duration), flight_cases(able, sweep.seeds, models, axes, grid))
     return trainings, sweep.cases("robustness", "flights", work, cases, config=sweep.config)
 
 

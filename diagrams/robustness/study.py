@@ -34,8 +34,7 @@ class Options(FlownOptions):
         bool, Option("--grid", help="Also fly every payload mass with every tether length at every speed.")
     ] = False
     grid_values: Annotated[
-        int | None,
-        Option(min=2, max=5, help="Evenly spaced values of each quantity of the grid; default: all."),
+        int | None, Option(min=2, max=5, help="Evenly spaced values of each quantity of the grid; default: all.")
     ] = None
     duration: Duration = 20.0
 
@@ -157,8 +156,4 @@ def _errors(lines: list[dict], key: str, title: str) -> Table:
     for axis in axes:
         rows.append((f"{axis.title} [{axis.unit}]", *(f"{value:g}" for value in axis.values)))
         rows += [(line["row"], *map(error, line["points"])) for line in lines if line["axis"] == axis.name]
-    return (
-        f"{key} [cm], mean and 95 % interval; {title}",
-        header,
-        [(*row, *header[len(row) :]) for row in rows],
-    )
+    return (f"{key} [cm], mean and 95 % interval; {title}", header, [(*row, *header[len(row) :]) for row in rows])

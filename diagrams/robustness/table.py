@@ -15,9 +15,7 @@ Interval = tuple[float, float]
 
 def _along(cells: Cells, axis: Axis, row: str) -> list[dict]:
     """Return one line a value of the axis: {"value", and what `summary` returns}."""
-    return [
-        {"value": value, **summary(cells.flights(row, BASE | {axis.name: value}))} for value in axis.values
-    ]
+    return [{"value": value, **summary(cells.flights(row, BASE | {axis.name: value}))} for value in axis.values]
 
 
 def robustness_table(records: Sequence[Record], axes: Sequence[Axis] = FLOWN) -> list[dict]:

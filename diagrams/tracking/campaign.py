@@ -116,12 +116,8 @@ def campaign_config(training_seed: int, solver: str, reality: Path | None) -> di
     return {
         "solver": solver,
         "training_seed": training_seed,
-        "tracks": {
-            track: settings_of(configure(track, nominal, solver=solver, reality=reality)) for track in TRACKS
-        },
-        "training": {
-            name: settings_of(training_config(name, solver=solver, reality=reality)) for name in trainings
-        },
+        "tracks": {track: settings_of(configure(track, nominal, solver=solver, reality=reality)) for track in TRACKS},
+        "training": {name: settings_of(training_config(name, solver=solver, reality=reality)) for name in trainings},
     }
 
 

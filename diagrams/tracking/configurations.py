@@ -75,9 +75,7 @@ def run(run: Run, options: Options) -> Report:
     rows = choose_rows(ROWS, options.only)
     summaries = flights.run_tracking(run, rows, title="configurations")
     lines, places = tracking.table(summaries, rows), ranking(summaries)
-    used = {
-        row.configuration: make_config(row.configuration, seed=run.seed) for row in rows if row.configuration
-    }
+    used = {row.configuration: make_config(row.configuration, seed=run.seed) for row in rows if row.configuration}
     configs = {name: dc.asdict(c) for name, c in used.items()}
     best = [{"row": name, "mean": mean, "sd": sd} for name, mean, sd in places]
     return Report(

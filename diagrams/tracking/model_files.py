@@ -72,12 +72,7 @@ class Training:
         vehicle = self.vehicles.get(case.get("vehicle", ""))
         with tempfile.TemporaryDirectory() as folder:
             files = train_models(
-                (row,),
-                Path(folder),
-                seed=self.seed,
-                solver=self.solver,
-                vehicle=vehicle,
-                reality=self.reality,
+                (row,), Path(folder), seed=self.seed, solver=self.solver, vehicle=vehicle, reality=self.reality
             )
             return {"file": base64.b64encode(Path(*files.values()).read_bytes()).decode()}
 

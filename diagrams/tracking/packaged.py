@@ -90,12 +90,8 @@ def run(run: Run, options: Options) -> Report:
         options: of the study.
     """
     with run.progress("packaged models") as advance:
-        files = make_packaged_models(
-            run.folder, on_step=lambda done, total, text: advance(done / total, text)
-        )
-    lines = [
-        {"file": file.name, "bytes": file.stat().st_size, **difference(file)._asdict()} for file in files
-    ]
+        files = make_packaged_models(run.folder, on_step=lambda done, total, text: advance(done / total, text))
+    lines = [{"file": file.name, "bytes": file.stat().st_size, **difference(file)._asdict()} for file in files]
     rows: list[tuple] = [
         (line["file"], line["bytes"], f"{line['relative']:.2g}", f"{line['from_zero']:.2g}") for line in lines
     ]

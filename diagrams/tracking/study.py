@@ -29,9 +29,7 @@ class Options(FlownOptions):
     """Options of the study."""
 
     only: Only = None
-    training: Annotated[str, Option(help="Circle that learned rows train on: plain | dithered | both.")] = (
-        "both"
-    )
+    training: Annotated[str, Option(help="Circle that learned rows train on: plain | dithered | both.")] = "both"
     reality: Reality = None
 
 
@@ -83,9 +81,7 @@ def _rows(only: list[str], training: str) -> tuple[Row, ...]:
     return rows
 
 
-def _notes(
-    rows: tuple[Row, ...], run: FlownRun, training: str, reality: dict[str, Any]
-) -> tuple[list[str], dict]:
+def _notes(rows: tuple[Row, ...], run: FlownRun, training: str, reality: dict[str, Any]) -> tuple[list[str], dict]:
     """Return the lines under the table, and the configuration of the metrics file."""
     weights = tracking.frozen_weights()
     seed, names = run.seed, dict.fromkeys(row.configuration for row in rows if row.configuration)
@@ -110,12 +106,8 @@ def _settings(name: str, seed: int) -> Any:
 
 def _four(laps: dict, rows: tuple[Row, ...]) -> dict:
     """Return the laps of the paper's four controllers: of two trainings, the last in the table."""
-    shown = {
-        row.kind: row.name for row in rows if FOUR.get(row.kind) == row.configuration and not row.known_mass
-    }
-    return {
-        (track, name): lap for name in shown.values() for (track, row), lap in laps.items() if row == name
-    }
+    shown = {row.kind: row.name for row in rows if FOUR.get(row.kind) == row.configuration and not row.known_mass}
+    return {(track, name): lap for name in shown.values() for (track, row), lap in laps.items() if row == name}
 
 
 def printed(lines: list[dict], title: str) -> Table:

@@ -84,13 +84,7 @@ def named(rows: Sequence[AnyRow], name: str) -> AnyRow:
 
 
 def configure(
-    track: str,
-    row: Row,
-    *,
-    solver: str,
-    model: str = "",
-    vehicle: Vehicle | None = None,
-    reality: Path | None = None,
+    track: str, row: Row, *, solver: str, model: str = "", vehicle: Vehicle | None = None, reality: Path | None = None
 ) -> FlightConfig:
     """Return the experiment `track` with the controller of `row`.
 

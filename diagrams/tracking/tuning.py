@@ -46,10 +46,7 @@ def score(case: Case) -> dict:
 
 
 def weight_table(
-    run: Run,
-    duration: float = 20.0,
-    position: Sequence[float] = POSITION,
-    torque: Sequence[float] = TORQUE,
+    run: Run, duration: float = 20.0, position: Sequence[float] = POSITION, torque: Sequence[float] = TORQUE
 ) -> list[dict]:
     """Return every combination of the factors, best first: least E_xy within the effort allowed.
 
@@ -91,8 +88,5 @@ def run(run: Run, options: Options) -> Report:
     )
     config = {"allowed_torque_rms": EFFORT, "motor_lag": LAG}
     return Report(
-        [tabulate(title, lines, columns)],
-        config=config,
-        metrics={"table": lines},
-        notes=failures(run.workers.finished),
+        [tabulate(title, lines, columns)], config=config, metrics={"table": lines}, notes=failures(run.workers.finished)
     )

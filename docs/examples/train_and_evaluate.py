@@ -36,9 +36,7 @@ def main() -> None:
     table = skill_table(models, unseen.chi, unseen.zeta, horizons=HORIZONS, mean=mean, target=unseen.goal)
     for row in table:
         if row.model in ("persistence", "np"):
-            print(
-                f"{row.model:12} {row.horizon * learned.step:.1f} s ahead: force RMSE {row.force_rmse:.3f} N"
-            )
+            print(f"{row.model:12} {row.horizon * learned.step:.1f} s ahead: force RMSE {row.force_rmse:.3f} N")
 
 
 if __name__ == "__main__":

@@ -33,13 +33,7 @@ class CascadeGains:
 
 
 def cascade(
-    vehicle: Vehicle,
-    gains: CascadeGains,
-    *,
-    x: np.ndarray,
-    target: np.ndarray,
-    integral: np.ndarray,
-    step: float,
+    vehicle: Vehicle, gains: CascadeGains, *, x: np.ndarray, target: np.ndarray, integral: np.ndarray, step: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the input of one step of the controller and the new integral of its errors.
 
@@ -79,9 +73,7 @@ def cascade(
     J_w = vehicle.J @ x[10:13]
     w = x[10:13].tolist()
     gyro = [w[1] * J_w[2] - w[2] * J_w[1], w[2] * J_w[0] - w[0] * J_w[2], w[0] * J_w[1] - w[1] * J_w[0]]
-    return vehicle.saturate(np.concatenate([[max(f, 0.0)], vehicle.J @ al + gyro])), np.concatenate(
-        [moved, turned]
-    )
+    return vehicle.saturate(np.concatenate([[max(f, 0.0)], vehicle.J @ al + gyro])), np.concatenate([moved, turned])
 
 
 def _thrust_direction(gravity: float, gains: CascadeGains, force: np.ndarray) -> np.ndarray:

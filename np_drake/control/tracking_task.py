@@ -33,9 +33,7 @@ class TrackingTask:
             raise ValueError(f"TrackingTask: ahead must be positive and finite times [s]; got {self.ahead}.")
         for name in ("reach", "tolerance"):
             if not 0 < getattr(self, name) < np.inf:
-                raise ValueError(
-                    f"TrackingTask: {name} must be positive and finite [m]; got {getattr(self, name)}."
-                )
+                raise ValueError(f"TrackingTask: {name} must be positive and finite [m]; got {getattr(self, name)}.")
         if not 0 <= self.effort < np.inf:
             raise ValueError(f"TrackingTask: effort must be finite and not negative [1]; got {self.effort}.")
         return self

@@ -90,9 +90,7 @@ def diagnose(
     first = infer(fitted, judging, options)
     novel = novelty(first)
     tell(0.6, "how far")
-    answer = dc.replace(
-        _answer(first, names, replay), new_on_held_out=novel, wall=time.perf_counter() - start
-    )
+    answer = dc.replace(_answer(first, names, replay), new_on_held_out=novel, wall=time.perf_counter() - start)
     if not (novel and adaptive_split):
         return answer
 

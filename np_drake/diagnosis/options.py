@@ -150,9 +150,7 @@ class Thresholds:
 
     # A cause.
     cause_probability: float = 0.5  # least probability; ideal sensors: 0.75
-    indistinguishable_evidence: float = (
-        3.5  # difference of log evidence below which two effects are indistinguishable
-    )
+    indistinguishable_evidence: float = 3.5  # difference of log evidence below which two effects are indistinguishable
     # Second answer.
     misfit_ratio: float = 1.6  # held-out residual over noise, for a second answer; ideal sensors: 1.25
     # Tests of what is left.

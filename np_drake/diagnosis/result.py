@@ -255,9 +255,7 @@ def as_json(diagnosis: Diagnosis) -> dict[str, Any]:
         "causes": [_cause(cause) for cause in diagnosis.causes],
         "gap": _gap(diagnosis.localisation, reduction.replay_before),
         "shrink": {
-            "residual": {
-                name: getattr(reduction, name) for name in ("before", "after", "floor", "fraction", "ci95")
-            },
+            "residual": {name: getattr(reduction, name) for name in ("before", "after", "floor", "fraction", "ci95")},
             "replay": _both_replays(reduction.replay_before, reduction.replay_after),
             "ladder": _dictionaries(reduction.ladder),
         },
@@ -268,10 +266,7 @@ def as_json(diagnosis: Diagnosis) -> dict[str, Any]:
         "remains": _dictionaries(diagnosis.unexplained),
         "novel": _dictionaries(diagnosis.new_on_held_out),
         "coverage": diagnosis.coverage,
-        "check": {
-            name: getattr(identifiability, name)
-            for name in ("usable", "excitation", "noise_floor", "warnings")
-        },
+        "check": {name: getattr(identifiability, name) for name in ("usable", "excitation", "noise_floor", "warnings")},
         "warnings": diagnosis.warnings,
         "wall": diagnosis.wall,
         "refit": None if diagnosis.refit is None else _without_schema(as_json(diagnosis.refit)),
@@ -300,9 +295,7 @@ def _gap(localisation: Localisation, replay: ReplayGap | None) -> dict[str, Any]
     gap: dict[str, Any] = {"force": {}, "torque": {}}
     for channel in localisation.channels:
         kind, axis = channel.channel.split()
-        figures = {
-            name: getattr(channel, name) for name in ("unit", "rms", "noise_floor", "after", "explained")
-        }
+        figures = {name: getattr(channel, name) for name in ("unit", "rms", "noise_floor", "after", "explained")}
         gap.setdefault(kind, {})[axis] = figures
     gap["replay"] = None if replay is None else {"horizon": replay.horizon, **_medians(replay)}
     for name in ("segments", "regimes", "bands"):
@@ -316,9 +309,7 @@ def _both_replays(before: ReplayGap | None, after: ReplayGap | None) -> dict[str
     if known is None:
         return None
     both = {"before": before, "after": after}
-    figures = {
-        name: None if gap is None else {**_medians(gap), **_intervals(gap)} for name, gap in both.items()
-    }
+    figures = {name: None if gap is None else {**_medians(gap), **_intervals(gap)} for name, gap in both.items()}
     return {"horizon": known.horizon, "starts": known.starts, **figures}
 
 

@@ -32,8 +32,6 @@ class AttitudeLatency(SensorEffect):
     def measure(self, vehicle: Vehicle, truth: Measurement, white: np.ndarray) -> Measurement:
         """Return the reading with the attitude of `latency` before."""
         x = np.array(truth.x, float)
-        turn = attitude.from_rotation_vector(-self.latency * x[..., W].reshape(-1, 3)).reshape(
-            x[..., Q].shape
-        )
+        turn = attitude.from_rotation_vector(-self.latency * x[..., W].reshape(-1, 3)).reshape(x[..., Q].shape)
         x[..., Q] = attitude.multiply(x[..., Q], turn)
         return dc.replace(truth, x=x)

@@ -64,9 +64,7 @@ class Disturbance(WrenchEffect):
     @staticmethod
     def of_config(config: DisturbanceConfig) -> "Disturbance":
         """Return the disturbance of a scenario."""
-        return Disturbance(
-            (*config.force, *config.torque), (*config.force_time, *config.torque_time), config.seed
-        )
+        return Disturbance((*config.force, *config.torque), (*config.force_time, *config.torque_time), config.seed)
 
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
         """Return chi = [f in W, tau in B] (..., 6) [N, N·m]."""

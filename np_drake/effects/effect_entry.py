@@ -59,9 +59,7 @@ class EffectEntry:
                     f"got {value:g}."
                 )
         if self.onset is not None and not self.onset >= 0:
-            raise ValueError(
-                f"effects: onset of {self.effect} must be a time of the flight [s]; got {self.onset}."
-            )
+            raise ValueError(f"effects: onset of {self.effect} must be a time of the flight [s]; got {self.onset}.")
         if self.onset is not None and not kind.begins:
             raise ValueError(
                 f"effects: {self.effect} acts from the start of a flight; leave its onset out; got {self.onset}."

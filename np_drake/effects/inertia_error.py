@@ -26,9 +26,7 @@ class InertiaError(MassEffect):
     excited_by = "fast doublets about all three axes"
     grows_with = "torque"
     requires = ("torque",)
-    parameters = tuple(
-        Parameter(name, "1", 1.0, 0.3, 3.0, 0.15) for name in ("scale_xx", "scale_yy", "scale_zz")
-    )
+    parameters = tuple(Parameter(name, "1", 1.0, 0.3, 3.0, 0.15) for name in ("scale_xx", "scale_yy", "scale_zz"))
 
     @classmethod
     def draw(cls, rng: np.random.Generator, vehicle: Vehicle, seconds: float) -> dict[str, float]:

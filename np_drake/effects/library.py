@@ -44,12 +44,7 @@ REQUIREMENTS = {
     "torque": "the log has no torque",
     "accelerations": "the log has no accelerations",
 }
-_MISSING = {
-    "command": (),
-    "rotor_speed": ("commands",),
-    "thrust_only": ("torque",),
-    "normalised": ("thrust",),
-}
+_MISSING = {"command": (), "rotor_speed": ("commands",), "thrust_only": ("torque",), "normalised": ("thrust",)}
 
 
 def unobservable(log_input: str, *, accelerations: bool = True, torque: bool = True) -> dict[str, str]:

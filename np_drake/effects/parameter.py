@@ -36,13 +36,6 @@ def usual_size(parameter: Parameter, vehicle: Vehicle) -> float:
     """
     mass = vehicle.mass / PAPER.mass
     span = arm(vehicle) / arm(PAPER)
-    scale = {
-        "kg": mass,
-        "N": mass,
-        "N·s/m": mass,
-        "N·s²/m²": mass,
-        "N·m·s/m": mass * span,
-        "kg·m²": mass * span**2,
-    }
+    scale = {"kg": mass, "N": mass, "N·s/m": mass, "N·s²/m²": mass, "N·m·s/m": mass * span, "kg·m²": mass * span**2}
     longer = {"m": span} if parameter.name != "length" else {}
     return parameter.typical * (scale | longer).get(parameter.unit, 1.0)

@@ -23,6 +23,4 @@ def prior_root(effect: type[Effect], vehicle: Vehicle) -> np.ndarray:
 def correlation_root(effect: type[Effect]) -> np.ndarray:
     """Return the lower root (k, k) of the prior correlation of an effect's k continuous parameters [1]."""
     size = sum(not p.choices for p in effect.parameters)
-    return (
-        np.linalg.cholesky(np.array(effect.prior_correlation)) if effect.prior_correlation else np.eye(size)
-    )
+    return np.linalg.cholesky(np.array(effect.prior_correlation)) if effect.prior_correlation else np.eye(size)

@@ -140,9 +140,7 @@ class _Swings:
 
     def run(self, now: np.ndarray, move: np.ndarray, some: slice, at: np.ndarray = _NOWHERE) -> None:
         """Take some of the steps; changes now and move (3, m) [m], fills their pulls and `at` (n, 3, m), if any."""
-        leapfrog(
-            self._limit, self._half, now, move, self._kicks[some], self._drift[some], self.pulls[some], at
-        )
+        leapfrog(self._limit, self._half, now, move, self._kicks[some], self._drift[some], self.pulls[some], at)
 
 
 def _by_axis(values: np.ndarray) -> np.ndarray:
@@ -224,9 +222,7 @@ def leapfrog(limit, half, now, move, kicks, drift, pulls, at):
         move[0, i], move[1, i], move[2, i] = u, v, w
 
 
-def hanging(
-    offset: np.ndarray, rate: np.ndarray, length: float | np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+def hanging(offset: np.ndarray, rate: np.ndarray, length: float | np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return p_ToPo_W and its rate (m, 3) of taut tethers [m, m/s].
 
     Args:

@@ -27,9 +27,7 @@ class Posterior:
             if kind is None or parameter not in {p.name for p in kind.parameters}:
                 raise ValueError(f"posterior: parameters must be as EFFECT.PARAMETER; got {name!r}.")
         size = len(self.parameters)
-        C = np.array(self.covariance, float).reshape(
-            (0, 0) if self.covariance == [] else (len(self.covariance), -1)
-        )
+        C = np.array(self.covariance, float).reshape((0, 0) if self.covariance == [] else (len(self.covariance), -1))
         if C.shape != (size, size) or not np.isfinite(C).all() or not np.allclose(C, C.T):
             raise ValueError(f"posterior: covariance must be symmetric, {size} by {size}, and finite.")
         if size and np.linalg.eigvalsh(_correlation(C)).min() < -1e-6:

@@ -36,9 +36,7 @@ class MheConfig:
         for name in ("arrival_motion", "arrival_acceleration", "measurement", "process"):
             weight = np.array(getattr(self, name), float)
             if weight.shape != (CHANNELS,) or not np.all((weight > 0) & (weight < np.inf)):
-                raise ValueError(
-                    f"MheConfig: {name} must have {CHANNELS} positive entries; got {weight.tolist()}."
-                )
+                raise ValueError(f"MheConfig: {name} must have {CHANNELS} positive entries; got {weight.tolist()}.")
         for name in ("forgetting_measurement", "forgetting_process"):
             if not 0 < getattr(self, name) <= 1:
                 raise ValueError(f"MheConfig: {name} must lie in (0, 1]; got {getattr(self, name)}.")

@@ -15,9 +15,7 @@ _LEAST = 0.2  # least forgetting factor: below it a window forgets all but its l
 _LOG = logging.getLogger(__name__)
 
 
-def tune(
-    motion: Motion, wrench: np.ndarray, config: MheConfig | None = None, *, iterations: int = 20
-) -> MheConfig:
+def tune(motion: Motion, wrench: np.ndarray, config: MheConfig | None = None, *, iterations: int = 20) -> MheConfig:
     """Return the configuration whose estimates fit the labels of a training flight best, starting from `config`.
 
     Loss: mean over the six channels of squared error over that of `config`. `measurement` stays, since only
@@ -105,10 +103,7 @@ class _Data:
         n = self._n
         from_arrival, from_samples = window_gains(weights, self._step, n)
         second, last = [1, n + 2], 2 * n + 1  # [y_1, d_1] is the arrival of the next window; d_n the estimate
-        A, drive = (
-            from_arrival[:, second],
-            torch.einsum("crk,tck->tcr", from_samples[:, second], self._windows),
-        )
+        A, drive = (from_arrival[:, second], torch.einsum("crk,tck->tcr", from_samples[:, second], self._windows))
         arrival, arrivals = self._start, []
         for term in drive.unbind():
             arrivals.append(arrival)

@@ -88,9 +88,7 @@ def motion_from_rates(sequence: WrenchSequence, vehicle: Vehicle, *, settling: f
     Raises: ValueError: if the flight has gaps.
     """
     if not (np.isfinite(sequence.zeta).all() and np.isfinite(sequence.chi).all()):
-        raise ValueError(
-            f"motion: {sequence.name} must be without gaps to be integrated; give a logged attitude."
-        )
+        raise ValueError(f"motion: {sequence.name} must be without gaps to be integrated; give a logged attitude.")
     R = _integrated(sequence.zeta[:, 3:], sequence.step)
     motion = _motion(sequence, vehicle, R, np.zeros((len(sequence), 3)))
     v, force = motion.y[:, :3], motion.acceleration(sequence.chi)[:, :3]

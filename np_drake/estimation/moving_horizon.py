@@ -116,9 +116,7 @@ class MovingHorizonEstimator:
         """
         guess = np.array([y, d], float)
         if not np.isfinite(guess).all():
-            raise ValueError(
-                f"MovingHorizonEstimator: the first guesses must be finite; got {guess.tolist()}."
-            )
+            raise ValueError(f"MovingHorizonEstimator: the first guesses must be finite; got {guess.tolist()}.")
         return {
             "x": np.repeat(guess[None], self._samples, axis=0),
             "arrival": guess,

@@ -56,9 +56,7 @@ class _Program:
         self._scale = np.repeat(scale[None], n + 1, axis=0)  # (n + 1, 2, 6), as the trajectory
         self._x = self.prog.NewContinuousVariables(self._scale.size, "x")
         size = len(self._x)
-        self._tracking = self.prog.AddQuadraticCost(
-            np.eye(size), np.zeros(size), self._x, is_convex=True
-        ).evaluator()
+        self._tracking = self.prog.AddQuadraticCost(np.eye(size), np.zeros(size), self._x, is_convex=True).evaluator()
         if n:
             weight = np.array(config.process) / step**2 * config.forgetting_process ** age[1:]
             self._add_dynamics(1 / np.sqrt(weight.ravel()))
@@ -87,9 +85,7 @@ class _Program:
         target[:, 0] = np.where(seen, self._measured * (y - self._foretold[:, 0]), 0.0)
         weight[0] += self._arrival
         quadratic, linear = weight * self._scale**2, target * self._scale
-        self._tracking.UpdateCoefficients(
-            np.diag(2 * quadratic.ravel()), -2 * linear.ravel(), 0.0, is_convex=True
-        )
+        self._tracking.UpdateCoefficients(np.diag(2 * quadratic.ravel()), -2 * linear.ravel(), 0.0, is_convex=True)
 
     def trajectory(self, result: Any) -> np.ndarray:
         """Return the trajectory (n + 1, 2, 6) of a solution."""

@@ -19,12 +19,7 @@ Read = Callable[[Any], Any]  # from defaults to what the file makes of them
 
 
 def load_checked(
-    schema: type,
-    path: str | Path,
-    kind: str,
-    complete: Callable[[Read], Any] | None = None,
-    *,
-    part: str | None = None,
+    schema: type, path: str | Path, kind: str, complete: Callable[[Read], Any] | None = None, *, part: str | None = None
 ) -> Any:
     """Return a `schema` read from the YAML file at `path` and checked by its `check()`.
 

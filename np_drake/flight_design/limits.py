@@ -93,9 +93,7 @@ def limits_for(
     Raises: ValueError: if speed or tilt are impossible, the room is too small, or the vehicle cannot carry its load.
     """
     if not (0 < speed < np.inf and 0 < tilt < 0.5 * np.pi):
-        raise ValueError(
-            f"limits: speed [m/s] must be positive, tilt below pi/2 [rad]; got {speed:g}, {tilt:g}."
-        )
+        raise ValueError(f"limits: speed [m/s] must be positive, tilt below pi/2 [rad]; got {speed:g}, {tilt:g}.")
     hung = [split_effects(x.effects).payload for x in explanations]
     payloads = tuple(effect.payload for effect in hung if effect is not None)
     below = max((p.length - p.hook[2] + CLEAR for p in payloads), default=WALL)

@@ -118,9 +118,7 @@ def expected_residual(flight: FlightResiduals, explanation: Explanation, options
     deviation = np.sqrt(np.maximum(np.diag(explanation.covariance), 1e-300))
     known = {name: k for k, name in enumerate(explanation.parameters)}
     own = [
-        dc.replace(f, scale=float(deviation[known[name]]))
-        for f, name in zip(free, names, strict=True)
-        if name in known
+        dc.replace(f, scale=float(deviation[known[name]])) for f, name in zip(free, names, strict=True) if name in known
     ]
     hidden = [f for f in free if f.flight]
     J = scaled_jacobian(terms, [*own, *hidden], flight)

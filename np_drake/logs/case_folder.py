@@ -32,8 +32,7 @@ class CaseFiles:
         Raises: LogError, OSError: one line, at the first file that is not usable.
         """
         train, held_out = (
-            [log for path in paths for log in _parts(path, vehicle, repair)]
-            for paths in (self.train, self.held_out)
+            [log for path in paths for log in _parts(path, vehicle, repair)] for paths in (self.train, self.held_out)
         )
         return train, held_out
 
@@ -48,20 +47,14 @@ def find_case(folder: str | Path, vehicle: Path | None = None) -> CaseFiles:
     """
     folder = Path(folder)
     if not folder.is_dir():
-        raise ValueError(
-            f"{folder}: must be a case folder; it is {'a file' if folder.exists() else 'not there'}."
-        )
+        raise ValueError(f"{folder}: must be a case folder; it is {'a file' if folder.exists() else 'not there'}.")
     if vehicle is None and not (folder / VEHICLE).is_file():
         raise ValueError(f"{folder}: a case folder must hold {VEHICLE}, or a vehicle must be named.")
     flights = sorted(path for path in folder.iterdir() if path.name.endswith(SUFFIXES) and path.is_file())
-    train, held_out = (
-        tuple(path for path in flights if path.name.startswith(start)) for start in (TRAIN, HELD_OUT)
-    )
+    train, held_out = (tuple(path for path in flights if path.name.startswith(start)) for start in (TRAIN, HELD_OUT))
     for start, found in ((TRAIN, train), (HELD_OUT, held_out)):
         if not found:
-            raise ValueError(
-                f"{folder}: a case folder must hold {start}*{{{', '.join(SUFFIXES)}}}; got none."
-            )
+            raise ValueError(f"{folder}: a case folder must hold {start}*{{{', '.join(SUFFIXES)}}}; got none.")
     return CaseFiles(vehicle or folder / VEHICLE, train, held_out)
 
 

@@ -28,8 +28,7 @@ def check_table(table: Table, fields: list[str]) -> None:
     if off.size:
         norm = quaternion_norm(table)[off[0]]
         raise table.error(
-            f"the quaternion's norm must be 1; got {norm:.4g}{_more(off)}. "
-            "Use --repair to normalise a few rows.",
+            f"the quaternion's norm must be 1; got {norm:.4g}{_more(off)}. Use --repair to normalise a few rows.",
             column="qw",
             row=int(off[0]),
         )
@@ -45,9 +44,7 @@ def _check_finite(table: Table, fields: list[str]) -> None:
         given = table.columns[name][row]
         must = f"below {LARGEST:g} in size" if np.isfinite(given) else "finite"
         raise table.error(
-            f"must be {must}; got {given}{_more(rows)}. Use --repair to interpolate a few rows.",
-            column=name,
-            row=row,
+            f"must be {must}; got {given}{_more(rows)}. Use --repair to interpolate a few rows.", column=name, row=row
         )
 
 

@@ -103,8 +103,7 @@ def present_fields(table: Table) -> list[str]:
             name = next(name for name in names if name not in filled)
             state = "is empty" if name in table.columns else "is missing"
             raise table.error(
-                f"{state}; a flight log needs {', '.join(names)}. The header has: "
-                f"{_shorten(list(table.columns))}.",
+                f"{state}; a flight log needs {', '.join(names)}. The header has: {_shorten(list(table.columns))}.",
                 column=name,
             )
     return fields

@@ -44,9 +44,7 @@ def read_sheet(log: str | Path) -> Sheet:
         content = read_yaml(path)
         timing = float(content.pop("timing", 0.0))
     except (AttributeError, TypeError, ValueError) as error:
-        raise LogError(
-            f"{path}: must be a sheet of np-drake import; write it again, or remove it."
-        ) from error
+        raise LogError(f"{path}: must be a sheet of np-drake import; write it again, or remove it.") from error
     if not 0 <= timing < 1:
         raise LogError(f"{path}: timing must be 0 to 1 s; got {timing}.")
     return Sheet(timing, content)
@@ -61,8 +59,6 @@ def write_sheet(sheet: Sheet, log: str | Path) -> Path:
     Raises: OSError: if writing fails.
     """
     path = sheet_path(log)
-    text = yaml.safe_dump(
-        {"timing": sheet.timing, **sheet.content}, sort_keys=False, allow_unicode=True, width=110
-    )
+    text = yaml.safe_dump({"timing": sheet.timing, **sheet.content}, sort_keys=False, allow_unicode=True, width=110)
     write_text(path, HEAD + text)
     return path

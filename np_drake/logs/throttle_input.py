@@ -83,9 +83,7 @@ def _lifted(log: FlightLog, vehicle: Vehicle) -> tuple[np.ndarray, np.ndarray]:
     throttle = np.maximum(_throttle(log), 0.0)
     flying = throttle.mean(axis=1) > LEAST
     if flying.sum() < 20:
-        raise LogError(
-            f"{log.name}: throttle must be between 0 and 1 and carry the vehicle; it never exceeds {LEAST}."
-        )
+        raise LogError(f"{log.name}: throttle must be between 0 and 1 and carry the vehicle; it never exceeds {LEAST}.")
     # The specific force along body z, below motor lag.
     a = smooth_derivative(log.v, log.t, BAND) + [0.0, 0.0, vehicle.gravity]
     lift = np.sum(a * attitude.body_z(log.q), axis=1) / vehicle.gravity

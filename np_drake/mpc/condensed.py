@@ -101,8 +101,7 @@ class Condensed:
         self._inputs = np.asfortranarray(np.kron(np.eye(n), 2 * over_thrust))
         cuts = [n - first for first in range(0, n, _PART)][::-1]
         self._parts = [
-            (first, np.empty((13 * (last - first), 4 * last)))
-            for first, last in zip([0, *cuts], cuts, strict=False)
+            (first, np.empty((13 * (last - first), 4 * last))) for first, last in zip([0, *cuts], cuts, strict=False)
         ]
 
     def prepare(self, problem: MpcProblem, markov: np.ndarray | None = None) -> Horizon:
@@ -134,9 +133,7 @@ class Condensed:
             self._rollout_with_reaction(h, h.reaction, x, u, chi)
         cost, excess = self.objective.cost(h, x, u, chi), self.objective.excess(h, x)
         slacks = self.objective.slacks(excess)
-        return Trajectory(
-            T, u, x, chi, cost, excess, slacks, cost + penalty(slacks, self.config.slack_weight)
-        )
+        return Trajectory(T, u, x, chi, cost, excess, slacks, cost + penalty(slacks, self.config.slack_weight))
 
     def _rollout_with_reaction(self, h: Horizon, reaction: Reaction, x, u, chi) -> None:
         """Write x and chi as `DiscreteDynamics.rollout`, with a wrench that reacts to the motion at once."""
@@ -215,9 +212,7 @@ _REACH = 0.5  # position error that the feedback sees at most, of the paper's ve
 _PACE = 2.0  # velocity error that it sees at most, of the paper's vehicle [m/s]
 
 
-def initial_trajectory(
-    condensed: Condensed, h: Horizon, warm_start: MpcSolution | None
-) -> tuple[Trajectory, bool]:
+def initial_trajectory(condensed: Condensed, h: Horizon, warm_start: MpcSolution | None) -> tuple[Trajectory, bool]:
     """Return the initial trajectory and whether it is a cold start.
 
     Args:

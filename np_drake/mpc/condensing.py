@@ -76,12 +76,7 @@ def _six_rows(M, at, S, size, out):
         )  # fmt: skip
         for col in range(size):
             out[row, col] += (
-                a * S[7, col]
-                + b * S[8, col]
-                + c * S[9, col]
-                + d * S[10, col]
-                + e * S[11, col]
-                + f * S[12, col]
+                a * S[7, col] + b * S[8, col] + c * S[9, col] + d * S[10, col] + e * S[11, col] + f * S[12, col]
             )
 
 

@@ -34,13 +34,7 @@ class MpcController:
     """
 
     def __init__(
-        self,
-        vehicle: Vehicle,
-        config: MpcConfig,
-        solver: MpcSolver,
-        *,
-        period: float = 0.02,
-        deadline: float = np.inf,
+        self, vehicle: Vehicle, config: MpcConfig, solver: MpcSolver, *, period: float = 0.02, deadline: float = np.inf
     ):
         self.vehicle, self.config, self.solver = vehicle, config.check(), solver
         self.period, self.deadline = period, deadline
@@ -53,9 +47,7 @@ class MpcController:
         flags = np.array([float(MpcStatus.HOVER), 0.0, 0.0])
         return ControllerMemory(np.tile(self.vehicle.hover_input, (N, 1)), x, np.zeros((N, 6)), flags)
 
-    def problem(
-        self, x: np.ndarray, flat: np.ndarray, forecast: WrenchForecast | None, t: float = 0.0
-    ) -> MpcProblem:
+    def problem(self, x: np.ndarray, flat: np.ndarray, forecast: WrenchForecast | None, t: float = 0.0) -> MpcProblem:
         """Return the problem at this instant.
 
         References follow the wrench that the reference motion itself would meet. Where commands are on their way, the

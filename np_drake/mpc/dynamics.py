@@ -49,9 +49,7 @@ class DiscreteDynamics:
         Args:    x: (N, 13) states.   u: (N, 4) inputs [N, N·m].   chi: (N, 6) wrenches [N, N·m].
         """
         n = len(x)
-        result = Linearisation(
-            np.empty((n, STATE_SIZE)), np.zeros((n, STATE_SIZE, 19)), np.zeros((n, STATE_SIZE, 4))
-        )
+        result = Linearisation(np.empty((n, STATE_SIZE)), np.zeros((n, STATE_SIZE, 19)), np.zeros((n, STATE_SIZE, 4)))
         x, u, chi = (np.ascontiguousarray(value, float) for value in (x, u, chi))
         _linearise(x, u, chi, *self._body, result.x_next, result.Fx, result.Fu)
         return result
@@ -195,9 +193,7 @@ def _linearise(x, u, chi, step, mass, gravity, J, J_inv, x_next, Fx, Fu):
             r[2] = start[2] + ahead * 0.5 * (w * b + k * a - i * c_)
             r[3] = start[3] + ahead * 0.5 * (w * c_ + i * b - j * a)
             for row in range(3):
-                r[4 + row] = start[4 + row] + ahead * (
-                    J_inv[row, 0] * tx + J_inv[row, 1] * ty + J_inv[row, 2] * tz
-                )
+                r[4 + row] = start[4 + row] + ahead * (J_inv[row, 0] * tx + J_inv[row, 1] * ty + J_inv[row, 2] * tz)
             for row in range(7):
                 for col in range(10):
                     total[row, col] += weight * rate[row, col]

@@ -58,14 +58,7 @@ def hover_solution(vehicle: Vehicle, config: MpcConfig) -> tuple[np.ndarray, np.
         vehicle: nominal.
         config: weights and step.
     """
-    key = (
-        vehicle.mass,
-        vehicle.gravity,
-        vehicle.J.tobytes(),
-        config.step,
-        config.Q.tobytes(),
-        config.R.tobytes(),
-    )
+    key = (vehicle.mass, vehicle.gravity, vehicle.J.tobytes(), config.step, config.Q.tobytes(), config.R.tobytes())
     return _solve(*key)
 
 

@@ -63,9 +63,7 @@ class IpoptCondensedSolver:
                 h, t, steps=_COLD if cold else _WARM, deadline=start + 0.5 * self._time_limit
             )
             if self._crowded(t):
-                t, _, rounds = self._sqp.descend(
-                    h, t, steps=_PATIENT, deadline=start + 0.8 * self._time_limit
-                )
+                t, _, rounds = self._sqp.descend(h, t, steps=_PATIENT, deadline=start + 0.8 * self._time_limit)
                 status = MpcStatus.SQP_FALLBACK
             else:
                 t, status, rounds = self._converge(h, t, start + self._time_limit)

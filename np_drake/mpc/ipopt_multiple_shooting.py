@@ -118,11 +118,7 @@ class StackedStages:
             J[6 * n + i, at + 3 : at + 7] = 2 * x[i + 1, 3:7] * [-1.0, 1.0, 1.0, -1.0]
         e = x[-1] - h.x_ref[-1]
         J[-1, self.x_stage(n)] = e @ h.P / (h.P[0, 0] * objective.terminal_norm(h, x[-1]))
-        for rows, kind in (
-            (slice(0, 6 * n), VELOCITY),
-            (slice(6 * n, 7 * n), TILT),
-            (slice(-1, None), TERMINAL),
-        ):
+        for rows, kind in ((slice(0, 6 * n), VELOCITY), (slice(6 * n, 7 * n), TILT), (slice(-1, None), TERMINAL)):
             J[rows, self.s.start + kind] = -1.0
         tilt, far = excess[3 * n : -1] - s[TILT], excess[-1] - s[TERMINAL]
         return np.concatenate([v - box, -v - box, tilt, [far]])

@@ -25,9 +25,7 @@ class LookAhead:
         self._model, self._fine = model, model.step / FINE
         self._dynamics = DiscreteDynamics(vehicle, self._fine)
 
-    def __call__(
-        self, memory: Memory, x: np.ndarray, sent: np.ndarray, delay: float
-    ) -> tuple[Memory, np.ndarray]:
+    def __call__(self, memory: Memory, x: np.ndarray, sent: np.ndarray, delay: float) -> tuple[Memory, np.ndarray]:
         """Return the model's memory and the state (13,) `delay` later.
 
         Args: memory: of the model, with the sample of now.   x: (13,) measured now.   sent: (KEPT, 4) commands, the

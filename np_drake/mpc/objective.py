@@ -208,9 +208,7 @@ def _row_jacobian(x, S, far, jacobian):
                 jacobian[3 * i + axis, col] = sign * S[i, 7 + axis, col]
         w, a, b, c = -2 * x[i + 1, 3], 2 * x[i + 1, 4], 2 * x[i + 1, 5], -2 * x[i + 1, 6]
         for col in range(size):
-            jacobian[3 * n + i, col] = (
-                w * S[i, 3, col] + a * S[i, 4, col] + b * S[i, 5, col] + c * S[i, 6, col]
-            )
+            jacobian[3 * n + i, col] = w * S[i, 3, col] + a * S[i, 4, col] + b * S[i, 5, col] + c * S[i, 6, col]
     for col in range(4 * n):
         jacobian[4 * n, col] = 0.0
     for row in range(13):

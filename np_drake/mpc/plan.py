@@ -41,9 +41,7 @@ def shift(plan: MpcSolution, *, elapsed: float, step: float) -> MpcSolution:
     Raises: ValueError: if elapsed is negative or step is not positive.
     """
     if elapsed < 0 or step <= 0:
-        raise ValueError(
-            f"shift: elapsed must not be negative and step must be positive [s]; got {elapsed}, {step}."
-        )
+        raise ValueError(f"shift: elapsed must not be negative and step must be positive [s]; got {elapsed}, {step}.")
     whole, part = _split(elapsed / step)
     x = _blend(plan.x, whole, part)
     _normalise_quaternions(x)

@@ -41,13 +41,9 @@ class MpcConfig:
         Raises: ValueError: if one is impossible.
         """
         _require(
-            1 <= self.horizon <= LONGEST_HORIZON,
-            f"horizon must be 1 to {LONGEST_HORIZON} steps; got {self.horizon}",
+            1 <= self.horizon <= LONGEST_HORIZON, f"horizon must be 1 to {LONGEST_HORIZON} steps; got {self.horizon}"
         )
-        _require(
-            0 < self.step <= LONGEST_STEP,
-            f"step must be positive, {LONGEST_STEP:g} s at most; got {self.step}",
-        )
+        _require(0 < self.step <= LONGEST_STEP, f"step must be positive, {LONGEST_STEP:g} s at most; got {self.step}")
         for name, size in (("position", 3), ("attitude", 4), ("velocity", 3), ("rate", 3), ("input", 4)):
             weight = np.array(getattr(self, f"weight_{name}"), float)
             _require(weight.shape == (size,), f"weight_{name} must have {size} entries; got {weight.shape}")
@@ -58,8 +54,7 @@ class MpcConfig:
         _require(min(self.weight_input) > 0, "weight_input must be positive")
         _require(min(self.weight_position) > 0, "weight_position must be positive: the terminal set needs it")
         _require(
-            0 <= self.weight_swing < np.inf,
-            f"weight_swing must be finite and not negative; got {self.weight_swing}",
+            0 <= self.weight_swing < np.inf, f"weight_swing must be finite and not negative; got {self.weight_swing}"
         )
         for name in ("terminal_scale", "max_speed", "max_tilt", "terminal_radius", "slack_weight"):
             _require(getattr(self, name) > 0, f"{name} must be positive; got {getattr(self, name)}")
@@ -70,9 +65,7 @@ class MpcConfig:
     @property
     def Q(self) -> np.ndarray:
         """Diagonal stage weight, (13,)."""
-        return np.array(
-            [*self.weight_position, *self.weight_attitude, *self.weight_velocity, *self.weight_rate]
-        )
+        return np.array([*self.weight_position, *self.weight_attitude, *self.weight_velocity, *self.weight_rate])
 
     @property
     def R(self) -> np.ndarray:

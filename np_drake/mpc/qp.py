@@ -113,9 +113,7 @@ class QpSolver:
         return d
 
 
-def active_set(
-    curvature: Curvature, g: np.ndarray, lower: np.ndarray, upper: np.ndarray
-) -> np.ndarray | None:
+def active_set(curvature: Curvature, g: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> np.ndarray | None:
     """Return the exact minimiser (n,) of d'Hd/2 + g'd in a box by primal-dual active sets; None if they cycle.
 
     Starts from the Newton step, hence ends in one round where no bound is active.
@@ -152,9 +150,7 @@ class BoxProgram:
     def __init__(self, size: int):
         self.prog = new_program()
         self.d = self.prog.NewContinuousVariables(size, "d")
-        self._cost = self.prog.AddQuadraticCost(
-            np.eye(size), np.zeros(size), self.d, is_convex=True
-        ).evaluator()
+        self._cost = self.prog.AddQuadraticCost(np.eye(size), np.zeros(size), self.d, is_convex=True).evaluator()
         self._box = self.prog.AddBoundingBoxConstraint(np.zeros(size), np.zeros(size), self.d).evaluator()
 
     def update(self, H: np.ndarray, g: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> None:

@@ -15,9 +15,7 @@ def require_solver(name: str) -> None:
         raise ValueError(f"solver: must be one of {', '.join(SOLVERS)}; got {name!r}.")
 
 
-def make_solver(
-    name: str, vehicle: Vehicle, config: MpcConfig, *, time_limit: float = float("inf")
-) -> MpcSolver:
+def make_solver(name: str, vehicle: Vehicle, config: MpcConfig, *, time_limit: float = float("inf")) -> MpcSolver:
     """Return the solver called `name`.
 
     Args: time_limit: wall time after which iterations stop [s]; without one, results repeat on any machine.

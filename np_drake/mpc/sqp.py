@@ -50,13 +50,7 @@ class SqpSolver:
     name = "sqp"
 
     def __init__(
-        self,
-        vehicle: Vehicle,
-        config: MpcConfig,
-        *,
-        steps: int = 1,
-        max_steps: int = 8,
-        time_limit: float = 0.012,
+        self, vehicle: Vehicle, config: MpcConfig, *, steps: int = 1, max_steps: int = 8, time_limit: float = 0.012
     ):
         self.condensed = Condensed(vehicle, config)
         self._qp = QpSolver(self.condensed.size, 4 * config.horizon + 1, config.slack_weight)
@@ -114,9 +108,7 @@ class SqpSolver:
         status = MpcStatus.OPTIMAL if miss <= _TOLERANCE * (1 + t.merit) else MpcStatus.ITERATION_LIMIT
         return as_solution(t, status, 1, time.perf_counter() - start)
 
-    def descend(
-        self, h: Horizon, t: Trajectory, *, steps: range, deadline: float
-    ) -> tuple[Trajectory, MpcStatus, int]:
+    def descend(self, h: Horizon, t: Trajectory, *, steps: range, deadline: float) -> tuple[Trajectory, MpcStatus, int]:
         """Take SQP steps from t and return (trajectory, status, number of steps).
 
         It stops where settled or stuck, or where the next step would be late.

@@ -78,9 +78,7 @@ class BankOptions:
     swing_noise: tuple[float, ...] = (1e-4, 0.1, 2.0)
     duration: tuple[float, ...] = (20.0, 5.0, 0.5)  # of a condition, after which either other begins [s]
     change: float = 0.02  # rate at which the length changes, or a payload comes or goes [1/s]
-    jump: float = (
-        24.3  # squared innovation that no member exceeds: 1e-5 of the chi-square with three degrees [1]
-    )
+    jump: float = 24.3  # squared innovation that no member exceeds: 1e-5 of the chi-square with three degrees [1]
     least_noise: float = 0.02  # of a label [m/s²]
 
     def scaled(self, unit: Scales) -> "BankOptions":
@@ -155,9 +153,7 @@ class PendulumBank:
     def _noise(self) -> np.ndarray:
         """Variance that a step adds, (k, SIZE): with it the parameters keep their prior deviation."""
         found = np.zeros((len(self), kernel.SIZE))
-        found[:, 2:4] = (np.array(self.options.swing_noise)[self._condition] * self.step / self.lengths**2)[
-            :, None
-        ]
+        found[:, 2:4] = (np.array(self.options.swing_noise)[self._condition] * self.step / self.lengths**2)[:, None]
         found[:, 4:] = (1 - self._keep**2) * self._deviation**2
         return found
 

@@ -66,13 +66,7 @@ def initial_shift(step: float) -> Memory:
 
 
 def next_shift(
-    memory: Memory,
-    rest: np.ndarray,
-    pull: np.ndarray,
-    doubt: np.ndarray,
-    step: float,
-    *,
-    length_unit: float = 1.0,
+    memory: Memory, rest: np.ndarray, pull: np.ndarray, doubt: np.ndarray, step: float, *, length_unit: float = 1.0
 ) -> Memory:
     """Return the memory after one more sample.
 

@@ -79,9 +79,7 @@ def pull_moments(mean, weight, now, centre, covariance):
     for i in range(len(mean)):
         for row in range(3):
             for col in range(3):
-                covariance[row, col] += (
-                    weight[i] * (pulls[i, row] - centre[row]) * (pulls[i, col] - centre[col])
-                )
+                covariance[row, col] += weight[i] * (pulls[i, row] - centre[row]) * (pulls[i, col] - centre[col])
 
 
 @compiled

@@ -53,15 +53,11 @@ class PayloadFilterModel:
         if not 0 <= self.delay < np.inf:
             raise ValueError(f"PayloadFilterModel: delay must not be negative [s]; got {self.delay}.")
         if not 0 <= self.rotor_lag < np.inf or not self.thrust_error > -1 or not np.isfinite(self.drag):
-            raise ValueError(
-                "PayloadFilterModel: rotor_lag must not be negative, thrust_error above -1, drag finite."
-            )
+            raise ValueError("PayloadFilterModel: rotor_lag must not be negative, thrust_error above -1, drag finite.")
         for name, (length, unit) in VECTORS.items():
             value = getattr(self, name)
             if np.shape(value) != (length,) or not np.all(np.isfinite(value)):
-                raise ValueError(
-                    f"PayloadFilterModel: {name} must be {length} finite numbers [{unit}]; got {value}."
-                )
+                raise ValueError(f"PayloadFilterModel: {name} must be {length} finite numbers [{unit}]; got {value}.")
 
     @property
     def unit(self) -> Scales:

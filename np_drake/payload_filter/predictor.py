@@ -107,9 +107,7 @@ class PayloadFilter:
         new = {**memory, **bank, "x": x.copy(), "acting": acting, "now": now}
         if finite(chi):
             new |= self._noise(memory, force)
-            new |= self._hook_and_level(
-                new, chi[3:] - motion_torque(x, self._rate_torque, self._speed_torque)
-            )
+            new |= self._hook_and_level(new, chi[3:] - motion_torque(x, self._rate_torque, self._speed_torque))
         return new
 
     def _hook_and_level(self, memory: Memory, torque: np.ndarray) -> Memory:

@@ -57,11 +57,7 @@ def train_payload_filter(
         model = _refined(_untrained(vehicle, lag, step, hook), samples)
         hook = model.hook
         on_pass(done, 2)
-    summary = {
-        "origin": origin_of("world", vehicle, RAW),
-        "samples": sum(map(len, samples)),
-        "command_delay": delay,
-    }
+    summary = {"origin": origin_of("world", vehicle, RAW), "samples": sum(map(len, samples)), "command_delay": delay}
     return dc.replace(model, delay=delay, summary=summary)
 
 
@@ -72,15 +68,11 @@ def opened_logs(flights: Sequence[Flight]) -> Flights:
     """
     logs = [(flight.data, flight.vehicle) for flight in flights if isinstance(flight.data, FlightLog)]
     if len(logs) < len(flights):
-        raise ValueError(
-            "payload_filter: must have flight logs, with attitude and command; got arrays of wrenches."
-        )
+        raise ValueError("payload_filter: must have flight logs, with attitude and command; got arrays of wrenches.")
     return logs
 
 
-def flight_samples(
-    log: FlightLog, vehicle: Vehicle, rotor_lag: float, step: float, delay: float = 0.0
-) -> list[Sample]:
+def flight_samples(log: FlightLog, vehicle: Vehicle, rotor_lag: float, step: float, delay: float = 0.0) -> list[Sample]:
     """Return what a predictor would see of a flight, a sample every `step` [s], see `picked_flight`.
 
     Args: rotor_lag: of a vehicle whose file names none [s].   delay: of commands, before the lag [s].

@@ -44,9 +44,7 @@ class ReferenceConfig:
             )
         for name in ("radius", "length", "width", "rise", "height", "speed"):
             if not 0 < getattr(self, name) < np.inf:
-                raise ValueError(
-                    f"ReferenceConfig: {name} must be positive and finite; got {getattr(self, name)}."
-                )
+                raise ValueError(f"ReferenceConfig: {name} must be positive and finite; got {getattr(self, name)}.")
         if self.track == "vertical" and not self.rise < self.height:
             raise ValueError(
                 f"ReferenceConfig: rise must be below height, or the track leads into the ground; got {self.rise}, "
@@ -54,9 +52,7 @@ class ReferenceConfig:
             )
         for name in ("ramp", "rest"):
             if not 0 <= getattr(self, name) < np.inf:
-                raise ValueError(
-                    f"ReferenceConfig: {name} must not be negative [s]; got {getattr(self, name)}."
-                )
+                raise ValueError(f"ReferenceConfig: {name} must not be negative [s]; got {getattr(self, name)}.")
         if np.shape(self.dither) != (3,) or min(self.dither) < 0:
             raise ValueError(f"ReferenceConfig: dither must be three RMS values [m]; got {self.dither}.")
         if not self.dither_frequencies or not all(0 < f < np.inf for f in self.dither_frequencies):
@@ -94,10 +90,7 @@ def make_reference(config: ReferenceConfig) -> Reference:
     if not np.any(config.dither):
         return track
     dither = Multisine(
-        config.dither,
-        frequencies=tuple(config.dither_frequencies),
-        ramp=max(config.ramp, 1.0),
-        seed=config.dither_seed,
+        config.dither, frequencies=tuple(config.dither_frequencies), ramp=max(config.ramp, 1.0), seed=config.dither_seed
     )
     return Sum(track, dither)
 

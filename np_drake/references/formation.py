@@ -37,9 +37,7 @@ def payload_drop(radius: float, length: float, hook_z: float) -> float:
     Raises: ValueError: if the cables do not reach the middle.
     """
     if not radius < length:
-        raise ValueError(
-            f"formation: its radius must be below the cable's length; got {radius}, {length} [m]."
-        )
+        raise ValueError(f"formation: its radius must be below the cable's length; got {radius}, {length} [m].")
     return float(hook_z - np.sqrt(length**2 - radius**2))
 
 

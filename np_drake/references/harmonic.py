@@ -47,9 +47,7 @@ def circle(*, radius: float, height: float, speed: float, ramp: float) -> Harmon
 
     Args: radius, height: [m].   speed: [m/s].   ramp: time from rest to full speed [s].
     """
-    return HarmonicTrack(
-        [0, 0, height], [[radius, radius, 0.0]], [[0.0, -np.pi / 2, 0.0]], speed=speed, ramp=ramp
-    )
+    return HarmonicTrack([0, 0, height], [[radius, radius, 0.0]], [[0.0, -np.pi / 2, 0.0]], speed=speed, ramp=ramp)
 
 
 def lemniscate(*, length: float, width: float, height: float, speed: float, ramp: float) -> HarmonicTrack:
@@ -66,9 +64,7 @@ def lemniscate(*, length: float, width: float, height: float, speed: float, ramp
     )
 
 
-def vertical_lemniscate(
-    *, length: float, rise: float, height: float, speed: float, ramp: float
-) -> HarmonicTrack:
+def vertical_lemniscate(*, length: float, rise: float, height: float, speed: float, ramp: float) -> HarmonicTrack:
     """Return the upright lemniscate x = length cos, z = height + rise sin(2 ·), in the plane y = 0.
 
     It climbs and descends twice a lap while it swings the payload along x.

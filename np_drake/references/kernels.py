@@ -62,9 +62,7 @@ def compose(path, phase, out):
             out[1, i, axis] = a * d1
             out[2, i, axis] = b * d1 * d1 + a * d2
             out[3, i, axis] = c * d1 * d1 * d1 + 3 * b * d1 * d2 + a * d3
-            out[4, i, axis] = (
-                d * d1 * d1 * d1 * d1 + 6 * c * d1 * d1 * d2 + b * (3 * d2 * d2 + 4 * d1 * d3) + a * d4
-            )
+            out[4, i, axis] = d * d1 * d1 * d1 * d1 + 6 * c * d1 * d1 * d2 + b * (3 * d2 * d2 + 4 * d1 * d3) + a * d4
 
 
 @compiled
@@ -98,11 +96,7 @@ def follow(flat, chi, mass, gravity, J, delta, x, u):
         f_z = mass * (flat[2, i, 2] + gravity) - chi[i, 2]
         j_x, j_y, j_z = mass * flat[3, i, 0], mass * flat[3, i, 1], mass * flat[3, i, 2]
         d_x, d_y, d_z = delta * j_x, delta * j_y, delta * j_z
-        s_x, s_y, s_z = (
-            delta * mass * flat[4, i, 0],
-            delta * mass * flat[4, i, 1],
-            delta * mass * flat[4, i, 2],
-        )
+        s_x, s_y, s_z = (delta * mass * flat[4, i, 0], delta * mass * flat[4, i, 1], delta * mass * flat[4, i, 2])
         w, q_x, q_y, q_z, a, b, c = _attitude_and_rate(f_x, f_y, f_z, j_x, j_y, j_z)
         later = _attitude_and_rate(f_x + d_x, f_y + d_y, f_z + d_z, j_x + s_x, j_y + s_y, j_z + s_z)
         sooner = _attitude_and_rate(f_x - d_x, f_y - d_y, f_z - d_z, j_x - s_x, j_y - s_y, j_z - s_z)

@@ -51,9 +51,7 @@ def _read_track(path: str, speed: float, ramp: float, version: tuple[int, int]) 
     _check_cells(table)
     dut = _trajectory(table, ramp) if TIME in table.columns else _waypoints(table, speed, ramp)
     if not ramp > 0 and not (isinstance(dut, Trajectory) and dut.starts_at_rest):
-        raise LogError(
-            f"{path}: does not start at rest and needs a ramp; got ramp {ramp:g} s. Name a positive one."
-        )
+        raise LogError(f"{path}: does not start at rest and needs a ramp; got ramp {ramp:g} s. Name a positive one.")
     return dut
 
 
@@ -86,9 +84,7 @@ def _check_cells(table: Table) -> None:
     for column in POSITION:
         far = np.abs(table.columns[column]) > FARTHEST
         _require(table, column, far, f"must be within {FARTHEST:g} m; got {{:g}}. Convert it to metres")
-    _require(
-        table, "z", table.columns["z"] <= 0.0, "must be above the ground, which is at 0 m; got {:g}. Raise it"
-    )
+    _require(table, "z", table.columns["z"] <= 0.0, "must be above the ground, which is at 0 m; got {:g}. Raise it")
 
 
 def _require(table: Table, column: str, bad: np.ndarray, what: str) -> None:
@@ -114,27 +110,18 @@ def _trajectory(table: Table, ramp: float) -> Trajectory:
     if len(t) < LEAST_ROWS:
         raise table.error(f"must hold at least {LEAST_ROWS} rows of a trajectory; got {len(t)}.")
     late = np.concatenate([[False], np.diff(t) <= 0.0])
-    _require(
-        table,
-        TIME,
-        late,
-        "must be later than the row before [s]; got {:g}. Sort the rows and leave out copies",
-    )
+    _require(table, TIME, late, "must be later than the row before [s]; got {:g}. Sort the rows and leave out copies")
     v = table.array(VELOCITY) if "vx" in table.columns else None
     a = table.array(ACCELERATION) if "ax" in table.columns else None
     dut = Trajectory(t, p, ramp=ramp, v=v, a=a)
     flat = dut.at(t - t[0])
-    for names, given, slopes, least in zip(
-        (VELOCITY, ACCELERATION), (v, a), flat[1:3], SLOPE_ERRORS, strict=True
-    ):
+    for names, given, slopes, least in zip((VELOCITY, ACCELERATION), (v, a), flat[1:3], SLOPE_ERRORS, strict=True):
         if given is not None:
             _check_slopes(table, names, given, slopes, least)
     return dut
 
 
-def _check_slopes(
-    table: Table, names: tuple[str, ...], given: np.ndarray, slopes: np.ndarray, least: float
-) -> None:
+def _check_slopes(table: Table, names: tuple[str, ...], given: np.ndarray, slopes: np.ndarray, least: float) -> None:
     """Check that a derivative in the file is that of its positions."""
     error = np.abs(given - slopes)
     allowed = least + SHARE * float(np.max(np.abs(given)))

@@ -31,13 +31,7 @@ class Trajectory:
     """
 
     def __init__(
-        self,
-        t: np.ndarray,
-        p: np.ndarray,
-        *,
-        ramp: float,
-        v: np.ndarray | None = None,
-        a: np.ndarray | None = None,
+        self, t: np.ndarray, p: np.ndarray, *, ramp: float, v: np.ndarray | None = None, a: np.ndarray | None = None
     ):
         t = np.asarray(t, float)
         rests = [_at_rest(t[rows], p[rows], _row(v, i), _row(a, i)) for i, rows in _ENDS]
@@ -125,9 +119,7 @@ def _fit(t: np.ndarray, p: np.ndarray, knots: np.ndarray) -> BSpline:
 
 def _padded(t: np.ndarray, p: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return times and positions with so many rows of rest before and after them."""
-    before, after = (
-        step * np.arange(1, n + 1) for n, step in zip(counts, (t[1] - t[0], t[-1] - t[-2]), strict=True)
-    )
+    before, after = (step * np.arange(1, n + 1) for n, step in zip(counts, (t[1] - t[0], t[-1] - t[-2]), strict=True))
     times = np.concatenate([t[0] - before[::-1], t, t[-1] + after])
     return times, np.concatenate([np.tile(p[0], (len(before), 1)), p, np.tile(p[-1], (len(after), 1))])
 

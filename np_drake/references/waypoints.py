@@ -5,9 +5,7 @@ from scipy.interpolate import BSpline, make_interp_spline
 
 from np_drake.references.ramp import compose, ramped_phase
 
-DEGREE = (
-    5  # four continuous derivatives; the natural one has the least integral of the squared third derivative
-)
+DEGREE = 5  # four continuous derivatives; the natural one has the least integral of the squared third derivative
 STEEPEST = 2.0  # ratio of neighbouring gaps beyond which the longer is halved; at least 2, so that it ends; own choice
 SAMPLES = 64  # of the speed, a gap
 
@@ -77,9 +75,7 @@ def _fit(points: np.ndarray, gaps: np.ndarray, closed: bool) -> BSpline:
     """Return the spline through points whose parameter grows by `gaps` between them."""
     if not closed:
         free = [(3, np.zeros(3)), (4, np.zeros(3))]  # natural ends
-        return make_interp_spline(
-            np.concatenate([[0.0], np.cumsum(gaps)]), points, k=DEGREE, bc_type=(free, free)
-        )
+        return make_interp_spline(np.concatenate([[0.0], np.cumsum(gaps)]), points, k=DEGREE, bc_type=(free, free))
     laps = -(-2 * DEGREE // len(gaps))  # of points, so that there are enough for a periodic spline
     rows = np.concatenate([np.tile(points[:-1], (laps, 1)), points[:1]])
     return make_interp_spline(

@@ -19,9 +19,7 @@ class DisturbanceObserver:
 
     name = "observer"
 
-    def __init__(
-        self, vehicle: Vehicle, *, step: float, force_bandwidth: float = 5.0, torque_bandwidth: float = 1.0
-    ):
+    def __init__(self, vehicle: Vehicle, *, step: float, force_bandwidth: float = 5.0, torque_bandwidth: float = 1.0):
         self.step, self._vehicle = step, vehicle
         pole = np.exp(-2 * np.pi * np.repeat([force_bandwidth, torque_bandwidth], 3) * step)
         self._l1, self._l2 = 1 - pole**2, (1 - pole) ** 2

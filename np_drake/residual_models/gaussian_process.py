@@ -30,9 +30,7 @@ class GaussianProcess:
         wanted = {"X": (n, 6), "weight": (n, 6), "length": (6, 6), "mean": (6,)}
         for name, shape in wanted.items():
             if np.shape(getattr(self, name)) != shape:
-                raise ValueError(
-                    f"GaussianProcess: {name} must be {shape}; got {np.shape(getattr(self, name))}."
-                )
+                raise ValueError(f"GaussianProcess: {name} must be {shape}; got {np.shape(getattr(self, name))}.")
         if not np.all(self.length > 0):
             raise ValueError("GaussianProcess: length must be positive.")
         object.__setattr__(self, "_precision", (1.0 / self.length**2).T.copy())

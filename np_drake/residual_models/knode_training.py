@@ -86,12 +86,8 @@ def fit_knode(
         # The constant that the nominal model misses most is known at once; descent need not look for it.
         network.biases[-1].copy_(missed[:, -1].mean(dim=0) / (config.window * step))
         weight = 1.0 / missed.unflatten(-1, (2, 3)).pow(2).mean(dim=(0, 1, 3)).clamp_min(1e-12)
-    optimiser = torch.optim.AdamW(
-        network.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay
-    )
-    rate = torch.optim.lr_scheduler.CosineAnnealingLR(
-        optimiser, max(config.epochs, 1), config.learning_rate / 10
-    )
+    optimiser = torch.optim.AdamW(network.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay)
+    rate = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, max(config.epochs, 1), config.learning_rate / 10)
     history = []
     for epoch in range(config.epochs):
         order = torch.from_numpy(np.random.default_rng([config.seed, epoch]).permutation(len(x)))
@@ -134,9 +130,7 @@ class _Network(torch.nn.Module):
 
     def export(self) -> WrenchNetwork:
         """Return the network in numpy."""
-        weights, biases = (
-            tuple(p.detach().numpy().copy() for p in group) for group in (self.weights, self.biases)
-        )
+        weights, biases = (tuple(p.detach().numpy().copy() for p in group) for group in (self.weights, self.biases))
         return WrenchNetwork(weights, biases, self._scale.numpy().copy(), self._unit.numpy().copy())
 
 
@@ -170,17 +164,10 @@ class _Nominal:
         (q0, q1, q2, q3), w, chi = y[:, :4].T, y[:, 7:], wrench(y[:, 4:])
         a, b, c = w.T
         dq = 0.5 * torch.stack(
-            [
-                -q1 * a - q2 * b - q3 * c,
-                q0 * a + q2 * c - q3 * b,
-                q0 * b + q3 * a - q1 * c,
-                q0 * c + q1 * b - q2 * a,
-            ],
+            [-q1 * a - q2 * b - q3 * c, q0 * a + q2 * c - q3 * b, q0 * b + q3 * a - q1 * c, q0 * c + q1 * b - q2 * a],
             dim=1,
         )
-        up = torch.stack(
-            [2 * (q1 * q3 + q0 * q2), 2 * (q2 * q3 - q0 * q1), q0**2 - q1**2 - q2**2 + q3**2], dim=1
-        )
+        up = torch.stack([2 * (q1 * q3 + q0 * q2), 2 * (q2 * q3 - q0 * q1), q0**2 - q1**2 - q2**2 + q3**2], dim=1)
         dv = (u[:, :1] * up + chi[:, :3]) / self._mass
         dv = dv - torch.tensor([0.0, 0.0, self._gravity], dtype=dv.dtype)
         torque = u[:, 1:] + chi[:, 3:] - torch.linalg.cross(w, w @ self._J.T)

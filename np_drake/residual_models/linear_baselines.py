@@ -123,9 +123,7 @@ class RidgeForecasts:
     def __init__(self, model: RidgeBaseline, samples: np.ndarray):
         self.first, self._model, self._samples = model.window - 1, model, samples
 
-    def at(
-        self, horizons: list[int], origins: np.ndarray, zeta: np.ndarray, *, zeta_known: bool
-    ) -> np.ndarray:
+    def at(self, horizons: list[int], origins: np.ndarray, zeta: np.ndarray, *, zeta_known: bool) -> np.ndarray:
         """Return chi_hat (o, len(horizons), 6) [N, N·m]; zeta is ignored."""
         taps = DelayTaps(self._model.window, self._model.window, 0)
         features = taps.features(self._samples, origins).reshape(len(origins), -1, 12)[:, ::-1]

@@ -13,10 +13,7 @@ from np_drake.residual_models.gaussian_process import GaussianProcess
 from np_drake.residual_models.wrench_network import WrenchNetwork
 
 GP, KNODE = "gp", "knode"  # names
-REACTIONS: dict[str, type[GaussianProcess] | type[WrenchNetwork]] = {
-    GP: GaussianProcess,
-    KNODE: WrenchNetwork,
-}
+REACTIONS: dict[str, type[GaussianProcess] | type[WrenchNetwork]] = {GP: GaussianProcess, KNODE: WrenchNetwork}
 SCHEMA = "np_drake.motion_model/1"  # format of the file and its version
 
 
@@ -35,9 +32,7 @@ class MotionModel:
 
     def __post_init__(self):
         if self.name not in REACTIONS or not isinstance(self.reaction, REACTIONS[self.name]):
-            raise ValueError(
-                f"MotionModel: name must be {' | '.join(REACTIONS)}, as its reaction is; got {self.name}."
-            )
+            raise ValueError(f"MotionModel: name must be {' | '.join(REACTIONS)}, as its reaction is; got {self.name}.")
         if not 0 < self.step < np.inf:
             raise ValueError(f"MotionModel: step must be positive [s]; got {self.step}.")
 
@@ -94,9 +89,7 @@ class MotionForecasts:
     first: int  # first sample
     course: np.ndarray  # (n, 6) chi at each sample's own motion [N, N·m]
 
-    def at(
-        self, horizons: list[int], origins: np.ndarray, zeta: np.ndarray, *, zeta_known: bool
-    ) -> np.ndarray:
+    def at(self, horizons: list[int], origins: np.ndarray, zeta: np.ndarray, *, zeta_known: bool) -> np.ndarray:
         """Return chi_hat (o, len(horizons), 6) [N, N·m], with the coming motion known or held at its last value."""
         rows = origins[:, None] + np.array(horizons) * zeta_known
         return self.course[rows]

@@ -17,10 +17,7 @@ from np_drake.training_data.segments import WrenchSequence
 from np_drake.training_data.training_segments import training_segments
 from np_drake.vehicle import Vehicle
 
-CONFIGURATIONS: dict[str, GaussianProcessConfig | KnodeConfig] = {
-    GP: GaussianProcessConfig(),
-    KNODE: KnodeConfig(),
-}
+CONFIGURATIONS: dict[str, GaussianProcessConfig | KnodeConfig] = {GP: GaussianProcessConfig(), KNODE: KnodeConfig()}
 
 
 def train_motion_model(

@@ -32,9 +32,7 @@ class RefitForecasts(FlightForecasts):
 
     before: np.ndarray  # (o,) spectral radius of each refit A before it was made stable [1]
 
-    def at(
-        self, horizons: list[int], origins: np.ndarray, zeta: np.ndarray, *, zeta_known: bool
-    ) -> np.ndarray:
+    def at(self, horizons: list[int], origins: np.ndarray, zeta: np.ndarray, *, zeta_known: bool) -> np.ndarray:
         """Return chi_hat (o, len(horizons), 6) of the forecasts at `origins`, see `FlightForecasts` [N, N·m]."""
         at = origins - self.first
         A, B, z = self.A[at].swapaxes(1, 2), self.B[at].swapaxes(1, 2), self.z[at][:, None]
@@ -71,9 +69,7 @@ class NeuralPredictor:
         if options.torque not in ("hold", "predict"):
             raise ValueError(f"NeuralPredictor: torque must be hold | predict; got {options.torque}.")
         if options.torque == "predict" and not model.predicts_torque:
-            raise ValueError(
-                "NeuralPredictor: this model must not predict torque; it was trained without. Use hold."
-            )
+            raise ValueError("NeuralPredictor: this model must not predict torque; it was trained without. Use hold.")
         self.name = "np" if model.configuration in BY_AXES.values() else f"np-{model.configuration}"
         self.step = model.step
         self.model, self.options = model, options

@@ -72,9 +72,7 @@ class TrueModel:
         changed = acting(self.mass_effects, self.onsets, t)
         return self._as_believed(middle, command @ self.believed.mixer.T, chi, changed) if changed else chi
 
-    def _as_believed(
-        self, x: np.ndarray, u: np.ndarray, chi: np.ndarray, changed: Sequence[MassEffect]
-    ) -> np.ndarray:
+    def _as_believed(self, x: np.ndarray, u: np.ndarray, chi: np.ndarray, changed: Sequence[MassEffect]) -> np.ndarray:
         """Return the wrench (N, 6) that the believed vehicle needs to move as the real one does under u and chi.
 
         With F and tau at Bo, c = p_BoBcm_B and J about Bcm of the real vehicle: J al + w x J w = tau - c x R^T F and

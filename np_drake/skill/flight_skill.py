@@ -85,9 +85,7 @@ def _predictor(model: Model) -> NeuralPredictor | PayloadFilter:
     return NeuralPredictor(model, PredictorOptions(torque="predict" if model.predicts_torque else "hold"))
 
 
-def _longest_flown(
-    flight: Flight, predictor: NeuralPredictor | PayloadFilter
-) -> tuple[Segment, SampledFlight | None]:
+def _longest_flown(flight: Flight, predictor: NeuralPredictor | PayloadFilter) -> tuple[Segment, SampledFlight | None]:
     """Return the longest uninterrupted piece of a flight, and for a model that reads a plan that piece as it sees it.
 
     Raises: ValueError: if the predictor was trained on other labels, or nothing usable is left.

@@ -80,27 +80,18 @@ def skill_table(
     longest = _size(chi).max(axis=0)
     peaks = {name: _ratio(_size(chi_hat).max(axis=0), longest) for name, chi_hat in predictions.items()}
     best = np.min([rmse[name] for name in NAIVE], axis=0)
-    interval = {
-        name: ratio_interval(error, square["persistence"], horizons) for name, error in square.items()
-    }
+    interval = {name: ratio_interval(error, square["persistence"], horizons) for name, error in square.items()}
     rows = []
     for name, error in rmse.items():
         skill, ratio = _ratio(error, best), _ratio(error, rmse["persistence"])
         for i, horizon in enumerate(horizons):
             figures = {
                 f"{kind}_{what}": float(values[i, k])
-                for what, values in (
-                    ("rmse", error),
-                    ("skill", skill),
-                    ("ratio", ratio),
-                    ("peak", peaks[name]),
-                )
+                for what, values in (("rmse", error), ("skill", skill), ("ratio", ratio), ("peak", peaks[name]))
                 for k, kind in enumerate(("force", "torque"))
             }
             force, torque = (tuple(map(float, bounds)) for bounds in interval[name][i])
-            rows.append(
-                SkillRow(flight, name, horizon, **figures, force_interval=force, torque_interval=torque)
-            )
+            rows.append(SkillRow(flight, name, horizon, **figures, force_interval=force, torque_interval=torque))
     return rows
 
 

@@ -67,9 +67,7 @@ def rows_at(log: FlightLog, step: float) -> np.ndarray:
     Raises: ValueError: if the step is shorter than the log's, or leaves fewer than two rows.
     """
     if not step > 0.999 * log.step:
-        raise ValueError(
-            f"decimate: step must be at least that of {log.name}, {log.step:.4g} s; got {step:.4g} s."
-        )
+        raise ValueError(f"decimate: step must be at least that of {log.name}, {log.step:.4g} s; got {step:.4g} s.")
     wanted = np.arange(log.t[0], log.t[-1] + 0.5 * log.step, step)
     if len(wanted) < 2:
         raise ValueError(f"decimate: {log.name} lasts {log.t[-1] - log.t[0]:.3g} s, less than {step:.3g} s.")
@@ -78,12 +76,7 @@ def rows_at(log: FlightLog, step: float) -> np.ndarray:
 
 
 def wrench_sequence(
-    log: FlightLog,
-    vehicle: Vehicle,
-    config: LabelConfig | None = None,
-    *,
-    step: float = 0.02,
-    zero_phase: bool = False,
+    log: FlightLog, vehicle: Vehicle, config: LabelConfig | None = None, *, step: float = 0.02, zero_phase: bool = False
 ) -> WrenchSequence:
     """Return labels made at the log's own rate, then one row every `step` [s]; zeta in W.
 

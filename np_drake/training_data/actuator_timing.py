@@ -32,9 +32,7 @@ def learned_rotor_lag(flights: Sequence[tuple[FlightLog, Vehicle]]) -> float:
     return _best_lag(sought)[0] if sought else 0.0
 
 
-def learned_timing(
-    flights: Sequence[tuple[FlightLog, Vehicle]], delays: Sequence[float]
-) -> tuple[float, float]:
+def learned_timing(flights: Sequence[tuple[FlightLog, Vehicle]], delays: Sequence[float]) -> tuple[float, float]:
     """Return the rotors' time constant and the delay of commands before it with which raw labels change least [s].
 
     The criterion of `learned_rotor_lag`, as the likelihood of normal steps; a delay other than the first of `delays`
@@ -80,10 +78,7 @@ def _best_lag(sought: Sequence[tuple[FlightLog, Vehicle]]) -> tuple[float, float
     """Return the time constant of least restlessness, 0 where there is no minimum [s], and that restlessness."""
     longest = LONGEST_LAG * max(1.0, *(ratios(v).clock for _, v in sought))
     best = minimize_scalar(
-        lambda lag: _restlessness(sought, lag),
-        bounds=(0.0, longest),
-        method="bounded",
-        options={"xatol": 1e-4},
+        lambda lag: _restlessness(sought, lag), bounds=(0.0, longest), method="bounded", options={"xatol": 1e-4}
     )
     without = _restlessness(sought, 0.0)
     if best.x > (1.0 - AT_BOUND) * longest or best.fun >= without:

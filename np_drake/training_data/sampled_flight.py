@@ -96,9 +96,7 @@ def sampled_flight(
     return SampledFlight(step, log.x[last], u, chi, log.name)
 
 
-def picked_flight(
-    log: FlightLog, vehicle: Vehicle, *, step: float, label: LabelConfig | None = None
-) -> SampledFlight:
+def picked_flight(log: FlightLog, vehicle: Vehicle, *, step: float, label: LabelConfig | None = None) -> SampledFlight:
     """Return the flight with the rows nearest to every step, as a predictor sees them in flight (see `rows_at`).
 
     The label of a row is that of the command that acts at the row, its `u` the mean command since the row before.
@@ -112,9 +110,7 @@ def picked_flight(
     """
     chi, rows = labels(log, vehicle, label), rows_at(log, step)
     before = np.concatenate([[max(rows[0] - 1, 0)], rows[:-1]])
-    u = np.array(
-        [log.u[start : max(row, start + 1)].mean(axis=0) for start, row in zip(before, rows, strict=True)]
-    )
+    u = np.array([log.u[start : max(row, start + 1)].mean(axis=0) for start, row in zip(before, rows, strict=True)])
     return SampledFlight(step, log.x[rows], u, chi[rows], log.name)
 
 

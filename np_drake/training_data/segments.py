@@ -42,8 +42,7 @@ class WrenchSequence:
             raise ValueError(f"WrenchSequence: step must be positive [s]; got {self.step}.")
         if np.ndim(self.chi) != 2 or np.shape(self.chi)[1] != 6 or np.shape(self.zeta) != np.shape(self.chi):
             raise ValueError(
-                "WrenchSequence: chi and zeta must be (n, 6); "
-                f"got {np.shape(self.chi)}, {np.shape(self.zeta)}."
+                f"WrenchSequence: chi and zeta must be (n, 6); got {np.shape(self.chi)}, {np.shape(self.zeta)}."
             )
         return self
 
@@ -84,9 +83,7 @@ def check_segments(segments: list[Segment], shortest: int) -> list[Segment]:
     checked = [_checked(segment, number) for number, segment in enumerate(segments)]
     steps = np.array([segment.step for segment in checked])
     if np.ptp(steps) > 0.02 * steps.min():
-        raise ValueError(
-            f"Segment: all segments must share one step [s]; got {steps.min()} to {steps.max()}."
-        )
+        raise ValueError(f"Segment: all segments must share one step [s]; got {steps.min()} to {steps.max()}.")
     long = [segment for segment in checked if len(segment) >= shortest]
     if not long:
         longest = max(map(len, checked))

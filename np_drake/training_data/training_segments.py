@@ -80,11 +80,7 @@ def _spread_of_motion(data: FlightLog | WrenchSequence) -> np.ndarray:
 
 
 def training_segments(
-    flight: FlightLog | WrenchSequence,
-    vehicle: Vehicle,
-    config: LabelConfig | None = None,
-    *,
-    step: float = 0.02,
+    flight: FlightLog | WrenchSequence, vehicle: Vehicle, config: LabelConfig | None = None, *, step: float = 0.02
 ) -> list[Segment]:
     """Return the uninterrupted pieces of one flight, a sample every `step` [s] (an array keeps its own step).
 
@@ -139,8 +135,7 @@ def _usable(log: FlightLog) -> FlightLog:
 def _pieces(chi: np.ndarray, zeta: np.ndarray, target: np.ndarray, step: float) -> list[Segment]:
     """Return segments between the rows that hold a NaN."""
     return [
-        Segment(chi[start:stop], zeta[start:stop], step, target[start:stop])
-        for start, stop in _runs(chi, zeta, target)
+        Segment(chi[start:stop], zeta[start:stop], step, target[start:stop]) for start, stop in _runs(chi, zeta, target)
     ]
 
 

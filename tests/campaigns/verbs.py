@@ -34,9 +34,7 @@ VERBS: dict[str, Verb] = {
         "--out {out}/cases --truth {out}/truth --json {out}.json",
         "cases/[0-9a-f]*/vehicle.yaml",
     ),
-    "challenge solve": Verb(
-        "{set}/cases", "--out {out}", "*/diagnosis.json", frozenset({"wall", "peak_memory"})
-    ),
+    "challenge solve": Verb("{set}/cases", "--out {out}", "*/diagnosis.json", frozenset({"wall", "peak_memory"})),
     "reproduce tracking": Verb("--seeds 1 --only np", times=FLIGHT),
     "reproduce configurations": Verb("--seeds 1 --only hold", times=FLIGHT),
     "reproduce weights": Verb(""),
@@ -55,11 +53,7 @@ VERBS: dict[str, Verb] = {
     "reproduce robustness": Verb("--seeds 1 --only np --axis loss --duration 10", times=FLIGHT),
     "reproduce margins": Verb("--seeds 1 --only hold", times=FLIGHT),
     "reproduce faults": Verb("--flights 4 --only nominal", times=FLIGHT),
-    "reproduce real": Verb(
-        "{real} --only wind",
-        columns=("s",),
-        rows=("seconds a case, median",),
-    ),
+    "reproduce real": Verb("{real} --only wind", columns=("s",), rows=("seconds a case, median",)),
     "reproduce vehicles": Verb("--seeds 1 --vehicle 35g --track circle --duration 10 --only hold"),
     "reproduce closing": Verb("--seeds 2"),
     "reproduce replay": Verb("{real} --only wind"),

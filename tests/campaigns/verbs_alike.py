@@ -50,10 +50,7 @@ class Alike:
         kept = self._kill()
         self._run(KILLED, "--jobs 2")
         again = [str(path) for path, written in kept.items() if path.stat().st_mtime_ns != written]
-        yield (
-            KILLED,
-            differences(alone, self._content(KILLED)) + [f"{path}: worked on twice" for path in again],
-        )
+        yield (KILLED, differences(alone, self._content(KILLED)) + [f"{path}: worked on twice" for path in again])
 
     def _command(self, way: str, where: str) -> list[str]:
         places = {**self.given, "out": str(self._out(way))}
@@ -106,8 +103,7 @@ class Alike:
         return {
             str(path.relative_to(out.parent)).removeprefix(out.name): read(path, self.verb, str(out))
             for path in [*beside, *sorted(out.rglob("*"))]
-            if path.is_file()
-            and not path.name.startswith(".")  # a killed writer's temporary file, never read
+            if path.is_file() and not path.name.startswith(".")  # a killed writer's temporary file, never read
         }
 
 
@@ -170,10 +166,7 @@ def main() -> int:
     if unknown := sorted(set(chosen.verbs) - set(VERBS)):
         parser.error(f"VERB must be one of {', '.join(VERBS)}; got {', '.join(unknown)}")
     given = {folder: os.environ[name] for folder, name in FOLDERS.items() if os.environ.get(name)}
-    given["set"], given["arrays"] = (
-        str(flown_set(chosen.out / "set")),
-        str(made_arrays(chosen.out / "arrays")),
-    )
+    given["set"], given["arrays"] = (str(flown_set(chosen.out / "set")), str(made_arrays(chosen.out / "arrays")))
     from distributed import LocalCluster
 
     with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=":0") as local:
@@ -215,9 +208,7 @@ def compared(name: str, out: Path, given: dict[str, str], scheduler: str) -> boo
             same += [] if lines else [way]
     except RuntimeError as error:
         found.append(str(error))
-    print(
-        f"{name}: as {SERIAL}: {', '.join(same) or 'nothing'}; {time.monotonic() - start:.0f} s", flush=True
-    )
+    print(f"{name}: as {SERIAL}: {', '.join(same) or 'nothing'}; {time.monotonic() - start:.0f} s", flush=True)
     print(*(f"  {line}\n" for line in found[:20]), sep="", end="", flush=True)
     return not found
 

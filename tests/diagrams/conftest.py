@@ -77,13 +77,9 @@ class ReplayPage:
         commands = [MessagePack(base64.b64decode(part)).read() for part in embedded]
         self.objects = {c["path"].removeprefix("/drake/") for c in commands if c["type"] == "set_object"}
         for animated in (a for c in commands if c["type"] == "set_animation" for a in c["animations"]):
-            tracks = {
-                t["name"][1:]: np.array([k["value"] for k in t["keys"]]) for t in animated["clip"]["tracks"]
-            }
+            tracks = {t["name"][1:]: np.array([k["value"] for k in t["keys"]]) for t in animated["clip"]["tracks"]}
             self.film[animated["path"].removeprefix("/drake/")] = tracks
-        found = re.search(
-            r'<script id="np-drake-data" type="application/json">(.*?)</script>', self.text, re.S
-        )
+        found = re.search(r'<script id="np-drake-data" type="application/json">(.*?)</script>', self.text, re.S)
         self.numbers = json.loads(found[1])
 
 

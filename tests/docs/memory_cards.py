@@ -44,9 +44,7 @@ def module(path: Path) -> ModuleType:
 def flown(seed: int, vehicle: Vehicle, drag: float) -> FlightLog:
     """Return a flight under drag [N·s/m], with noise."""
     simulated = module(TESTS / "np_drake" / "diagnosis" / "simulated_flights.py")
-    log: FlightLog = simulated.fly(
-        LinearDrag(drag, drag, drag), seed=seed, seconds=9.0, noise=1.0, vehicle=vehicle
-    )
+    log: FlightLog = simulated.fly(LinearDrag(drag, drag, drag), seed=seed, seconds=9.0, noise=1.0, vehicle=vehicle)
     return log
 
 
@@ -64,9 +62,7 @@ def specific_force(log: FlightLog) -> np.ndarray:
 def write_px4(path: Path, seed: int) -> None:
     """Write a PX4 log: NED and FRD, normalised collective thrust, no torque."""
     log, vehicle = flown(seed, Vehicle(), 0.3), Vehicle()
-    q = attitude.multiply(
-        attitude.multiply(np.tile(Q_NED, (len(log), 1)), log.q), np.tile(Q_FRD, (len(log), 1))
-    )
+    q = attitude.multiply(attitude.multiply(np.tile(Q_NED, (len(log), 1)), log.q), np.tile(Q_FRD, (len(log), 1)))
     throttle = HOVER * np.maximum(log.u[:, 0] / (vehicle.mass * vehicle.gravity), 0.0) ** (1 / 1.5)
     setpoint = np.column_stack([0 * throttle, 0 * throttle, -throttle])
     streams = {
@@ -103,9 +99,7 @@ def write_crazyflie(path: Path, seed: int) -> None:
 def write_table(path: Path, seed: int) -> None:
     """Write the table of the guide's map: NED and FRD, milliseconds, degrees, g."""
     log = flown(seed, Vehicle(), 0.3)
-    q = attitude.multiply(
-        attitude.multiply(np.tile(Q_NED, (len(log), 1)), log.q), np.tile(Q_FRD, (len(log), 1))
-    )
+    q = attitude.multiply(attitude.multiply(np.tile(Q_NED, (len(log), 1)), log.q), np.tile(Q_FRD, (len(log), 1)))
     content = columns("time_ms", 1e3 * log.t)
     content |= columns("n e d vn ve vd", np.hstack([log.p @ TO_NED.T, log.v @ TO_NED.T]))
     content |= columns("qw qx qy qz", q)

@@ -83,9 +83,7 @@ def the_diagnosis_names_what_was_put_in() -> None:
 def the_report_has_the_sections_that_the_page_lists() -> None:
     page, report = (GUIDE / "read-the-report.md").read_text(), Path("report/report.html").read_text()
     table = page[page.index("| section of") : page.index("## Causes")]
-    sections = [
-        name for row in re.findall(r"^\| ([A-Z][\w ;]+)", table, re.M) for name in row.strip().split("; ")
-    ]
+    sections = [name for row in re.findall(r"^\| ([A-Z][\w ;]+)", table, re.M) for name in row.strip().split("; ")]
     assert len(sections) == 9
     missing = [section for section in sections if f"<h2>{section}</h2>" not in report]
     assert missing == ["Second answer"]  # whose flights show nothing that training does not

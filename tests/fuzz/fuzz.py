@@ -23,9 +23,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("targets", nargs="*", metavar="TARGET", help="default: all")
     parser.add_argument("--seconds", type=float, default=60.0, help="of every target")
-    parser.add_argument(
-        "--out", type=Path, default=Path("out/fuzz"), help="folder of inputs that break a reader"
-    )
+    parser.add_argument("--out", type=Path, default=Path("out/fuzz"), help="folder of inputs that break a reader")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--guided", action="store_true", help=argparse.SUPPRESS)
     chosen = parser.parse_args()

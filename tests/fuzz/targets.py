@@ -77,9 +77,7 @@ def stream(*columns: str, rows: int = ROWS) -> Stream:
     return Stream(1.0 + np.arange(rows) / 50.0, {c: rng.standard_normal(rows) for c in columns})
 
 
-def _written(
-    name: str, file: str, streams: dict[str, Stream], **options: Any
-) -> Callable[[Path], list[bytes]]:
+def _written(name: str, file: str, streams: dict[str, Stream], **options: Any) -> Callable[[Path], list[bytes]]:
     def seeds(folder: Path) -> list[bytes]:
         path = folder / file
         writer(name).write(path, streams, **options)
@@ -183,36 +181,21 @@ def _record(path: Path) -> Any:
 
 ODOMETRY = {"/rpm": stream(*(f"data[{i}]" for i in range(4)))}
 COPTER = {"ATT": stream("Roll", "Pitch", "Yaw"), "IMU.0": stream("GyrX", "GyrY", "GyrZ")}
-PX4 = {
-    "vehicle_attitude": stream("q[0]", "q[1]", "q[2]", "q[3]"),
-    "vehicle_local_position": stream("x", "y", "z"),
-}
+PX4 = {"vehicle_attitude": stream("q[0]", "q[1]", "q[2]", "q[3]"), "vehicle_local_position": stream("x", "y", "z")}
 
 TARGETS = {
     target.name: target
     for target in (
         Target("log", ".csv", open_flights, _our_log),
-        Target(
-            "log_gzip", ".csv.gz", open_flights, lambda f: [gzip.compress(b, mtime=0) for b in _our_log(f)]
-        ),
+        Target("log_gzip", ".csv.gz", open_flights, lambda f: [gzip.compress(b, mtime=0) for b in _our_log(f)]),
         Target("parquet", ".parquet", open_flights, _parquet),
         Target("neurobem", ".csv", open_flights, _neurobem),
         Target("array", ".npy", read_wrenches, _array),
         Target("table", ".csv", open_flights, _written("table", "a.csv", {"table": stream("x", "y", "yaw")})),
-        Target(
-            "neural_fly",
-            ".csv",
-            open_flights,
-            _written("neural_fly", "a.csv", {"flight": stream("p[0]", "q[0]")}),
-        ),
+        Target("neural_fly", ".csv", open_flights, _written("neural_fly", "a.csv", {"flight": stream("p[0]", "q[0]")})),
         Target("ulog", ".ulg", open_flights, _written("ulog", "a.ulg", PX4)),
         Target("dataflash", ".bin", open_flights, _written("dataflash", "a.bin", COPTER)),
-        Target(
-            "crazyflie",
-            "",
-            open_flights,
-            _written("crazyflie", "log00", {"estPose": stream("stateEstimate.x")}),
-        ),
+        Target("crazyflie", "", open_flights, _written("crazyflie", "log00", {"estPose": stream("stateEstimate.x")})),
         Target("ros1", ".bag", open_flights, _bags1),
         Target("ros2", ".mcap", open_flights, _bags2),
         Target("sqlite", ".db3", open_flights, _written("ros", "a.db3", ODOMETRY)),

@@ -117,8 +117,7 @@ def summary(diagnosis: dict[str, Any]) -> dict[str, Any]:
             cause["effect"]: {
                 "probability": _rounded(cause["probability"]),
                 "parameters": {
-                    name: [_rounded(p["value"]), *map(_rounded, p["ci95"])]
-                    for name, p in cause["parameters"].items()
+                    name: [_rounded(p["value"]), *map(_rounded, p["ci95"])] for name, p in cause["parameters"].items()
                 },
                 "onset": {flight: _rounded(time) for flight, time in cause["onset"].items()},
                 "indistinguishable_from": sorted(cause["indistinguishable_from"]),
@@ -138,9 +137,7 @@ def _rounded(value: float | None) -> float | None:
 def write_answers(path: Path, answers: dict[str, dict[str, Any]]) -> None:
     """Write answers as JSON, a case a line, so that a difference between two versions of the file can be read."""
     head = {"schema": SCHEMA, "seed": SEED, "seconds": SECONDS}
-    lines = (
-        f"{json.dumps(name)}: {json.dumps(value, separators=(',', ':'))}" for name, value in answers.items()
-    )
+    lines = (f"{json.dumps(name)}: {json.dumps(value, separators=(',', ':'))}" for name, value in answers.items())
     body = ",\n".join(lines)
     write_text(path, f'{json.dumps(head)[:-1]}, "answers": {{\n{body}\n}}}}\n')
 
@@ -210,9 +207,7 @@ def main() -> int:
         lines = differences(stored[name], given, TOLERANCE)
         print(*(f"{name}: {line}\n" for line in lines), sep="", end="")
         differing += bool(lines)
-    print(
-        f"{len(answers)} answers compared with {STORED.name}, {differing} differ by more than {TOLERANCE:g}"
-    )
+    print(f"{len(answers)} answers compared with {STORED.name}, {differing} differ by more than {TOLERANCE:g}")
     return int(differing > 0)
 
 

@@ -21,12 +21,9 @@ def test_it_is_compiled_where_no_folder_takes_what_was_compiled(monkeypatch):
 
 
 @pytest.mark.parametrize(
-    "module, looking, said",
-    [("np_drake.mpc", True, 1), ("np_drake.mpc", False, 0), ("elsewhere.code", True, 0)],
+    "module, looking, said", [("np_drake.mpc", True, 1), ("np_drake.mpc", False, 0), ("elsewhere.code", True, 0)]
 )
-def test_a_wait_for_the_compiler_is_explained_once_where_a_person_looks(
-    monkeypatch, caplog, module, looking, said
-):
+def test_a_wait_for_the_compiler_is_explained_once_where_a_person_looks(monkeypatch, caplog, module, looking, said):
     monkeypatch.setattr(sys, "stderr", SimpleNamespace(isatty=lambda: looking))
     dut = compiled.Notice()
     function = SimpleNamespace(py_func=SimpleNamespace(__module__=module))
@@ -38,9 +35,7 @@ def test_a_wait_for_the_compiler_is_explained_once_where_a_person_looks(
 
 def test_a_compilation_is_heard_of(monkeypatch):
     heard = []
-    monkeypatch.setattr(
-        compiled.Notice, "on_start", lambda self, event: heard.append(event.data["dispatcher"])
-    )
+    monkeypatch.setattr(compiled.Notice, "on_start", lambda self, event: heard.append(event.data["dispatcher"]))
     function = njit(lambda x: x + 1.0)
     function(1.0)
     assert heard == [function]

@@ -47,9 +47,7 @@ def test_vectorised_and_single_calls_agree():
     u, chi = rng.normal(size=(7, 4)), rng.normal(size=(7, 6))
     rows = [rigid_body.state_derivative(VEHICLE, x[i], u[i], chi[i]) for i in range(7)]
     np.testing.assert_allclose(rigid_body.state_derivative(VEHICLE, x, u, chi), rows, atol=1e-13)
-    np.testing.assert_allclose(
-        attitude.rotation_matrix(x[:, 3:7])[3], attitude.rotation_matrix(x[3, 3:7]), atol=1e-13
-    )
+    np.testing.assert_allclose(attitude.rotation_matrix(x[:, 3:7])[3], attitude.rotation_matrix(x[3, 3:7]), atol=1e-13)
 
 
 def test_without_force_the_body_falls_freely():

@@ -69,10 +69,7 @@ def test_the_spread_of_thrust_is_that_of_the_presets():
 
 
 def test_the_file_states_the_uncertainty_given_or_its_origin():
-    assert (estimate(MINE).mass_uncertainty, estimate(MINE).thrust_uncertainty) == (
-        MASS_SPREAD,
-        THRUST_SPREAD,
-    )
+    assert (estimate(MINE).mass_uncertainty, estimate(MINE).thrust_uncertainty) == (MASS_SPREAD, THRUST_SPREAD)
     assert "# assumed: a kitchen scale" in commented_file(MINE)
     known = dc.replace(MINE, mass_uncertainty=0.003, thrust_uncertainty=0.02)
     assert (estimate(known).mass_uncertainty, estimate(known).thrust_uncertainty) == (0.003, 0.02)
@@ -89,13 +86,7 @@ def test_the_file_holds_the_estimate_and_names_every_parameter(tmp_path):
 
 @pytest.mark.parametrize(
     "bad",
-    [
-        (1200.0, 0.4, 0.2, 0.5),
-        (1.2, 40.0, 0.2, 0.5),
-        (1.2, 0.4, 9.0, 0.5),
-        (1.2, 0.4, 0.2, 50.0),
-        (0.0, 0.4, 0.2, 0.5),
-    ],
+    [(1200.0, 0.4, 0.2, 0.5), (1.2, 40.0, 0.2, 0.5), (1.2, 0.4, 9.0, 0.5), (1.2, 0.4, 0.2, 50.0), (0.0, 0.4, 0.2, 0.5)],
 )
 def test_measures_in_another_unit_are_refused(bad):
     with pytest.raises(ValueError, match="vehicle: "):

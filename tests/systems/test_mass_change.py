@@ -78,9 +78,7 @@ def test_a_vehicle_that_has_become_heavier_flies_as_one_that_always_was():
 
 def test_the_change_comes_at_its_time():
     effect = dc.replace(EFFECTS[0])
-    dut = make_tethered_quadrotor(
-        VEHICLE, PayloadConfig(tether="none"), mass_effects=[effect], onsets={effect: 0.1}
-    )
+    dut = make_tethered_quadrotor(VEHICLE, PayloadConfig(tether="none"), mass_effects=[effect], onsets={effect: 0.1})
     simulator = Simulator(dut)
     root = simulator.get_mutable_context()
     dut.GetInputPort("u").FixValue(root, VEHICLE.hover_input)

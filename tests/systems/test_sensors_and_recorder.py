@@ -59,9 +59,7 @@ def test_row_k_holds_what_acts_just_after_its_instant():
     held = builder.AddSystem(ZeroOrderHold(0.1, 1))
     builder.Connect(one.get_output_port(), counter.get_input_port())
     builder.Connect(counter.get_output_port(), held.get_input_port())
-    recorder = add_recorder(
-        builder, {"count": counter.get_output_port(), "held": held.get_output_port()}, period=0.1
-    )
+    recorder = add_recorder(builder, {"count": counter.get_output_port(), "held": held.get_output_port()}, period=0.1)
     diagram = builder.Build()
     simulator = Simulator(diagram)
     simulator.AdvanceTo(0.55)

@@ -12,9 +12,7 @@ from systems.tethered_quadrotor import PayloadConfig, make_tethered_quadrotor
 
 VEHICLE = Vehicle()
 WEIGHT = 2.26 * 9.81  # [N]
-PRECISE = SimulatorConfig(
-    integration_scheme="runge_kutta3", max_step_size=1e-3, accuracy=1e-8, use_error_control=True
-)
+PRECISE = SimulatorConfig(integration_scheme="runge_kutta3", max_step_size=1e-3, accuracy=1e-8, use_error_control=True)
 
 
 def simulator_of(payload, u=None, p_WB=(0.0, 0.0, 2.0), **effects):
@@ -90,9 +88,7 @@ def test_small_swing_has_the_period_of_the_coupled_system(tether):
 def test_tether_wrench_is_what_the_equation_of_motion_misses():
     # Eq. (1) inverted from the true motion leaves the tether alone, force and torque, for rod and cable alike.
     for tether in ("cable", "rod"):
-        simulator, _, _plant, _plant_context = simulator_of(
-            PayloadConfig(tether=tether), u=[WEIGHT, 0.01, 0.02, 0]
-        )
+        simulator, _, _plant, _plant_context = simulator_of(PayloadConfig(tether=tether), u=[WEIGHT, 0.01, 0.02, 0])
         simulator.AdvanceTo(0.3)
         x, a = evaluate(simulator, "x"), evaluate(simulator, "acceleration")
         u = np.array([WEIGHT, 0.01, 0.02, 0])

@@ -40,9 +40,7 @@ def test_a_payload_to_the_side_pulls_to_the_side_and_turns_the_body():
     dut.GetInputPort("plant_state").FixValue(context, state)
     chi = dut.GetOutputPort("forecast").Eval(context).offset[0]
     tension = 0.26 * 9.81 * np.cos(angle)
-    np.testing.assert_allclose(
-        chi[:3], tension * np.array([np.sin(angle), 0, -np.cos(angle)]), rtol=0.02, atol=1e-9
-    )
+    np.testing.assert_allclose(chi[:3], tension * np.array([np.sin(angle), 0, -np.cos(angle)]), rtol=0.02, atol=1e-9)
     assert chi[4] == np.float64(-0.025 * chi[0])  # hook below the centre of mass
 
 

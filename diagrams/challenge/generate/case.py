@@ -121,9 +121,7 @@ def case_name(seed: int, index: int) -> str:
     return hashlib.sha256(f"challenge {seed} {index}".encode()).hexdigest()[:10]
 
 
-def _draw_effects(
-    draw: CaseDraw, rng: np.random.Generator, vehicle: Vehicle, seconds: float
-) -> Sequence[Effect]:
+def _draw_effects(draw: CaseDraw, rng: np.random.Generator, vehicle: Vehicle, seconds: float) -> Sequence[Effect]:
     """Return the effects of a case, each name once (a wind's drag may be there already)."""
     if draw.out_of_library:
         return [draw_out_of_library(name, rng, vehicle) for name in draw.names]

@@ -116,9 +116,7 @@ class Collinearity:
             if not onset or effect.begins
         ]
 
-    def _distance(
-        self, trace: Trace, candidate: Candidate | None = None, tolerated: np.ndarray | None = None
-    ) -> float:
+    def _distance(self, trace: Trace, candidate: Candidate | None = None, tolerated: np.ndarray | None = None) -> float:
         """Return the squared whitened distance of a residual from the span of a candidate and of tolerated errors."""
         X, target = self._tolerated if tolerated is None else tolerated, self._whitened(trace)
         if candidate is not None:

@@ -53,9 +53,7 @@ def compose(cases: int, clean: int, seed: int, *, unseen: bool = False, two: flo
         CLEAN: _cycle(rng, [()]),
     }
     drawn = [(kind, next(names[kind])) for kind in kinds]
-    both = [i for i, kind in enumerate(kinds) if kind == OUT_OF_LIBRARY][
-        : round(two * counts[OUT_OF_LIBRARY])
-    ]
+    both = [i for i, kind in enumerate(kinds) if kind == OUT_OF_LIBRARY][: round(two * counts[OUT_OF_LIBRARY])]
     for i in both:
         drawn[i] = OUT_OF_LIBRARY, next(names["two at once"])
     order = rng.permutation(len(drawn))

@@ -73,8 +73,7 @@ class FlightPair:
             noisy: log as measured, with the same rows.
         """
         measured, true = (
-            best_known(dc.replace(log, name=file), exact.u, case.vehicle, case.input.kind)
-            for log in (noisy, exact)
+            best_known(dc.replace(log, name=file), exact.u, case.vehicle, case.input.kind) for log in (noisy, exact)
         )
         first = make_flight_residuals(measured, case.vehicle)
         return cls(first, make_flight_residuals(true, case.vehicle, since=float(first.t[0])))

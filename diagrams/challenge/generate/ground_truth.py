@@ -19,9 +19,7 @@ from np_drake.flight_log import FlightLog
 
 TRUTH_FILE = "truth.json"
 NO_GAP = 1.1  # residual over what the true model leaves, pooled: less is no gap [1]
-CHANNELS = tuple(
-    f"{kind}_{axis}" for kind in ("force", "torque", "velocity", "acceleration", "rate") for axis in "xyz"
-)
+CHANNELS = tuple(f"{kind}_{axis}" for kind in ("force", "torque", "velocity", "acceleration", "rate") for axis in "xyz")
 
 
 @dc.dataclass(frozen=True)
@@ -190,6 +188,4 @@ class GroundTruth:
 
     def _background(self, pair: FlightPair) -> np.ndarray:
         """Return what the errors of the vehicle file leave (m, 15)."""
-        return left_by(
-            pair.true, [Term(effect) for effect in self.case.quality.background(self.case.vehicle)]
-        )
+        return left_by(pair.true, [Term(effect) for effect in self.case.quality.background(self.case.vehicle)])

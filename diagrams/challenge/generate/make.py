@@ -224,9 +224,7 @@ def _whole_folder(path: Path) -> Iterator[Path]:
         shutil.rmtree(temporary, ignore_errors=True)
 
 
-def check_request(
-    out: Path, truth: Path, simulator: str, quality: str, cases: int, seconds: float, seed: int
-) -> None:
+def check_request(out: Path, truth: Path, simulator: str, quality: str, cases: int, seconds: float, seed: int) -> None:
     """Raise ValueError where `make` would, before any work.
 
     Args: as of `make`; `cases` with an effect and without.

@@ -176,9 +176,7 @@ def kept_rows(rng: np.random.Generator, quality: SensorQuality, n: int) -> np.nd
     return np.setdiff1d(np.arange(n), sorted(dropped))
 
 
-def with_sensor_noise(
-    log: FlightLog, vehicle: Vehicle, quality: SensorQuality, rng: np.random.Generator
-) -> FlightLog:
+def with_sensor_noise(log: FlightLog, vehicle: Vehicle, quality: SensorQuality, rng: np.random.Generator) -> FlightLog:
     """Return a log with sensor noise; every sensor has draws of its own.
 
     The accelerometer reads R^T (a + g z) + n in body axes; it comes to W with the true attitude or, where `turned`,

@@ -33,9 +33,7 @@ def _aggressive_multisine(rng: np.random.Generator, seconds: float) -> Reference
 
 
 def _circle(rng: np.random.Generator, seconds: float) -> Reference:
-    return circle(
-        radius=rng.uniform(0.8, 3.0), height=rng.uniform(1.0, 3.0), speed=rng.uniform(1.0, 5.0), ramp=RAMP
-    )
+    return circle(radius=rng.uniform(0.8, 3.0), height=rng.uniform(1.0, 3.0), speed=rng.uniform(1.0, 5.0), ramp=RAMP)
 
 
 def _lemniscate(rng: np.random.Generator, seconds: float) -> Reference:

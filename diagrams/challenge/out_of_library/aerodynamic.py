@@ -191,13 +191,9 @@ DRAWS: dict[str, Draw] = {
         log_uniform(rng, 1.0, 6.0),
         rng.uniform(0, 2 * np.pi),
     ),
-    "bent_vane": lambda rng, v: BentVane(
-        signed(rng, 0.3, 3.0) * v.J[2, 2] / weight(v), rng.uniform(0.8, 2.5)
-    ),
+    "bent_vane": lambda rng, v: BentVane(signed(rng, 0.3, 3.0) * v.J[2, 2] / weight(v), rng.uniform(0.8, 2.5)),
     "vortex_ring": lambda rng, v: VortexRing(
-        speed=(speed := rng.uniform(0.6, 1.8)),
-        loss=log_uniform(rng, 0.04, 0.3),
-        width=rng.uniform(0.3, 0.5) * speed,
+        speed=(speed := rng.uniform(0.6, 1.8)), loss=log_uniform(rng, 0.04, 0.3), width=rng.uniform(0.3, 0.5) * speed
     ),
     "wake_interference": lambda rng, v: WakeInterference(log_uniform(rng, 0.01, 0.15), rng.uniform(0.8, 2.5)),
     "odd_propeller": lambda rng, v: OddPropeller(any_rotor(rng), signed(rng, 0.03, 0.3) * v.mass),

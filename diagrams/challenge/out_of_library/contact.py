@@ -145,9 +145,7 @@ class SlidingLoad(OutOfLibraryWrench):
         n = motion.R_WB[..., 2, :]
         lean = np.maximum(np.hypot(n[..., 0], n[..., 1]), 1e-9)
         size = self.moment * np.tanh(lean / self.tilt) / lean
-        return chi_of_torque(
-            size[..., None] * np.stack([n[..., 1], -n[..., 0], np.zeros_like(lean)], axis=-1)
-        )
+        return chi_of_torque(size[..., None] * np.stack([n[..., 1], -n[..., 0], np.zeros_like(lean)], axis=-1))
 
 
 @dc.dataclass(frozen=True)
@@ -231,9 +229,7 @@ DRAWS: dict[str, Draw] = {
         friction=rng.uniform(0.1, 0.5),
         creep=rng.uniform(0.05, 0.2),
     ),
-    "rubbing_line": lambda rng, v: RubbingLine(
-        log_uniform(rng, 0.01, 0.12) * weight(v), rng.uniform(0.1, 0.4)
-    ),
+    "rubbing_line": lambda rng, v: RubbingLine(log_uniform(rng, 0.01, 0.12) * weight(v), rng.uniform(0.1, 0.4)),
     "lifted_cable": lambda rng, v: LiftedCable(log_uniform(rng, 0.005, 0.06) * v.mass),
     "twisted_cable": lambda rng, v: TwistedCable(log_uniform(rng, 0.5, 5.0) * v.J[2, 2]),
     "sticking_axis": _sticking_axis,

@@ -21,14 +21,7 @@ DEVELOPMENT = (
 # with sets of the last six.
 HOLDOUT = (
     *("lifted_cable", "doorway_draft", "passing_vehicle", "wake_interference", "spinning_lidar"),
-    *(
-        "twisting_mount",
-        "creeping_blades",
-        "dynamic_inflow",
-        "standing_eddy",
-        "rubbing_line",
-        "tilted_cushion",
-    ),
+    *("twisting_mount", "creeping_blades", "dynamic_inflow", "standing_eddy", "rubbing_line", "tilted_cushion"),
     *("panel_flutter", "shaking_rotors", "soft_arms", "winch_tether", "platform_edge", "odd_propeller"),
     *("bent_vane", "sprung_load", "losing_sync"),
 )

@@ -50,9 +50,7 @@ class CeilingEffect(OutOfLibraryWrench):
 
     def _chi(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
         below = np.maximum(self.height - motion.x[..., P][..., 2], 0.0)
-        return chi_along_z(
-            motion, self.strength * motion.rotor_thrust.sum(axis=-1) * np.exp(-below / self.reach)
-        )
+        return chi_along_z(motion, self.strength * motion.rotor_thrust.sum(axis=-1) * np.exp(-below / self.reach))
 
 
 @dc.dataclass(frozen=True)
@@ -105,9 +103,7 @@ DRAWS: dict[str, Draw] = {
     "ceiling_effect": lambda rng, v: CeilingEffect(
         log_uniform(rng, 0.04, 0.25), rng.uniform(0.3, 1.0), rng.uniform(1.8, 3.0)
     ),
-    "tilted_cushion": lambda rng, v: TiltedCushion(
-        log_uniform(rng, 0.03, 0.3) * arm(v), rng.uniform(0.5, 2.0)
-    ),
+    "tilted_cushion": lambda rng, v: TiltedCushion(log_uniform(rng, 0.03, 0.3) * arm(v), rng.uniform(0.5, 2.0)),
     "platform_edge": lambda rng, v: PlatformEdge(
         normal=level_direction(rng),
         strength=log_uniform(rng, 0.06, 0.4),

@@ -111,9 +111,7 @@ DRAWS: dict[str, Draw] = {
         tuple(rng.uniform([-1.0, -1.0, 1.0], [1.0, 1.0, 2.5])),
         rng.uniform(0.5, 1.2),
     ),
-    "wind_shear": lambda rng, v: WindShear(
-        log_uniform(rng, 0.1, 1.0) * v.mass, rng.uniform(1.0, 2.0), any_course(rng)
-    ),
+    "wind_shear": lambda rng, v: WindShear(log_uniform(rng, 0.1, 1.0) * v.mass, rng.uniform(1.0, 2.0), any_course(rng)),
     "doorway_draft": lambda rng, v: DoorwayDraft(
         tuple(log_uniform(rng, 0.03, 0.2) * weight(v) * direction(rng, 0.2)),
         level_direction(rng),

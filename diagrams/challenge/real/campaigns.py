@@ -43,9 +43,7 @@ def numbered_blocks(paths: Iterable[Path]) -> list[list[Path]]:
     A block is one manoeuvre: the campaign was flown block by block, and spoilt flights were left out.
     """
     found = sorted(
-        (match["stem"], int(match["number"]), path)
-        for path in paths
-        if (match := NUMBERED.fullmatch(path.name))
+        (match["stem"], int(match["number"]), path) for path in paths if (match := NUMBERED.fullmatch(path.name))
     )
     blocks: list[list[Path]] = []
     previous: tuple[str, int] | None = None

@@ -10,7 +10,7 @@ from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals
 from np_drake.effects.base import Motion
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.pendulum import hanging, swing_many
-from np_drake.logs.importing.interpolation import linear
+from np_drake.logs.importing.interpolation import Signal
 from np_drake.rigid_body import V
 
 WRENCH = 6  # channels: force and torque in B
@@ -55,7 +55,7 @@ def drag_columns(flights: Sequence[FlightResiduals]) -> Columns:
     parts = []
     for e in flights:
         thrust = np.repeat(0.25 * e.nominal[:, 2:3], 4, axis=1)
-        x = linear(e.rows.t, e.rows.x, e.t)
+        x = Signal(e.rows.t, e.rows.x).linear(e.t)
         x[:, 3:7] = e.q
         motion = Motion(e.t, x, thrust)
         forces = [LinearDrag(*row).wrench(e.vehicle, motion)[:, :3] for row in np.eye(3).tolist()]
@@ -94,7 +94,7 @@ def _pulls(e: FlightResiduals, lengths: np.ndarray, states: np.ndarray) -> np.nd
 
     The hook is at Bo.   lengths: (m,) [m].   states: (m, 4) at the start, over length and natural rate [1].
     """
-    on_grid = linear(e.rows.t, np.concatenate([e.rows.a, e.rows.x[:, V]], axis=1), e.t)
+    on_grid = Signal(e.rows.t, np.concatenate([e.rows.a, e.rows.x[:, V]], axis=1)).linear(e.t)
     gravity = e.vehicle.gravity
     rate = np.sqrt(gravity / lengths)
     scale = np.stack([lengths, lengths, lengths * rate, lengths * rate], axis=1)

@@ -56,10 +56,7 @@ def select_by_bic(flights: Sequence[FlightResiduals], columns: Sequence[Columns]
         if not fits or (found := min(fits, key=lambda f: f[0].bic))[0].bic >= best.bic:
             break
         best, chosen = found[0], [*chosen, found[1]]
-    return {
-        own.identifier: probability(fit(y, [c for c in chosen if c is not own]).bic - best.bic)
-        for own in chosen
-    }
+    return {own.identifier: probability(fit(y, [c for c in chosen if c is not own]).bic - best.bic) for own in chosen}
 
 
 def probability(change: float) -> float:

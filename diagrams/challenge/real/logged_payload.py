@@ -8,7 +8,7 @@ from scipy.optimize import minimize_scalar
 from np_drake.flight_log import FlightLog
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats import crazyflie
-from np_drake.logs.importing.interpolation import linear
+from np_drake.logs.importing.interpolation import Signal
 
 MILLIMETRE = 1e-3  # [m]
 PAYLOAD = tuple(f"stateEstimateZ.p{axis}" for axis in "xyz")  # [mm]
@@ -26,9 +26,7 @@ def logged_payload(path: Path, flight: FlightLog) -> tuple[np.ndarray, np.ndarra
         flight: flight that was read from it.
     Raises: LogError: if the log holds no payload, or the flight is not of this log.
     """
-    event = next(
-        (e for e, names in crazyflie.contents(path).items() if set(PAYLOAD + VEHICLE) <= set(names)), ""
-    )
+    event = next((e for e, names in crazyflie.contents(path).items() if set(PAYLOAD + VEHICLE) <= set(names)), "")
     if not event:
         raise LogError(f"{path}: must hold {', '.join(PAYLOAD)}; it holds no position of a payload.")
     stream = crazyflie.read(path, {event: [*PAYLOAD, *VEHICLE]}, lambda share: None).streams[event]
@@ -44,14 +42,12 @@ def _begin(t: np.ndarray, p_WB: np.ndarray, flight: FlightLog) -> float:
     rows = slice(0, len(flight), max(1, len(flight) // 400))
 
     def off(begin: float) -> float:
-        there = linear(t, p_WB, begin + flight.t[rows])
+        there = Signal(t, p_WB).linear(begin + flight.t[rows])
         return float(np.mean(np.sum((there - flight.p[rows]) ** 2, axis=1)))
 
     tries = np.arange(t[0], max(t[-1] - flight.t[-1], t[0]) + 0.02, 0.01)
     near = min(tries, key=off)
     found = minimize_scalar(off, bounds=(near - 0.02, near + 0.02), method="bounded", options={"xatol": 1e-5})
     if found.fun > 0.01**2:
-        raise LogError(
-            f"{flight.name}: must be a flight of the log; positions are {found.fun**0.5:.2g} m apart."
-        )
+        raise LogError(f"{flight.name}: must be a flight of the log; positions are {found.fun**0.5:.2g} m apart.")
     return float(found.x)

@@ -16,7 +16,7 @@ from np_drake.effects.combine import split_effects, total_wrench
 from np_drake.effects.pendulum import Path as Swing
 from np_drake.effects.pendulum import Payload, hanging, hook_velocity, path_many
 from np_drake.flight_log import FlightLog
-from np_drake.logs.importing.interpolation import linear
+from np_drake.logs.importing.interpolation import Signal
 from np_drake.vehicle import Vehicle
 
 START = 2.0  # of the flight, to which the start state is fitted [s]
@@ -62,9 +62,7 @@ def plumb(drive: Drive, payload: Payload, gravity: float) -> np.ndarray:
     return drive.p_hook - [0.0, 0.0, payload.length]
 
 
-def make_drive(
-    log: FlightLog, vehicle: Vehicle, payload: Payload, others: Sequence[WrenchEffect] = ()
-) -> Drive:
+def make_drive(log: FlightLog, vehicle: Vehicle, payload: Payload, others: Sequence[WrenchEffect] = ()) -> Drive:
     """Return what drives a payload under the vehicle of a log.
 
     Args:
@@ -75,8 +73,8 @@ def make_drive(
     """
     e = make_flight_residuals(log, vehicle)
     t = e.t
-    v_hook = linear(log.t, hook_velocity(payload.hook, log.x), t)
-    p_hook = linear(log.t, log.p + attitude.rotate(log.q, np.broadcast_to(payload.hook, log.p.shape)), t)
+    v_hook = Signal(log.t, hook_velocity(payload.hook, log.x)).linear(t)
+    p_hook = Signal(log.t, log.p + attitude.rotate(log.q, np.broadcast_to(payload.hook, log.p.shape))).linear(t)
     # Over a step the difference of the velocity is the mean acceleration: no offset grows, as that of an accelerometer.
     a_hook = np.diff(v_hook, axis=0) / np.diff(t)[:, None]
     force = residual_force(e)
@@ -100,18 +98,14 @@ def wrench_of(log: FlightLog, vehicle: Vehicle, effects: Sequence[WrenchEffect],
     """
     if not effects:
         return np.zeros((len(t), 6))
-    x = linear(log.t, log.x, t)
+    x = Signal(log.t, log.x).linear(t)
     x[:, 3:7] /= np.linalg.norm(x[:, 3:7], axis=1, keepdims=True)
-    thrust = np.repeat(0.25 * linear(log.t, log.u[:, :1], t), 4, axis=1)
+    thrust = np.repeat(0.25 * Signal(log.t, log.u[:, :1]).linear(t), 4, axis=1)
     return total_wrench(vehicle, effects, Motion(t, x, thrust))
 
 
 def _swung(
-    drive: Drive,
-    payload: Payload,
-    gravity: float,
-    start: tuple[np.ndarray, np.ndarray],
-    some: slice = slice(None),
+    drive: Drive, payload: Payload, gravity: float, start: tuple[np.ndarray, np.ndarray], some: slice = slice(None)
 ) -> Swing:
     """Return the motion over some of the steps from starts r, r_rate, (m, 3) each [m, m/s]."""
     r, r_rate = start
@@ -174,9 +168,7 @@ def observed(drive: Drive, payload: Payload, gravity: float) -> np.ndarray:
     weight, rate = payload.mass * gravity, np.sqrt(gravity / payload.length)
     s = np.zeros(6)
     P = np.diag([0.3 * payload.length] * 2 + [0.3 * payload.length * rate] * 2 + [0.1 * weight] * 2) ** 2
-    Q = np.diag(
-        [0.0] * 2 + [SWING_NOISE**2 * drive.step] * 2 + [(OFFSET_NOISE * weight) ** 2 * drive.step] * 2
-    )
+    Q = np.diag([0.0] * 2 + [SWING_NOISE**2 * drive.step] * 2 + [(OFFSET_NOISE * weight) ** 2 * drive.step] * 2)
     R = (FORCE_NOISE * weight) ** 2 * np.eye(2) * max(1.0, FORCE_MEMORY / drive.step)
     small = 1e-5 * np.eye(6)
     at = [s[:2]]
@@ -212,7 +204,7 @@ def error(p: np.ndarray, t: np.ndarray, p_logged: np.ndarray, t_logged: np.ndarr
         t_logged: (n,) its times, on the same clock [s].
     """
     inside = (t >= t_logged[0]) & (t <= t_logged[-1])
-    off = p[inside] - linear(t_logged, p_logged, t[inside])
+    off = p[inside] - Signal(t_logged, p_logged).linear(t[inside])
     return float(np.sqrt(np.mean(np.sum(off**2, axis=1))))
 
 

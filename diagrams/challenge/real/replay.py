@@ -34,9 +34,7 @@ def replay_case(case: Case) -> dict[str, Any]:
     """
     vehicle, train, held_out = open_case(case)
     found = diagnose(vehicle, train, held_out, DrakeReplay(vehicle), adaptive_split=False)
-    gaps = dict(
-        zip(SIMULATORS, (found.gap_reduction.replay_before, found.gap_reduction.replay_after), strict=True)
-    )
+    gaps = dict(zip(SIMULATORS, (found.gap_reduction.replay_before, found.gap_reduction.replay_after), strict=True))
     return {
         "verdict": list(found.verdict),
         "horizon": None if gaps["nominal"] is None else gaps["nominal"].horizon,
@@ -120,12 +118,7 @@ def run(run: Run, options: Options) -> Report:
     require_result(records)
     results = [{**r["case"], **r["result"]} for r in records if "result" in r]
     table = lines(results)
-    return Report(
-        [printed(table)],
-        config=config,
-        metrics={"table": table, "runs": records},
-        notes=failures(records),
-    )
+    return Report([printed(table)], config=config, metrics={"table": table, "runs": records}, notes=failures(records))
 
 
 def printed(lines: list[dict]) -> Table:
@@ -148,6 +141,4 @@ def printed(lines: list[dict]) -> Table:
         ("better", lambda line: f"{line['better']} of {line['replayed']}"),
         ("payload [cm]", change("below", "swinging", 100.0)),
     )
-    return tabulate(
-        "real flights, open loop: nominal → corrected simulator; medians over the cases", lines, columns
-    )
+    return tabulate("real flights, open loop: nominal → corrected simulator; medians over the cases", lines, columns)

@@ -5,13 +5,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from diagrams.challenge.real.cases import Case
-from diagrams.challenge.real.effect_columns import (
-    DAMPING,
-    LENGTHS,
-    library_columns,
-    payload_columns,
-    wind_columns,
-)
+from diagrams.challenge.real.effect_columns import DAMPING, LENGTHS, library_columns, payload_columns, wind_columns
 from diagrams.challenge.real.flights import open_case
 from diagrams.challenge.real.least_squares import select_by_bic, told_payload, told_wind
 from diagrams.challenge.real.payload_position import observed, open_loop, position_errors
@@ -24,11 +18,7 @@ from np_drake.flight_log import FlightLog
 
 THIS, BIC, TOLD = "this", "BIC", "told"
 METHODS = (THIS, BIC, TOLD)
-GROUPS = {
-    "lateral": ("x", "y"),
-    "vertical": ("z",),
-    "torque": ("x", "y", "z"),
-}  # axes of the held-out residual
+GROUPS = {"lateral": ("x", "y"), "vertical": ("z",), "torque": ("x", "y", "z")}  # axes of the held-out residual
 PREDICTORS = {"open": open_loop, "observed": observed}  # of the payload's position
 
 
@@ -102,8 +92,7 @@ def held_out_cut(gap: Mapping[str, Any]) -> dict[str, float | None]:
     for group, axes in GROUPS.items():
         kind = gap.get("torque" if group == "torque" else "force") or {}
         before, after = (
-            math.sqrt(sum((kind.get(axis, {}).get(key) or 0.0) ** 2 for axis in axes))
-            for key in ("rms", "after")
+            math.sqrt(sum((kind.get(axis, {}).get(key) or 0.0) ** 2 for axis in axes)) for key in ("rms", "after")
         )
         cut[group] = 1 - after / before if before > 0 else None
     return cut

@@ -40,11 +40,7 @@ def run(run: Run, options: Options) -> Report:
     return Report(
         tables(records),
         config={**config, "cases": [f"{case.group}: {case.name}" for case in cases]},
-        metrics={
-            "table": records,
-            "calibration": {n: bins(p) for n, p in series.items()},
-            "failures": failed,
-        },
+        metrics={"table": records, "calibration": {n: bins(p) for n, p in series.items()}, "failures": failed},
         summary=[f"{len(records)} cases, by this rule:", *RULE],
         figures={"calibration.png": lambda: calibration_figure(series)} if any(series.values()) else {},
         failure=failure,

@@ -29,9 +29,7 @@ NAMING = (THIS, BIC)  # methods that give probabilities
 TETHERED, KNOWN = "suspended_payload", TRUTHS["payload"].parameters
 
 
-def answers(
-    records: Sequence[Record], groups: Collection[str] = ALL, methods: Sequence[str] = METHODS
-) -> list[Answer]:
+def answers(records: Sequence[Record], groups: Collection[str] = ALL, methods: Sequence[str] = METHODS) -> list[Answer]:
     """Return the scores of methods in the cases of some groups, with "group", "case", "by" and "fans" of each.
 
     Args:
@@ -133,9 +131,7 @@ def _of_payloads(group: str, title: str) -> Iterator[Asked]:
     named_for_sure = f"{title}: named, p ≥ {SURE:g}"
     yield Asked(named_for_sure, "≥ 95 %", [group], lambda a: a["causes"].get(TETHERED, 0.0) >= SURE, NAMING)
     for name, known in KNOWN.items():
-        yield Asked(
-            f"{title}: {name} within {100 * known.within:.0f} %", "all", [group], partial(_is_within, name)
-        )
+        yield Asked(f"{title}: {name} within {100 * known.within:.0f} %", "all", [group], partial(_is_within, name))
     both = f"{title}: both in the 95 % interval"
     yield Asked(both, "≥ 90 %", [group], lambda a: all(_is_covered(name, a) for name in KNOWN))
     most = f"≤ {100 * WITHIN_POSITION:.0f}"

@@ -56,12 +56,7 @@ def named(causes: Mapping[str, float]) -> list[str]:
     return [name for name, p in causes.items() if p > NAMED]
 
 
-NOT_BEFORE_FANS = (
-    "suspended_payload",
-    "ground_effect",
-    "mass_error",
-    "clock_offset",
-)  # not there
+NOT_BEFORE_FANS = ("suspended_payload", "ground_effect", "mass_error", "clock_offset")  # not there
 PAYLOAD = Truth(
     "IMRCLab crazyflie-data-collection: 4.7 g on a string. Length: the logged path of the payload, driven by the "
     "motion of the vehicle, is that of a pendulum of 0.493 to 0.501 m; straight from hook to payload it is "
@@ -85,8 +80,7 @@ TRUTHS: dict[str, Truth] = {
     ),
     "still": Truth("Neural-Fly: fans off (nowind).", false=(*NOT_BEFORE_FANS, *WINDS)),
     "new-wind": Truth(
-        "Neural-Fly: the flights that are fitted have no wind; that which judges has.",
-        false=(*NOT_BEFORE_FANS, *WINDS),
+        "Neural-Fly: the flights that are fitted have no wind; that which judges has.", false=(*NOT_BEFORE_FANS, *WINDS)
     ),
     "neurobem": Truth(
         "NeuroBEM: indoors, nothing attached; drag is real, other causes are not known.",

@@ -55,11 +55,7 @@ PARAMETERS = SchemaValidator(object_of(NUMBER))  # of an effect of the library
 ESTIMATE = record({"value": or_null(NUMBER), "ci95": BOUNDS})
 CAUSE = record(
     {"effect": TEXT, "parameters": object_of(ESTIMATE)},
-    spare={
-        "probability": or_null(SHARE),
-        "onset": INSTANTS,
-        "indistinguishable_from": list_of(TEXT),
-    },
+    spare={"probability": or_null(SHARE), "onset": INSTANTS, "indistinguishable_from": list_of(TEXT)},
 )
 CHANNEL = record({}, spare={"rms": or_null(SIZE), "after": or_null(SIZE)})
 AXES = record({}, spare=dict.fromkeys("xyz", CHANNEL))
@@ -209,9 +205,7 @@ def read_answered_cases(answers: Path, truth: Path, least: float = VISIBLE) -> l
     Raises: ValueError: if there is no truth, or a file is no JSON or not what docs/reference/files.md says: one line
         with file, field and what it must be; OSError: if one cannot be read.
     """
-    names = [
-        file.parent.relative_to(truth) for file in sorted(truth.rglob(TRUTH_FILE)) if file.parent != truth
-    ]
+    names = [file.parent.relative_to(truth) for file in sorted(truth.rglob(TRUTH_FILE)) if file.parent != truth]
     if not names:
         raise ValueError(f"{truth}: must hold <case>/{TRUTH_FILE}; got none.")
     cases = []

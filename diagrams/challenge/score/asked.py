@@ -8,9 +8,7 @@ from diagrams.challenge.score.tables import NOTHING, at
 
 QUALITIES = ("clean", "real", "wild")
 INFINITY = float("inf")
-Value = (
-    dict[str, Any] | float | None
-)  # a share with `count` and `n`, or a number; None where there are no cases
+Value = dict[str, Any] | float | None  # a share with `count` and `n`, or a number; None where there are no cases
 
 
 @dc.dataclass(frozen=True)

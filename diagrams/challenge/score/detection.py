@@ -36,9 +36,7 @@ def detection(cases: Sequence[AnsweredCase], seed: int) -> dict[str, Any]:
         "n": len(cases),
         "visibility": visibility.tolist(),
         "found": found.astype(bool).tolist(),
-        "bins": binned(
-            found, np.maximum(np.digitize(visibility, EDGES) - 1, 0), EDGES, median=(np.median, visibility)
-        ),
+        "bins": binned(found, np.maximum(np.digitize(visibility, EDGES) - 1, 0), EDGES, median=(np.median, visibility)),
         "curve": None if curve is None else list(curve),
         "half": None if curve is None else half_found(curve),
         "half_ci95": None if curve is None else _bootstrap(visibility, found, seed),

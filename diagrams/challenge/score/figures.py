@@ -196,9 +196,7 @@ def _draw_errors(ax: Axes, errors: list[dict[str, Any]]) -> None:
     ax.set_xscale("log")
     ax.set_xlim(0.7 * ERRORS[0], 1.4 * ERRORS[1])
     ax.axvline(0.1, color="0.45", linestyle="--", linewidth=1)
-    _name_rows(
-        ax, [f"{row['effect'].replace('_', ' ')}: {row['parameter'].replace('_', ' ')}" for row in errors]
-    )
+    _name_rows(ax, [f"{row['effect'].replace('_', ' ')}: {row['parameter'].replace('_', ' ')}" for row in errors])
     ax.set_xlabel("median relative error [1]")
     ax.set_title("named effects; n, truth inside how many 95 % intervals", fontsize=9)
 

@@ -30,10 +30,7 @@ def before_and_after(case: AnsweredCase, true: str = ALL) -> tuple[float, float]
         for kind in ("force", "torque")
         for axis in "xyz"
     ]
-    if any(
-        floor <= 0 or channel.get("rms") is None or channel.get("after") is None
-        for floor, channel in channels
-    ):
+    if any(floor <= 0 or channel.get("rms") is None or channel.get("after") is None for floor, channel in channels):
         return None
     before, after = (
         float(np.sqrt(np.mean([(channel[name] / floor) ** 2 for floor, channel in channels])))
@@ -71,8 +68,7 @@ def replay_reduction(case: AnsweredCase) -> float | None:
     if not replay or not replay.get("before") or not replay.get("after"):
         return None
     before, after = (
-        dict(zip(replay["horizon"], replay[name]["position"], strict=True)).get(HORIZON)
-        for name in ("before", "after")
+        dict(zip(replay["horizon"], replay[name]["position"], strict=True)).get(HORIZON) for name in ("before", "after")
     )
     return float(1 - after / before) if before and after is not None and before > 0 else None
 

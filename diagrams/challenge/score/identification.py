@@ -181,9 +181,7 @@ def _called_unknown(cases: Sequence[AnsweredCase]) -> dict[str, Any]:
 
 def confusion(cases: Sequence[AnsweredCase]) -> dict[str, Any]:
     """Return counts of (what acts, what is named), of clean controls and of visible cases of one effect."""
-    shown = [
-        c for c in cases if c.kind == CLEAN or (c.kind in ("single", "onset", OUT_OF_LIBRARY) and c.visible)
-    ]
+    shown = [c for c in cases if c.kind == CLEAN or (c.kind in ("single", "onset", OUT_OF_LIBRARY) and c.visible)]
     cells = Counter((c.main, verdict_in_a_word(c)) for c in shown)
     acting, said = ({cell[i] for cell in cells} for i in (0, 1))
     rows = [name for name in (*LIBRARY, OUT_OF_LIBRARY, CLEAN) if name in acting]

@@ -59,9 +59,7 @@ def score(cases: Sequence[AnsweredCase], *, seed: int = 0) -> dict[str, Any]:
         **_metrics(cases, seed),
         "groups": {name: _metrics(part, seed) for name, part in groups.items()} if len(groups) > 1 else {},
         "qualities": (
-            {name: _metrics(part, seed) for name, part in qualities.items()}
-            if len(groups) > len(qualities)
-            else {}
+            {name: _metrics(part, seed) for name, part in qualities.items()} if len(groups) > len(qualities) else {}
         ),
         "sets": [
             {"group": name, "cases": len(part), "seeds": sorted({int(case.truth["seed"]) for case in part})}
@@ -72,9 +70,7 @@ def score(cases: Sequence[AnsweredCase], *, seed: int = 0) -> dict[str, Any]:
     }
 
 
-def _parts_by(
-    cases: Sequence[AnsweredCase], key: Callable[[AnsweredCase], str]
-) -> dict[str, list[AnsweredCase]]:
+def _parts_by(cases: Sequence[AnsweredCase], key: Callable[[AnsweredCase], str]) -> dict[str, list[AnsweredCase]]:
     """Return the cases by key, sorted by it."""
     return {name: [c for c in cases if key(c) == name] for name in sorted({key(c) for c in cases})}
 
@@ -82,8 +78,7 @@ def _parts_by(
 def _metrics(cases: Sequence[AnsweredCase], seed: int) -> dict[str, Any]:
     """Return all metrics of cases that are taken together."""
     single, onset, pair, triple, controls, strange = (
-        [c for c in cases if c.kind == kind]
-        for kind in ("single", "onset", "pair", "triple", CLEAN, OUT_OF_LIBRARY)
+        [c for c in cases if c.kind == kind] for kind in ("single", "onset", "pair", "triple", CLEAN, OUT_OF_LIBRARY)
     )
     known = [c for c in cases if c.kind not in (CLEAN, OUT_OF_LIBRARY)]
     visible = [c for c in single if c.visible]

@@ -106,8 +106,7 @@ def miss_table(score: dict[str, Any]) -> Table:
 def set_lines(score: dict[str, Any]) -> list[str]:
     """Return where the cases come from, a line a group."""
     return [
-        f"{part['group']}: {part['cases']} cases, seed {', '.join(map(str, part['seeds']))}"
-        for part in score["sets"]
+        f"{part['group']}: {part['cases']} cases, seed {', '.join(map(str, part['seeds']))}" for part in score["sets"]
     ]
 
 

@@ -4,9 +4,7 @@ import numpy as np
 from scipy import signal
 
 
-def gauss_markov(
-    rng: np.random.Generator, t: np.ndarray, channels: int, *, rms: float, tau: float
-) -> np.ndarray:
+def gauss_markov(rng: np.random.Generator, t: np.ndarray, channels: int, *, rms: float, tau: float) -> np.ndarray:
     """Draw a first-order process (n, channels), which starts in its stationary distribution.
 
     Args:

@@ -30,11 +30,7 @@ class Heading:
         """Return the yaw (n,) [rad]; the turn sets in over a second."""
         after = np.maximum(t, 0.0)
         turned = np.where(after < 1.0, 0.5 * after**2, after - 0.5)
-        return (
-            self.start
-            + self.rate * turned
-            + 0.5 * self.swing * (1 - np.cos(2 * np.pi * self.frequency * after))
-        )
+        return self.start + self.rate * turned + 0.5 * self.swing * (1 - np.cos(2 * np.pi * self.frequency * after))
 
 
 @dc.dataclass(frozen=True)
@@ -119,6 +115,4 @@ def within_limits(plan: Plan, vehicle: Vehicle, seconds: float) -> Plan:
         slow_enough = np.linalg.norm(v, axis=1).max() <= FASTEST
         if gentle and slow_enough and low <= thrust.min() and thrust.max() <= high:
             return slow
-    raise ValueError(
-        f"within_limits: {vehicle.name} must be able to fly the plan {plan.kind!r} at some pace."
-    )
+    raise ValueError(f"within_limits: {vehicle.name} must be able to fly the plan {plan.kind!r} at some pace.")

@@ -43,9 +43,7 @@ class Design:
     model: str = ""
     delay: float | None = 0.0
 
-    def config(
-        self, world: RealityConfig, vehicle: Vehicle, solver: str, seconds: float = SCORED
-    ) -> FlightConfig:
+    def config(self, world: RealityConfig, vehicle: Vehicle, solver: str, seconds: float = SCORED) -> FlightConfig:
         """Return the scored flight in a world.
 
         Args:
@@ -70,9 +68,7 @@ class Chosen:
     foretold: Errors
 
 
-def chosen_in(
-    worlds: Sequence[RealityConfig], vehicle: Vehicle, *, solver: str, seed: int, folder: Path
-) -> Chosen:
+def chosen_in(worlds: Sequence[RealityConfig], vehicle: Vehicle, *, solver: str, seed: int, folder: Path) -> Chosen:
     """Train in all worlds together, fly every design in each of them, and return the best.
 
     The best has the least mean over the worlds of the error in space. Every design is told the worlds' mean delay.
@@ -88,8 +84,7 @@ def chosen_in(
     logs = _training_logs(worlds, vehicle, solver, seed)
     designs = [*(Design(kind) for kind in UNTRAINED), *learned(logs, vehicle, seed, folder)]
     found = [
-        (dc.replace(design, delay=delay), _mean_errors(design, worlds, vehicle, solver, seed))
-        for design in designs
+        (dc.replace(design, delay=delay), _mean_errors(design, worlds, vehicle, solver, seed)) for design in designs
     ]
     return Chosen(*min(found, key=lambda pair: float(np.hypot(*pair[1]))))
 
@@ -142,17 +137,13 @@ def flown(
     return float(metrics["E_xy"]), float(metrics["E_z"])
 
 
-def _mean_errors(
-    design: Design, worlds: Sequence[RealityConfig], vehicle: Vehicle, solver: str, seed: int
-) -> Errors:
+def _mean_errors(design: Design, worlds: Sequence[RealityConfig], vehicle: Vehicle, solver: str, seed: int) -> Errors:
     errors = [flown(design, world, vehicle, solver=solver, seed=seed + k) for k, world in enumerate(worlds)]
     xy, z = np.mean(errors, axis=0)
     return float(xy), float(z)
 
 
-def _training_logs(
-    worlds: Sequence[RealityConfig], vehicle: Vehicle, solver: str, seed: int
-) -> list[FlightLog]:
+def _training_logs(worlds: Sequence[RealityConfig], vehicle: Vehicle, solver: str, seed: int) -> list[FlightLog]:
     """Return the logs of the training flight, as long together as one."""
     name, seconds = LEARNED_ON
     logs = []

@@ -22,14 +22,7 @@ from np_drake.vehicle import Vehicle
 # Effects that a controller feels and that a flight of 20 s can hold; sensor errors are left to the challenge.
 WITHHELD = (
     *("suspended_payload", "mass_error", "thrust_scale", "thrust_drift", "weak_rotor"),
-    *(
-        "center_of_mass_offset",
-        "motor_lag",
-        "command_delay",
-        "linear_drag",
-        "quadratic_drag",
-        "constant_wind",
-    ),
+    *("center_of_mass_offset", "motor_lag", "command_delay", "linear_drag", "quadratic_drag", "constant_wind"),
 )
 MOST = 3  # effects of a vehicle [1]
 TRAINING = (("training_circle", 20.0), ("lemniscate", 20.0))  # flights for the fit, and their scored time [s]
@@ -76,9 +69,7 @@ def withheld_reality(seed: int, vehicle: Vehicle) -> RealityConfig:
     return dc.replace(RealityConfig().nominal(), effects=[EffectEntry.of(effect) for effect in effects])
 
 
-def experiment(
-    name: str, reality: RealityConfig, vehicle: Vehicle, *, solver: str, seconds: float
-) -> FlightConfig:
+def experiment(name: str, reality: RealityConfig, vehicle: Vehicle, *, solver: str, seconds: float) -> FlightConfig:
     """Return an experiment of the package in another reality.
 
     Args:

@@ -20,12 +20,7 @@ from diagrams.batch.run import Report, Run, Table
 from diagrams.batch.workers import failures, results
 from diagrams.challenge.transfer import designs, reality
 from diagrams.challenge.transfer.designs import Chosen, Design, Errors, chosen_in, flown, learned
-from diagrams.challenge.transfer.reality import (
-    diagnosed_flights,
-    real_vehicle,
-    simulator_settings,
-    withheld_reality,
-)
+from diagrams.challenge.transfer.reality import diagnosed_flights, real_vehicle, simulator_settings, withheld_reality
 from diagrams.gap.corrected import corrected_simulator, drawn
 from diagrams.loop.flight import FlightConfig
 from diagrams.loop.reality import RealityConfig
@@ -200,9 +195,9 @@ class Options(FlownOptions):
     """Options of the study."""
 
     seeds: Seeds = 40
-    simulator: Annotated[
-        str, Option(metavar="NAME", help="In which the real vehicle flies: drake | rotorpy.")
-    ] = "drake"
+    simulator: Annotated[str, Option(metavar="NAME", help="In which the real vehicle flies: drake | rotorpy.")] = (
+        "drake"
+    )
 
 
 def run(run: Run, options: Options) -> Report:

@@ -65,20 +65,14 @@ class Page:
                 for r in self.read_outs
             ],
             "trails": [
-                {
-                    "path": _scene(t.path),
-                    "first": (6 * SIDES * t.first).tolist(),
-                    "last": (6 * SIDES * t.last).tolist(),
-                }
+                {"path": _scene(t.path), "first": (6 * SIDES * t.first).tolist(), "last": (6 * SIDES * t.last).tolist()}
                 for t in self.trails
             ],
         }
 
     def over(self) -> str:
         """Return the HTML that stands over the scene."""
-        template = Environment(autoescape=True, undefined=StrictUndefined).from_string(
-            TEMPLATE.read_text("utf-8")
-        )
+        template = Environment(autoescape=True, undefined=StrictUndefined).from_string(TEMPLATE.read_text("utf-8"))
         legend = [(_css(color), text) for color, text in self.legend]
         return template.render(title=self.title, note=self.note, legend=legend, numbers=self.numbers())
 

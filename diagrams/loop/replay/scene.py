@@ -38,9 +38,7 @@ def arm_length(vehicle: Vehicle) -> float:
     return float(np.linalg.norm(vehicle.rotor_positions, axis=1).mean())
 
 
-def add_quadrotor(
-    meshcat: Meshcat, vehicle: Vehicle, path: str = "quadrotor", overlay: Rgba | None = None
-) -> None:
+def add_quadrotor(meshcat: Meshcat, vehicle: Vehicle, path: str = "quadrotor", overlay: Rgba | None = None) -> None:
     """Add body, arms and rotors at the vehicle's size, in body axes.
 
     Args:
@@ -62,9 +60,7 @@ def add_quadrotor(
         meshcat.SetTransform(f"{path}/rotor{i}", RigidTransform(arm + [0, 0, 0.09 * size]))
 
 
-def add_payload(
-    meshcat: Meshcat, radius: float, size: float, path: str = "", overlay: Rgba | None = None
-) -> None:
+def add_payload(meshcat: Meshcat, radius: float, size: float, path: str = "", overlay: Rgba | None = None) -> None:
     """Add `{path}payload`, a sphere, and `{path}tether`, a bar of unit length along z.
 
     Args:

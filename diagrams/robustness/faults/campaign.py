@@ -23,17 +23,11 @@ from np_drake.rigid_body import Q
 RAMP, DURATION = 2.0, 6.0  # of a flight, and after its ramp [s]
 HEIGHT = 2.4  # of the circle [m]
 LOST = 2.0  # distance from the reference beyond which a vehicle counts as lost: the circle's diameter; own choice [m]
-BACK = (
-    0.3  # distance within which it has recovered; every controller is nearer before a fault; own choice [m]
-)
+BACK = 0.3  # distance within which it has recovered; every controller is nearer before a fault; own choice [m]
 ENDED = "the simulation ended"  # of the line of a flight whose integrator gave up
 ORACLE = "oracle"
 _FLOWN = ("nominal", "observer", "hold", "gp", "knode", "np", "payload_filter")
-ROWS = (
-    *(named(TRACKING_ROWS, name) for name in _FLOWN),
-    Row("cascade", "cascade"),
-    named(TRACKING_ROWS, ORACLE),
-)
+ROWS = (*(named(TRACKING_ROWS, name) for name in _FLOWN), Row("cascade", "cascade"), named(TRACKING_ROWS, ORACLE))
 TRAINED = tuple(row for row in ROWS if row.configuration in REACTIONS)  # the others are packaged
 PLACES = tuple(dict.fromkeys(kind.place for kind in KINDS))
 

@@ -69,11 +69,7 @@ def _wind(rng) -> Draw:
 def _late_solves(fault: Fault, config: FlightConfig) -> LateSolves:
     period = config.controller.period
     return LateSolves(
-        **fault.span,
-        median=fault.values["median"] * period,
-        spread=0.5,
-        deadline=period,
-        seed=fault.values["seed"],
+        **fault.span, median=fault.values["median"] * period, spread=0.5, deadline=period, seed=fault.values["seed"]
     )
 
 
@@ -117,9 +113,7 @@ KINDS = (
         "bias jump",
         "sensors",
         _bias,
-        lambda f, c: BiasJump(
-            f.onset, np.inf, "imu", tuple(f.values["rate"]), tuple(f.values["acceleration"])
-        ),
+        lambda f, c: BiasJump(f.onset, np.inf, "imu", tuple(f.values["rate"]), tuple(f.values["acceleration"])),
         "gyroscope 0.02 to 0.2 rad/s or accelerometer 0.2 to 2 m/s² (log-uniform); lasts",
     ),
     Kind(

@@ -15,15 +15,7 @@ from diagrams.batch.workers import require_result
 from diagrams.robustness.faults import campaign as experiment
 from diagrams.robustness.faults.campaign import BACK, DURATION, RAMP
 from diagrams.robustness.faults.kinds import FIRST
-from diagrams.robustness.faults.table import (
-    OURS,
-    PHYSICS,
-    by_controller,
-    by_fault,
-    loss_cells,
-    ours_to_mend,
-    verdicts,
-)
+from diagrams.robustness.faults.table import OURS, PHYSICS, by_controller, by_fault, loss_cells, ours_to_mend, verdicts
 from diagrams.robustness.robustness import sweep_of
 from np_drake.files.figure_file import PALETTE, new_figure
 
@@ -153,9 +145,7 @@ def _bars(ax, places: list[int], lines: Sequence[dict], mark: str, start: str | 
     colour, hatch, label = SHADES[mark]
     left = [100 * _share(line, start) if start else 0.0 for line in lines]
     width = [100 * _share(line, mark) for line in lines]
-    ax.barh(
-        places, width, left=left, color=colour, hatch=hatch, edgecolor="white", label=label, linewidth=0.0
-    )
+    ax.barh(places, width, left=left, color=colour, hatch=hatch, edgecolor="white", label=label, linewidth=0.0)
 
 
 def _range(ax, place: int, line: dict) -> None:

@@ -106,11 +106,7 @@ def by_fault(flights: Sequence[Record], verdict: dict[int, str]) -> list[dict]:
     """
     mine = [record for record in flights if record["case"]["row"] != ORACLE]
     return [
-        {
-            "fault": kind.name,
-            "place": kind.place,
-            **summary([r for r in mine if kind.name in kinds_of(r)], verdict),
-        }
+        {"fault": kind.name, "place": kind.place, **summary([r for r in mine if kind.name in kinds_of(r)], verdict)}
         for kind in KINDS
     ]
 

@@ -130,9 +130,7 @@ def _settings(vehicle: str, solver: str, duration: float) -> dict:
     """Return all settings of a vehicle's first flight, and those of its other flights and its training that differ."""
     flights = {
         track: settings_of(
-            flight_config(
-                {"row": "nominal", "vehicle": vehicle, "track": track}, solver=solver, duration=duration
-            )
+            flight_config({"row": "nominal", "vehicle": vehicle, "track": track}, solver=solver, duration=duration)
         )
         for track in TRACKS
     }
@@ -156,8 +154,7 @@ class Options(FlownOptions):
 
     seeds: Seeds = 3
     only: Annotated[
-        list[str] | None,
-        Option("--only", help="Only rows of these names (nominal and oracle are always flown)."),
+        list[str] | None, Option("--only", help="Only rows of these names (nominal and oracle are always flown).")
     ] = None
     vehicle: Annotated[list[str] | None, Option(help="Only these vehicles: 35g | paper | 6kg.")] = None
     track: Annotated[
@@ -207,10 +204,6 @@ def _notes(trainings: list[Record], flights: list[Record]) -> list[str]:
     failed = sum(r["result"]["solve_failures"] for r in flights if "result" in r)
     return [
         f"{len(flights)} flights, lost or failed: {len(lost)}; failed solves: {failed}",
-        *(
-            f"training of {r['case']['model']}, {r['case']['vehicle']}: {r['error']}"
-            for r in trainings
-            if "error" in r
-        ),
+        *(f"training of {r['case']['model']}, {r['case']['vehicle']}: {r['error']}" for r in trainings if "error" in r),
         *lost,
     ]

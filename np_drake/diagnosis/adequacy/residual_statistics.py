@@ -115,9 +115,7 @@ def _floor(power: np.ndarray, frequency: np.ndarray, lobe: float) -> np.ndarray:
     return np.stack([np.median(power[a:b], axis=0) for a, b in zip(first, last, strict=True)])
 
 
-def slow_torque(
-    flights: Sequence[FlightResiduals], residual: dict[str, np.ndarray]
-) -> tuple[float, float, float]:
+def slow_torque(flights: Sequence[FlightResiduals], residual: dict[str, np.ndarray]) -> tuple[float, float, float]:
     """Return the largest ratio over axes of slow torque to that of gyro noise [1], its share [1] and its RMS [N·m].
 
     The noise is that of the middle band. The share is of the slow torque of that axis before anything was explained.
@@ -131,9 +129,7 @@ def slow_torque(
     slow, middle, before = np.zeros(3), np.zeros(3), np.zeros(3)
     for e in flights:
         tau = residual[e.name][:, TORQUE] - residual[e.name][:, TORQUE].mean(axis=0)
-        inside = slice(
-            round(1 / (SLOW * e.grid.step)), -round(1 / (SLOW * e.grid.step))
-        )  # without filter edges
+        inside = slice(round(1 / (SLOW * e.grid.step)), -round(1 / (SLOW * e.grid.step)))  # without filter edges
         low = low_pass(tau, e.grid.step, SLOW)[inside]
         band = (low_pass(tau, e.grid.step, MIDDLE[1]) - low_pass(tau, e.grid.step, MIDDLE[0]))[inside]
         first = e.y[:, TORQUE] - e.y[:, TORQUE].mean(axis=0)

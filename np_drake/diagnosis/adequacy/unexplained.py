@@ -7,12 +7,7 @@ import numpy as np
 from scipy import special
 
 from np_drake.diagnosis.adequacy.linear_model import LinearModel
-from np_drake.diagnosis.adequacy.residual_statistics import (
-    Line,
-    slow_torque,
-    strongest_burst,
-    strongest_line,
-)
+from np_drake.diagnosis.adequacy.residual_statistics import Line, slow_torque, strongest_burst, strongest_line
 from np_drake.diagnosis.held_out import HeldOut
 from np_drake.diagnosis.options import Materiality, Options
 from np_drake.diagnosis.regressors import PREFIX
@@ -39,12 +34,7 @@ class Unexplained:
     slow_probability: float
 
 
-def find_unexplained(
-    ranking: Ranking,
-    linear: LinearModel,
-    structure: Sequence[int],
-    held: HeldOut,
-) -> Unexplained:
+def find_unexplained(ranking: Ranking, linear: LinearModel, structure: Sequence[int], held: HeldOut) -> Unexplained:
     """Return the generic structure beside the best model, and what the tests find in the residual of all flights.
 
     Args:
@@ -92,9 +82,7 @@ def indication(linear: LinearModel, structure: Sequence[int], g: int, materialit
     return there if force >= least_force or torque >= least_torque else 0.0, finding
 
 
-def burst_test(
-    flights: Sequence[FlightResiduals], residual: dict[str, np.ndarray], options: Options
-) -> Indication:
+def burst_test(flights: Sequence[FlightResiduals], residual: dict[str, np.ndarray], options: Options) -> Indication:
     """Return the probability of a material burst, which neither noise nor sensors make.
 
     A payload, whose swing may be lost, and gusts do the like: beside these it is not asked.

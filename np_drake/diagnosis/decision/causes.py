@@ -19,12 +19,7 @@ from np_drake.vehicle import Vehicle
 
 
 def causes_of(
-    ranking: Ranking,
-    linear: LinearModel,
-    structure: Sequence[int],
-    held: HeldOut,
-    *,
-    gusts: bool = False,
+    ranking: Ranking, linear: LinearModel, structure: Sequence[int], held: HeldOut, *, gusts: bool = False
 ) -> tuple[list[Cause], list[Finding]]:
     """Return the causes among the effects of the best model, and the others as findings below their threshold.
 
@@ -97,9 +92,7 @@ def without_missing_drag(causes: list[Cause], minor: list[Finding]) -> tuple[lis
     """
     named = {c.identifier for c in causes}
     without_drag = [c for c in causes if c.effect and c.effect.needs and not named & {*c.effect.needs}]
-    texts = [
-        Finding(c.identifier, "no cause through which it would be felt", c.share, {}) for c in without_drag
-    ]
+    texts = [Finding(c.identifier, "no cause through which it would be felt", c.share, {}) for c in without_drag]
     return [c for c in causes if c not in without_drag], [*minor, *texts]
 
 

@@ -38,9 +38,7 @@ def explanations_of(ranking: Ranking, held: HeldOut) -> tuple[Explanation, ...]:
         fits.append(fit)
     score = {id(fit): score_of(fit, priors) for fit in fits}
     vehicle = problem.flights[0].vehicle
-    possible = [
-        f for f in fits if f is fits[0] or not any(impossible(f, i, vehicle) for i in range(len(f.terms)))
-    ]
+    possible = [f for f in fits if f is fits[0] or not any(impossible(f, i, vehicle) for i in range(len(f.terms)))]
     least = max(score.values()) - math.log(STANDS)
     standing = [f for f in possible if score[id(f)] >= least or names_of_fit(f) in swapped]
     standing = standing or [ranking.best]
@@ -84,9 +82,9 @@ def _material(ranking: Ranking, fit: Fit, held: HeldOut) -> tuple[str, ...]:
     for i, term in enumerate(fit.terms):
         size = size_of(fit, i, ranking.problem.flights, ranking.noise, options.tolerance, unseen)
         sensor = options.tolerance.of(term.effect) > 0
-        if size.material(
-            options.materiality, calibration=within_calibration(term, options), sensor=sensor
-        ) or _needed(term.effect.identifier, fit):
+        if size.material(options.materiality, calibration=within_calibration(term, options), sensor=sensor) or _needed(
+            term.effect.identifier, fit
+        ):
             found.append(term.effect.identifier)
     return tuple(sorted(found))
 

@@ -66,9 +66,7 @@ class Inference:
 
 
 def infer(
-    flights: Sequence[FlightResiduals],
-    held_out: Sequence[FlightResiduals],
-    options: Options | None = None,
+    flights: Sequence[FlightResiduals], held_out: Sequence[FlightResiduals], options: Options | None = None
 ) -> Inference:
     """Search the effects by training flights, and return the causes that they show; held-out flights judge them.
 

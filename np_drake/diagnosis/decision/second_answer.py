@@ -46,14 +46,10 @@ def second_answer(first: Inference) -> tuple[Inference, list[FlightResiduals]] |
     if not joined:
         return None
     still_air = not any(c.effect and c.effect.needs for c in first.causes)
-    return conclude(
-        find_map_model([*first.flights, *joined], first.options, still_air=still_air), judges
-    ), joined
+    return conclude(find_map_model([*first.flights, *joined], first.options, still_air=still_air), judges), joined
 
 
-def split_flights(
-    flights: Sequence[FlightResiduals],
-) -> tuple[list[FlightResiduals], list[FlightResiduals]]:
+def split_flights(flights: Sequence[FlightResiduals]) -> tuple[list[FlightResiduals], list[FlightResiduals]]:
     """Return the first halves of flights as flights of their own, and all flights with these rows marked as joined."""
     halves, judges = [], []
     for e in flights:

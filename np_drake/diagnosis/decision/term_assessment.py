@@ -188,9 +188,7 @@ def relative_sizes(fit: Fit, i: int, flights: Sequence[FlightResiduals]) -> np.n
     return np.sqrt(np.maximum(squares, 0.0) / max(at_fit, 1e-300))
 
 
-def wind_share(
-    fit: Fit, i: int, flights: Sequence[FlightResiduals], still_air: float, attitude_error: float
-) -> float:
+def wind_share(fit: Fit, i: int, flights: Sequence[FlightResiduals], still_air: float, attitude_error: float) -> float:
     """Return the posterior probability that the mean level wind of term i is none of still air; 1 where it is no wind.
 
     It is faster than a draught, and pushes harder than an attitude error that the sensors may have.

@@ -11,13 +11,7 @@ from np_drake.diagnosis.doctor.flight_facts import contradictions, flight_facts
 from np_drake.diagnosis.doctor.log_report import NEVER, NO, YES, Answer, FlightFacts, LogReport
 from np_drake.diagnosis.doctor.smallest_sizes import Information, Smallest, smallest_gust, smallest_sizes
 from np_drake.diagnosis.doctor.swing_test import swing_test
-from np_drake.diagnosis.doctor.traces import (
-    GUSTS,
-    explain,
-    nearest_usual,
-    payload_traces,
-    traces,
-)
+from np_drake.diagnosis.doctor.traces import GUSTS, explain, nearest_usual, payload_traces, traces
 from np_drake.diagnosis.localisation.identifiability import excitation, excited, manoeuvre, tells_apart
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors import DRAG, PAYLOAD, WIND, nuisance_of, tolerance_of, with_input
@@ -61,8 +55,7 @@ def examine(
     tell = on_progress or (lambda share, text: None)
     tell(0.0, "signals and clocks")
     facts = tuple(
-        dc.replace(flight_facts(log, vehicle), imported=dict((sheets or {}).get(log.name, {})))
-        for log in logs
+        dc.replace(flight_facts(log, vehicle), imported=dict((sheets or {}).get(log.name, {}))) for log in logs
     )
     wrong = [line for f in facts for line in _faults(f)]
     problems = wrong + [line for f in facts for line in _limits(f)]
@@ -76,9 +69,7 @@ def examine(
     return _with_answers(LogReport(facts, True, tuple(problems), vehicle.name), long_enough, vehicle, tell)
 
 
-def _with_answers(
-    report: LogReport, logs: Sequence[FlightLog], vehicle: Vehicle, tell: Progress
-) -> LogReport:
+def _with_answers(report: LogReport, logs: Sequence[FlightLog], vehicle: Vehicle, tell: Progress) -> LogReport:
     """Return the report with excitation, swings and answers."""
     tell(0.2, "residuals")
     logs = [_head(log) for log in logs]
@@ -107,9 +98,7 @@ def _with_answers(
     first = logs[0]
     known = {"accelerations": first.a is not None, "torque": flights[0].knows_torque}
     gust = smallest_gust(explained.noise, moving["duration [s]"])
-    found = answers(
-        smallest_sizes(information), gust, explained.drag, vehicle, log_input=first.input, **known
-    )
+    found = answers(smallest_sizes(information), gust, explained.drag, vehicle, log_input=first.input, **known)
     still = () if excited(moving) else ("the flights excite nothing: move, and turn about every axis",)
     return dc.replace(
         report,
@@ -141,11 +130,7 @@ def _faults(f: FlightFacts) -> list[str]:
     if f.imported:
         return [f"{f.name}: {note}" for note in f.imported.get("notes", ()) if note.startswith("no flight")]
     laws = contradictions(f)
-    return (
-        [f"{f.name}: {', '.join(laws)} contradict each other; check columns, frames and units"]
-        if laws
-        else []
-    )
+    return [f"{f.name}: {', '.join(laws)} contradict each other; check columns, frames and units"] if laws else []
 
 
 def _limits(f: FlightFacts) -> list[str]:
@@ -170,19 +155,11 @@ def _require(logs: Sequence[FlightLog]) -> None:
     if len(set(names)) < len(names):
         raise ValueError("doctor: flights must have different names. Rename one, or give each flight once.")
     if len({log.a is None for log in logs}) > 1:
-        raise ValueError(
-            "doctor: either all flights have accelerations or none. Examine them one kind at a time."
-        )
+        raise ValueError("doctor: either all flights have accelerations or none. Examine them one kind at a time.")
 
 
 def answers(
-    found: Sequence[Smallest],
-    gust: float,
-    drag: float | None,
-    vehicle: Vehicle,
-    *,
-    log_input: str,
-    **known: bool,
+    found: Sequence[Smallest], gust: float, drag: float | None, vehicle: Vehicle, *, log_input: str, **known: bool
 ) -> tuple[Answer, ...]:
     """Return an answer for each parameter of each effect: told, not told, never told, in the order of the library.
 
@@ -202,9 +179,7 @@ def answers(
         p = next(p for p in effect.parameters if not p.choices)
         if identifier in hidden:
             reason = hidden[identifier]
-            todo = next(
-                (what for words, what in INSTEAD.items() if words in reason), manoeuvre((identifier,))
-            )
+            todo = next((what for words, what in INSTEAD.items() if words in reason), manoeuvre((identifier,)))
             never = (math.inf, math.inf, usual_size(p, vehicle), NEVER, reason, todo)
             out.append(Answer(identifier, p.name, p.unit, *never))
         elif identifier == GUSTS:
@@ -212,9 +187,7 @@ def answers(
             out.append(_gust_answer(size, drag is None))
         elif identifier in sizes:
             scale = usual_drag / drag if identifier == WIND and drag else 1.0
-            out += _answers(
-                sizes[identifier], effect, vehicle, scale, told=identifier != WIND or drag is not None
-            )
+            out += _answers(sizes[identifier], effect, vehicle, scale, told=identifier != WIND or drag is not None)
     return tuple(out)
 
 
@@ -236,9 +209,7 @@ def _answers(s: Smallest, effect, vehicle: Vehicle, scale: float, *, told: bool)
         if s.identifier == WIND:
             reason = reason or ("with their drag" if told else "with usual drag: these flights tell none")
         alone, beside = (float(v) if v <= far else math.inf for v in (alone, beside))
-        out.append(
-            Answer(s.identifier, name, p.unit, beside, alone, typical, verdict, reason, todo, s.resembles)
-        )
+        out.append(Answer(s.identifier, name, p.unit, beside, alone, typical, verdict, reason, todo, s.resembles))
     return out
 
 

@@ -101,9 +101,7 @@ def _misfits(log: FlightLog) -> dict[str, float]:
     if log.a is not None:
         x["acceleration"] = log.a
     even = np.arange(log.t[0], log.t[-1], max(log.step, 0.02))
-    near = np.cumprod(
-        np.concatenate([[1.0], np.where(np.sum(log.q[1:] * log.q[:-1], axis=1) < 0, -1.0, 1.0)])
-    )
+    near = np.cumprod(np.concatenate([[1.0], np.where(np.sum(log.q[1:] * log.q[:-1], axis=1) < 0, -1.0, 1.0)]))
     x["attitude"] = log.q * near[:, None]
     at = {name: np.stack([np.interp(even, log.t, c) for c in values.T], axis=1) for name, values in x.items()}
     at["attitude"] /= np.linalg.norm(at["attitude"], axis=1, keepdims=True)

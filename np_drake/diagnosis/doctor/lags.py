@@ -38,9 +38,7 @@ def lags(log: FlightLog, vehicle: Vehicle | None = None) -> tuple[Lag, ...]:
         pairs.append(("velocity", "acceleration", middle, rate, log.t, log.a))
     up = [0.0, 0.0, 9.81]
     lift = np.sum((rate + up) * attitude.body_z(_between(log.q)), axis=1)[:, None]
-    held = (
-        log.t if log.input == "rotor_speed" else log.t + 0.5 * log.step
-    )  # a held command acts half a row later
+    held = log.t if log.input == "rotor_speed" else log.t + 0.5 * log.step  # a held command acts half a row later
     thrust = _thrust(log)
     if thrust is not None:
         pairs.append(("lift", "thrust", middle, lift, held, thrust))
@@ -117,9 +115,7 @@ def _best(moments: np.ndarray, shifts: np.ndarray) -> tuple[float | None, float]
     n, sx, sy, sxx, sxy, syy = np.moveaxis(moments, 1, 0)
     xx, xy, yy = sxx - sx**2 / n, sxy - sx * sy / n, syy - sy**2 / n
     good = yy > 1e-12
-    share = np.where(
-        good, np.maximum(xy, 0) ** 2 / np.maximum(xx, 1e-12), 0.0
-    )  # explained of yy, by shift and axis
+    share = np.where(good, np.maximum(xy, 0) ** 2 / np.maximum(xx, 1e-12), 0.0)  # explained of yy, by shift and axis
     r2 = share / np.maximum(yy, 1e-12)
     weight = r2.max(axis=0) / np.maximum(1 - r2.max(axis=0), 1e-3)
     score = r2 @ weight / max(float(weight.sum()), 1e-12)

@@ -135,9 +135,7 @@ def _sizes(information: Information, variants: Sequence[Trace], beside: Sequence
         return np.max(each, axis=0)
     sizes = []
     for sign in (1, -1):
-        same = sorted(
-            (t for t in variants if sign * float(t.size or 0) > 0), key=lambda t: abs(t.size or 0.0)
-        )
+        same = sorted((t for t in variants if sign * float(t.size or 0) > 0), key=lambda t: abs(t.size or 0.0))
         if same:
             at = np.array([abs(t.size or 0.0) for t in same])
             told = np.array([1 / max(float(information.deviations(t, beside)[0]), 1e-12) for t in same])

@@ -25,14 +25,10 @@ LATERAL = slice(0, 2)  # channels: force across body z
 PIECE = 10.0  # of a flight, each with a swing of its own [s]: longer, and a linear swing is out of step
 MOST_PIECES = 6  # of a flight that are used
 ROUNDS = 3  # of regression and noise in turn
-ODDS = math.log(
-    1000.0
-)  # log posterior odds from which something swings [nat]: at most one false alarm in 1000
+ODDS = math.log(1000.0)  # log posterior odds from which something swings [nat]: at most one false alarm in 1000
 
 
-def swing_test(
-    flight: FlightResiduals, others: Sequence[Mapping[str, np.ndarray]], options: Options
-) -> SwingTest:
+def swing_test(flight: FlightResiduals, others: Sequence[Mapping[str, np.ndarray]], options: Options) -> SwingTest:
     """Compare a pendulum with none in one flight.
 
     Args:
@@ -56,9 +52,7 @@ def swing_test(
     best = int(np.argmax(gains))
     factor = float(np.log(np.mean(np.exp(np.array(gains) - gains[best]))) + gains[best])
     swings = masses[best] > 0 and factor > evident(priors)
-    return SwingTest(
-        flight.name, factor, evident(priors), bool(swings), float(SWING_TEST_LENGTHS[best]), masses[best]
-    )
+    return SwingTest(flight.name, factor, evident(priors), bool(swings), float(SWING_TEST_LENGTHS[best]), masses[best])
 
 
 def evident(priors: Priors) -> float:
@@ -96,9 +90,7 @@ def _fitted(
     return _regression(y, X, pieces, noise, temperature)
 
 
-def _regression(
-    y, X, pieces: Sequence[slice], noise: NoiseModel, temperature: float
-) -> tuple[np.ndarray, float]:
+def _regression(y, X, pieces: Sequence[slice], noise: NoiseModel, temperature: float) -> tuple[np.ndarray, float]:
     total = Gram(np.zeros((X.shape[-1],) * 2), np.zeros(X.shape[-1]), 0.0, 0)
     for rows in pieces:
         products = noise.products([X[rows], y[rows][..., None]])

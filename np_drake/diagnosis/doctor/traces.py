@@ -131,10 +131,7 @@ class Explained:
 
 
 def explain(
-    flights: Sequence[FlightResiduals],
-    nuisance: Sequence[Candidate],
-    traces: Sequence[Trace],
-    options: Options,
+    flights: Sequence[FlightResiduals], nuisance: Sequence[Candidate], traces: Sequence[Trace], options: Options
 ) -> Explained:
     """Fit all traces and the nuisance together, and return what is left as noise.
 
@@ -167,9 +164,7 @@ def _fitted(
     mean, covariance = total.posterior(np.arange(len(total.Xy)))
     sizes = [next(iter(b.values())).shape[-1] for b in blocks]
     parts = np.split(mean, np.cumsum(sizes)[:-1])
-    residual = [
-        e.bridged(e.y - sum(b[e.name] @ part for b, part in zip(blocks, parts, strict=True))) for e in flights
-    ]
+    residual = [e.bridged(e.y - sum(b[e.name] @ part for b, part in zip(blocks, parts, strict=True))) for e in flights]
     return mean, np.sqrt(np.diag(covariance)), residual
 
 

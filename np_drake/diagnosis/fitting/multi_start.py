@@ -79,13 +79,7 @@ def restart(problem: RegressionProblem, model: Model, fit: Fit, noise: NoiseMode
     return fit
 
 
-def _descend(
-    problem: RegressionProblem,
-    model: Model,
-    start: list[Term],
-    noise: NoiseModel,
-    iterations: int,
-) -> Fit:
+def _descend(problem: RegressionProblem, model: Model, start: list[Term], noise: NoiseModel, iterations: int) -> Fit:
     drifting = [c for c in problem.nuisance if c.variant == "sensor drift"]
     fit = refine(
         start,

@@ -28,10 +28,7 @@ class Free:
 
 
 def free_parameters(
-    terms: Sequence[Term],
-    flights: Sequence[FlightResiduals],
-    scales: dict[int, float],
-    priors: Priors,
+    terms: Sequence[Term], flights: Sequence[FlightResiduals], scales: dict[int, float], priors: Priors
 ) -> list[Free]:
     """Return the free parameters of the terms.
 
@@ -116,9 +113,7 @@ def write(terms: Sequence[Term], free: Sequence[Free], values: np.ndarray) -> li
     hidden = {i: {k: np.array(v) for k, v in terms[i].hidden.items()} for i in moved}
     for f, value in zip(free, values, strict=True):
         if f.flight:
-            known = padded(
-                hidden[f.term].get(f.flight), max(f.entry + 1, len(hidden[f.term].get(f.flight, ())))
-            )
+            known = padded(hidden[f.term].get(f.flight), max(f.entry + 1, len(hidden[f.term].get(f.flight, ()))))
             known[f.entry] = value
             hidden[f.term][f.flight] = known
         else:

@@ -16,12 +16,7 @@ from np_drake.vehicle import Vehicle
 NEVER = float("inf")  # onset of an effect that is absent from a flight [s]
 STATE = 4  # swing angles [rad] and their rates [rad/s] about the direction of rest
 MOST_JUMPS = 4  # in a flight; sampled motion does not show how a snap changes the swing
-PENDULUM = {
-    "mass": 1.0,
-    "length": 0.4,
-    "hook": 0.05,
-    "damping": 0.5,
-}  # errors over that of the mass [1, 1, m, 1/s]
+PENDULUM = {"mass": 1.0, "length": 0.4, "hook": 0.05, "damping": 0.5}  # errors over that of the mass [1, 1, m, 1/s]
 
 
 @dc.dataclass(frozen=True)
@@ -65,9 +60,7 @@ def pendulum_error(name: str, payload: SuspendedPayload, vehicle: Vehicle, prior
     own = priors.pendulum * PENDULUM[kind]
     if kind in ("hook", "damping"):
         return own
-    return abs(value) * float(
-        np.hypot(own, payload.damping * hover_induced_velocity(vehicle) / vehicle.gravity)
-    )
+    return abs(value) * float(np.hypot(own, payload.damping * hover_induced_velocity(vehicle) / vehicle.gravity))
 
 
 def jumps(flight: FlightResiduals, onset: float | None) -> np.ndarray:
@@ -182,9 +175,7 @@ def specific_pull(
     driving = a[first:, 0] if a.shape[1] == 1 else a[first:]
     v_hook = at_hooks(flight.moving, hooks)[first:] if np.any(damping) else None
     middle = swing_many(
-        *(lengths, r, r_rate, driving, flight.grid.step, flight.vehicle.gravity, jumped),
-        damping=damping,
-        v_hook=v_hook,
+        *(lengths, r, r_rate, driving, flight.grid.step, flight.vehicle.gravity, jumped), damping=damping, v_hook=v_hook
     )
     at_grid = np.concatenate([middle[:1], 0.5 * (middle[1:] + middle[:-1]), middle[-1:]])
     if onset is None:

@@ -12,14 +12,7 @@ from np_drake.diagnosis.forward_model.payload_state import NEVER, Term, swing_wr
 from np_drake.diagnosis.forward_model.sensor_residual import sensor_residual, without_errors
 from np_drake.diagnosis.residuals import FlightResiduals, Instants
 from np_drake.diagnosis.residuals import flight_residuals as channels
-from np_drake.effects.base import (
-    ActuatorEffect,
-    MassEffect,
-    MassProperties,
-    Motion,
-    SensorEffect,
-    WrenchEffect,
-)
+from np_drake.effects.base import ActuatorEffect, MassEffect, MassProperties, Motion, SensorEffect, WrenchEffect
 from np_drake.effects.motor_lag import MotorLag
 
 
@@ -45,9 +38,7 @@ class StageCache:
         return self._known[stage, key]
 
 
-def predicted_residual(
-    flight: FlightResiduals, terms: Sequence[Term], stages: StageCache | None = None
-) -> np.ndarray:
+def predicted_residual(flight: FlightResiduals, terms: Sequence[Term], stages: StageCache | None = None) -> np.ndarray:
     """Return the sum (m, 15) of what the terms leave in the channels of a flight.
 
     Wind acts through the drag effects among the terms.
@@ -61,9 +52,7 @@ def predicted_residual(
     sensors = tuple(t.effect for t in terms if isinstance(t.effect, SensorEffect))
     turning = tuple((t.effect, t.begins(log)) for t in terms if isinstance(t.effect, ActuatorEffect))
     pushing = [
-        (t.effect, t.begins(log))
-        for t in terms
-        if isinstance(t.effect, WrenchEffect) and not t.has_hidden_state
+        (t.effect, t.begins(log)) for t in terms if isinstance(t.effect, WrenchEffect) and not t.has_hidden_state
     ]
     winds = tuple(pair for pair in pushing if type(pair[0]).air_velocity is not WrenchEffect.air_velocity)
     y = np.zeros_like(flight.y)
@@ -108,9 +97,7 @@ def gate(t: np.ndarray, onset: float | None) -> np.ndarray:
 
 
 Begun = tuple[WrenchEffect, float | None]  # an effect and its onset [s]
-Thrust = tuple[
-    np.ndarray, np.ndarray, np.ndarray, np.ndarray
-]  # at rows, mids [N]; rotor accelerations there [rad/s²]
+Thrust = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]  # at rows, mids [N]; rotor accelerations there [rad/s²]
 
 
 def _thrust(flight: FlightResiduals, terms: Sequence[Term]) -> Thrust:
@@ -207,9 +194,7 @@ def _wrench(
 
     out = np.zeros((len(flight.t), 6))
     if effect.pushes:
-        out[:, channels.FORCE] = flight.from_rows(
-            np.einsum("mi,mij->mj", at(at_force)[:, :3], flight.rows.R_WB)
-        )
+        out[:, channels.FORCE] = flight.from_rows(np.einsum("mi,mij->mj", at(at_force)[:, :3], flight.rows.R_WB))
     if effect.turns:
         out[:, channels.TORQUE] = flight.from_mids(at(at_torque)[:, 3:])
     return out

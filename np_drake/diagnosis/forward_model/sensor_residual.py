@@ -75,9 +75,7 @@ def _exact(flight: FlightResiduals, effect: SensorEffect) -> np.ndarray:
 def _turn_rate(t: np.ndarray, read: Measurement) -> np.ndarray:
     """Return the mean rate of the measured attitude between rows (n-1, 3) in B [rad/s]."""
     q = read.x[:, Q]
-    return (
-        attitude.rotation_vector(attitude.multiply(attitude.conjugate(q[:-1]), q[1:])) / np.diff(t)[:, None]
-    )
+    return attitude.rotation_vector(attitude.multiply(attitude.conjugate(q[:-1]), q[1:])) / np.diff(t)[:, None]
 
 
 def _specific_force(flight: FlightResiduals, read: Measurement) -> np.ndarray:
@@ -85,9 +83,7 @@ def _specific_force(flight: FlightResiduals, read: Measurement) -> np.ndarray:
     a = read.a
     if flight.log.a is None:
         # A noisy regressor would pull its coefficient towards zero: differentiated velocities are mostly noise above.
-        a = low_pass(
-            np.concatenate([flight.rows.a, flight.rows.a[-1:]]), flight.log.step, DIFFERENTIATED_BAND
-        )
+        a = low_pass(np.concatenate([flight.rows.a, flight.rows.a[-1:]]), flight.log.step, DIFFERENTIATED_BAND)
     return attitude.rotate_back(read.x[:, Q], a + np.array([0.0, 0.0, flight.vehicle.gravity]))
 
 

@@ -6,13 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from np_drake.diagnosis.forward_model import Term, predicted_residual
-from np_drake.diagnosis.held_out import (
-    HeldOut,
-    closed_fraction,
-    pooled,
-    remaining_residual,
-    scored_on_fitted_rows,
-)
+from np_drake.diagnosis.held_out import HeldOut, closed_fraction, pooled, remaining_residual, scored_on_fitted_rows
 from np_drake.diagnosis.numerics import NoiseModel
 from np_drake.diagnosis.residuals import WRENCH, FlightResiduals
 from np_drake.diagnosis.result import Cause, GapReduction, Replay, ReplayGap, Rung
@@ -27,10 +21,7 @@ LEAST_REPLAYED = 3.0  # least time after a cause begins; else all of the flight 
 
 
 def measure_gap_reduction(
-    causes: Sequence[Cause],
-    noise: NoiseModel,
-    held: HeldOut,
-    replay: Replay | None,
+    causes: Sequence[Cause], noise: NoiseModel, held: HeldOut, replay: Replay | None
 ) -> GapReduction:
     """Return the held-out gap reduction with a block-bootstrap interval, the ladder, and the replay before and after.
 
@@ -47,9 +38,7 @@ def measure_gap_reduction(
     after = {e.name: (e.y - predicted_residual(e, kept[e.name]))[held.rows[e.name]] for e in flights}
     floor = 1.0
     ladder = _ladder(causes, noise, held)
-    fraction = closed_fraction(
-        pooled(list(before.values()), noise), pooled(list(after.values()), noise), floor
-    )
+    fraction = closed_fraction(pooled(list(before.values()), noise), pooled(list(after.values()), noise), floor)
     interval = _bootstrap(before, after, noise, flights[0].grid.step)
     replays: tuple[ReplayGap | None, ReplayGap | None] = (None, None)
     warnings = [

@@ -101,9 +101,7 @@ def slow_velocity_error(t: np.ndarray, x: np.ndarray, step: float) -> np.ndarray
     return slope - slope.mean(axis=0)
 
 
-def local_polynomial(
-    value: np.ndarray, step: float, span: float, *, order: int, derivative: int = 0
-) -> np.ndarray:
+def local_polynomial(value: np.ndarray, step: float, span: float, *, order: int, derivative: int = 0) -> np.ndarray:
     """Return the centred local polynomial fit (n, m), or its derivative; `value` unchanged where rows are too few.
 
     Args:

@@ -46,9 +46,7 @@ def adapt(terms: Sequence[Term], flight: FlightResiduals, noise: NoiseModel, pri
     return terms
 
 
-def predictive_terms(
-    terms: Sequence[Term], flight: FlightResiduals, noise: NoiseModel, priors: Priors
-) -> list[Term]:
+def predictive_terms(terms: Sequence[Term], flight: FlightResiduals, noise: NoiseModel, priors: Priors) -> list[Term]:
     """Return adapted terms with samples of each swing from its posterior.
 
     The least squared miss of the rest of the flight is expected of their mean: a swing that is not known, or that no
@@ -65,9 +63,7 @@ def predictive_terms(
     out = list(terms)
     for i, term in enumerate(terms):
         begin = term.begins(flight.name)
-        spans = [
-            SwingFit(terms, i, flight, noise, begin, rows, priors) for rows in hidden_state_rows(term, flight)
-        ]
+        spans = [SwingFit(terms, i, flight, noise, begin, rows, priors) for rows in hidden_state_rows(term, flight)]
         if spans:
             doubts = [fit.posterior_swings(slice(k * STATE, (k + 1) * STATE)) for k, fit in enumerate(spans)]
             out[i] = dc.replace(term, hidden={flight.name: spans[0].known + sum(doubts)})
@@ -81,9 +77,7 @@ def _drag_of(terms: Sequence[Term], i: int) -> int | None:
     return next(together, None)
 
 
-def mark_outliers(
-    terms: Sequence[Term], flight: FlightResiduals, noise: NoiseModel, priors: Priors
-) -> FlightResiduals:
+def mark_outliers(terms: Sequence[Term], flight: FlightResiduals, noise: NoiseModel, priors: Priors) -> FlightResiduals:
     """Return the flight with its outliers marked, as the residual of the terms shows them.
 
     A swing is lost at an outlier, and what it misses from there on looks like more of them: they are taken in turn.
@@ -104,11 +98,7 @@ def mark_outliers(
 
 
 def _outliers(
-    terms: Sequence[Term],
-    flight: FlightResiduals,
-    noise: NoiseModel,
-    priors: Priors,
-    most: float = MOST_OUTLIERS,
+    terms: Sequence[Term], flight: FlightResiduals, noise: NoiseModel, priors: Priors, most: float = MOST_OUTLIERS
 ) -> np.ndarray:
     residual = flight.y - predicted_residual(flight, adapt(terms, flight, noise, priors))
     longest = LONGEST_BOUNCE if any(t.has_hidden_state for t in terms) else LONGEST_OUTLIER
@@ -201,9 +191,7 @@ def _with_onset(
     term = terms[i]
     rest = predicted_residual(flight, [t for j, t in enumerate(terms) if j != i])
     trace = (
-        _span_by_span(terms, i, flight, noise, priors)
-        if term.has_hidden_state
-        else predicted_residual(flight, terms)
+        _span_by_span(terms, i, flight, noise, priors) if term.has_hidden_state else predicted_residual(flight, terms)
     )
     t, profile = onset_log_likelihood(flight, noise, flight.y - rest, trace - rest)
     k = int(np.argmax(profile))

@@ -24,9 +24,7 @@ def excitation(flights: Sequence[FlightResiduals]) -> dict[str, float]:
     """Return RMS values and spans over all flights by quantity, with the unit in the key."""
     v = np.concatenate([e.mids.x[:, 7:10] for e in flights])
     w = np.concatenate([e.w for e in flights])
-    tilt = np.degrees(
-        np.concatenate([np.arccos(np.clip(attitude.body_z(e.mids.q)[:, 2], -1, 1)) for e in flights])
-    )
+    tilt = np.degrees(np.concatenate([np.arccos(np.clip(attitude.body_z(e.mids.q)[:, 2], -1, 1)) for e in flights]))
     f = np.concatenate([e.nominal[:, 2] for e in flights])
     tau = np.concatenate([e.nominal[:, 3:] for e in flights])
     z = np.concatenate([e.mids.x[:, 2] for e in flights])
@@ -78,13 +76,10 @@ def confusables(
     sizes = {n: float(np.sqrt(np.max(np.sum(X**2, axis=0)))) for n, X in blocks.items()}
     invisible = tuple(n for n, s in sizes.items() if s < 3.0)
     out = [
-        Confusable((n,), "at its usual size it leaves no trace in these flights", manoeuvre((n,)))
-        for n in invisible
+        Confusable((n,), "at its usual size it leaves no trace in these flights", manoeuvre((n,))) for n in invisible
     ]
     bases = {
-        n: np.linalg.qr(X[:, np.linalg.norm(X, axis=0) > 1e-9])[0]
-        for n, X in blocks.items()
-        if n not in invisible
+        n: np.linalg.qr(X[:, np.linalg.norm(X, axis=0) > 1e-9])[0] for n, X in blocks.items() if n not in invisible
     }
     found: set[tuple[str, str]] = set()
     for a, X in blocks.items():
@@ -98,10 +93,7 @@ def confusables(
                 continue
             if a != b and float(np.sum((direction - Q @ (Q.T @ direction)) ** 2)) < SAME_DISTANCE:
                 found.add((a, b) if a < b else (b, a))
-    out += [
-        Confusable(pair, "their traces in these flights are collinear", manoeuvre(pair))
-        for pair in sorted(found)
-    ]
+    out += [Confusable(pair, "their traces in these flights are collinear", manoeuvre(pair)) for pair in sorted(found)]
     return out
 
 
@@ -129,9 +121,7 @@ def assess_identifiability(
             )
         if e.attitude_noise > 1e-3:
             how = "turned with it" if e.turned else "free of it"
-            warnings.append(
-                f"{e.name}: attitude noise of {1e3 * e.attitude_noise:.1f} mrad; acceleration is {how}."
-            )
+            warnings.append(f"{e.name}: attitude noise of {1e3 * e.attitude_noise:.1f} mrad; acceleration is {how}.")
     return Identifiability(
         usable=True,
         excitation=excitation(train),
@@ -159,9 +149,7 @@ def tells_apart(a: str, b: str) -> str:
     return effect_of(a).told_from.get(b, "") or effect_of(b).told_from.get(a, "")
 
 
-def unexcited_diagnosis(
-    flights: Sequence[FlightResiduals], held_out: Sequence[FlightResiduals]
-) -> dict[str, Any]:
+def unexcited_diagnosis(flights: Sequence[FlightResiduals], held_out: Sequence[FlightResiduals]) -> dict[str, Any]:
     """Return the fields of a `Diagnosis` for flights in which nothing moves: an empty verdict, nothing identifiable.
 
     Args:

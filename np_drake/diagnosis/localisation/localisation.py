@@ -22,10 +22,7 @@ LEAST_SPAN = 1e-3  # span of a quantity below which it has no regimes [its unit]
 
 
 def localise(
-    flights: Sequence[FlightResiduals],
-    after: dict[str, np.ndarray],
-    noise: NoiseModel,
-    rows: dict[str, np.ndarray],
+    flights: Sequence[FlightResiduals], after: dict[str, np.ndarray], noise: NoiseModel, rows: dict[str, np.ndarray]
 ) -> Localisation:
     """Localise the gap of flights, before and after the causes are added.
 
@@ -49,10 +46,7 @@ def localise(
 
 
 def channel_gaps(
-    before: dict[str, np.ndarray],
-    after: dict[str, np.ndarray],
-    noise: NoiseModel,
-    rows: dict[str, np.ndarray],
+    before: dict[str, np.ndarray], after: dict[str, np.ndarray], noise: NoiseModel, rows: dict[str, np.ndarray]
 ) -> tuple[ChannelGap, ...]:
     """Return the RMS residual before and after by channel, pooled over the rows that count.
 
@@ -94,9 +88,7 @@ def segments(flight: FlightResiduals, noise: NoiseModel) -> list[Segment]:
     for a, b in pairwise(edges):
         part = scaled[a * bin_ : b * bin_]
         start, end = flight.t[a * bin_], flight.t[min(b * bin_, len(flight.t) - 1)]
-        out.append(
-            Segment(flight.name, float(start), float(end), tuple(np.sqrt(np.mean(part**2, axis=0)).tolist()))
-        )
+        out.append(Segment(flight.name, float(start), float(end), tuple(np.sqrt(np.mean(part**2, axis=0)).tolist())))
     return out
 
 
@@ -105,13 +97,7 @@ def quantities(flight: FlightResiduals) -> dict[str, tuple[np.ndarray, str]]:
     mids = flight.mids
     tilt = np.degrees(np.arccos(np.clip(attitude.body_z(mids.q)[:, 2], -1, 1)))
     at_mids = np.stack(
-        [
-            np.linalg.norm(mids.x[:, 7:10], axis=1),
-            mids.x[:, 2],
-            tilt,
-            np.linalg.norm(mids.x[:, 10:13], axis=1),
-        ],
-        axis=1,
+        [np.linalg.norm(mids.x[:, 7:10], axis=1), mids.x[:, 2], tilt, np.linalg.norm(mids.x[:, 10:13], axis=1)], axis=1
     )
     on = flight.from_mids(at_mids)
     return {
@@ -123,9 +109,7 @@ def quantities(flight: FlightResiduals) -> dict[str, tuple[np.ndarray, str]]:
     }
 
 
-def regimes(
-    flights: Sequence[FlightResiduals], after: dict[str, np.ndarray], noise: NoiseModel
-) -> tuple[Regime, ...]:
+def regimes(flights: Sequence[FlightResiduals], after: dict[str, np.ndarray], noise: NoiseModel) -> tuple[Regime, ...]:
     """Return the RMS residual before and after in ranges of each quantity with round bounds.
 
     Args:
@@ -163,9 +147,7 @@ def round_bounds(value: np.ndarray) -> np.ndarray:
     return step * np.unique([outer[0], *inner, outer[1]])
 
 
-def bands(
-    flights: Sequence[FlightResiduals], after: dict[str, np.ndarray], noise: NoiseModel
-) -> tuple[Band, ...]:
+def bands(flights: Sequence[FlightResiduals], after: dict[str, np.ndarray], noise: NoiseModel) -> tuple[Band, ...]:
     """Return Welch spectra by channel before and after, averaged over flights, with those of the noise model.
 
     Args:

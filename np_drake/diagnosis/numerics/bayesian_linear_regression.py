@@ -57,9 +57,7 @@ class Gram:
             return 0.0
         return _solved(self.XX[index[:, None], index], self.Xy[index])[1]
 
-    def evidence_of_sets(
-        self, sets: Sequence[Sequence[np.ndarray]], wide: Sequence[Sequence[bool]]
-    ) -> np.ndarray:
+    def evidence_of_sets(self, sets: Sequence[Sequence[np.ndarray]], wide: Sequence[Sequence[bool]]) -> np.ndarray:
         """Return the log evidence (n,) of n sets of column groups, less that of the empty model [nat].
 
         Where `wide`, the prior of a group widens to the size of its estimate. A large effect then does not lose to two

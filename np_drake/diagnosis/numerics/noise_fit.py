@@ -99,9 +99,7 @@ def fit_noise(
     rms = np.sqrt(sum(np.sum(r**2, axis=0) for r in residuals) / total)
     rms[rms**2 < ACTIVE] = 0.0
     for c in np.flatnonzero(rms):
-        lags = (
-            sum((_autocovariance(r[:, c], order) for r in [*residuals, *smear]), np.zeros(order + 1)) / total
-        )
+        lags = sum((_autocovariance(r[:, c], order) for r in [*residuals, *smear]), np.zeros(order + 1)) / total
         lags += drift[c]
         lags[0] = (1 + RIDGE) * lags[0] + sudden[c]
         # Yule-Walker: the autocovariances at lags 0 … p solve for phi, by Levinson's recursion.

@@ -145,9 +145,7 @@ class NoiseModel:
             flight: name of the flight, whose `loudness` applies.
         """
         flat = np.ascontiguousarray(values, float).reshape(len(values), math.prod(values.shape[1:]))
-        driven = (
-            filtered(self._bands[channel], flat) if self.phi[channel].any() else flat[self.phi.shape[1] :]
-        )
+        driven = filtered(self._bands[channel], flat) if self.phi[channel].any() else flat[self.phi.shape[1] :]
         driven = driven.reshape(len(driven), *values.shape[1:])
         return driven if flight not in self.loudness else driven / self.loudness[flight][channel]
 
@@ -180,9 +178,7 @@ class NoiseModel:
         groups = list(zip(columns, there, strict=True))
         parts = []
         for c in np.flatnonzero(self.active & acts.any(axis=0)).tolist():
-            own = [
-                _columns(X[:, c], some[c]) for (X, some), here in zip(groups, acts[:, c], strict=True) if here
-            ]
+            own = [_columns(X[:, c], some[c]) for (X, some), here in zip(groups, acts[:, c], strict=True) if here]
             where = np.flatnonzero(np.concatenate([some[c] for some in there]))
             values = own[0] if len(own) == 1 else np.concatenate(own, axis=1)
             parts.append((c, where, self.driven_in(c, values, flight)))
@@ -217,8 +213,6 @@ class Readings:
     def of_json(cls, content: Mapping[str, Any]) -> "Readings":
         """Return the readings that `as_json` wrote."""
         found = content["noise"]
-        phi, mixing, rms, innovation = (
-            np.array(found[name], float) for name in ("phi", "mixing", "rms", "innovation")
-        )
+        phi, mixing, rms, innovation = (np.array(found[name], float) for name in ("phi", "mixing", "rms", "innovation"))
         noise = NoiseModel(phi, mixing, rms, innovation, float(found["step"]))
         return cls(noise, Tolerance(**content["tolerance"]))

@@ -59,9 +59,7 @@ def generic_candidates(flights: Sequence[FlightResiduals], priors: Priors) -> li
     return found
 
 
-def _candidate(
-    flights, states, priors: Priors, name, text, pushes: Pushes, log_prior=0.0, figures=None
-) -> Candidate:
+def _candidate(flights, states, priors: Priors, name, text, pushes: Pushes, log_prior=0.0, figures=None) -> Candidate:
     def columns(e: FlightResiduals, pushes: Pushes = pushes) -> np.ndarray:
         state = states.get(e.name) or flight_state(e)
         weight = e.weight
@@ -168,9 +166,7 @@ def _place(states: dict[str, FlightState]) -> Pushes:
 @lru_cache(maxsize=32)
 def _oscillator(omega: float, damping: float, step: float) -> tuple[np.ndarray, np.ndarray]:
     """Return numerator and denominator of w² / (s² + 2 z w s + w²), discretised at `step` [s]."""
-    b, a, _ = signal.cont2discrete(
-        ([omega**2], [1.0, 2 * damping * omega, omega**2]), step, method="bilinear"
-    )
+    b, a, _ = signal.cont2discrete(([omega**2], [1.0, 2 * damping * omega, omega**2]), step, method="bilinear")
     return b.ravel(), a
 
 

@@ -140,10 +140,7 @@ def _linear(effect, flights, onset, fixed: dict[str, float], variants: int, stag
         return np.stack(columns, axis=-1) @ root
 
     def terms(c: np.ndarray) -> list[Term]:
-        values = {
-            p.name: float(np.clip(p.neutral + v, p.lower, p.upper))
-            for p, v in zip(free, root @ c, strict=True)
-        }
+        values = {p.name: float(np.clip(p.neutral + v, p.lower, p.upper)) for p, v in zip(free, root @ c, strict=True)}
         return [Term(effect.of({**fixed, **values}), onset)]
 
     label = ",".join(f"{k}={v:g}" for k, v in fixed.items())

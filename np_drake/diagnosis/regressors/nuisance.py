@@ -124,10 +124,7 @@ def tolerance_of(flights: Sequence[FlightResiduals]) -> Tolerance:
     little noise as well, but such logs miss one of the others.
     """
     ideal = all(
-        e.attitude_noise <= REAL_ATTITUDE_NOISE
-        and e.log.input == "command"
-        and e.knows_torque
-        and e.log.timing == 0
+        e.attitude_noise <= REAL_ATTITUDE_NOISE and e.log.input == "command" and e.knows_torque and e.log.timing == 0
         for e in flights
     )
     return IDEAL_SENSORS if ideal else Tolerance()

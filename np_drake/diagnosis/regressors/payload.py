@@ -19,9 +19,7 @@ WIDEST = 1.2  # swing [rad], and with the natural rate its rate, that a guess ma
 LONGEST_TETHER, SHORTEST_TETHER = 3.0, 0.1  # that a guess may have [m]
 SEARCH_LENGTHS = (0.15, 2.5, 96)  # of tethers in the search: shortest, longest [m], number: 3 % apart
 SWING_TEST_LENGTHS = np.geomspace(0.15, 2.5, 32)  # of pendulums in the swing test [m]: 9 % apart
-TRACE_LENGTHS = np.geomspace(
-    0.3, 1.5, 5
-)  # of tethers at which an examination asks for a payload [m]; own choice
+TRACE_LENGTHS = np.geomspace(0.3, 1.5, 5)  # of tethers at which an examination asks for a payload [m]; own choice
 MOST_DAMPING = 1.0  # that a guess may have [1/s]
 LEAST_MASS_DEVIATIONS = 2.0  # least mass over its posterior deviation [1]; own choice
 LIGHTEST = 0.02  # least mass, as a share of `unit`, by which products with the mass are divided [1]
@@ -100,8 +98,7 @@ class PayloadColumns:
         """Log prior of swings and damping of the guess; deviations from the guess have their own prior."""
         spans = {name: span.stop - span.start for name, span in self.swings.items()}
         relative = [
-            self.guess.at(name, n) / (self.priors.swing * swing_units(n, self.rate))
-            for name, n in spans.items()
+            self.guess.at(name, n) / (self.priors.swing * swing_units(n, self.rate)) for name, n in spans.items()
         ]
         damping = self.guess.damping / self.priors.damping
         return -0.5 * float(np.sum(np.concatenate(relative) ** 2) + damping**2)

@@ -46,14 +46,10 @@ def payloads_of(
     """
     lengths = np.asarray(lengths, float)
     rates = np.sqrt(flights[0].vehicle.gravity / lengths)
-    swing = np.repeat(
-        np.concatenate([np.zeros((1, STATE)), SMALL * np.eye(STATE)])[None], len(lengths), axis=0
-    )
+    swing = np.repeat(np.concatenate([np.zeros((1, STATE)), SMALL * np.eye(STATE)])[None], len(lengths), axis=0)
     swing[:, :, 2:] *= rates[:, None, None]
     many = np.repeat(lengths, 1 + STATE), swing.reshape(-1, STATE)
-    pulls = {
-        e.name: _pulls(e, *many, np.zeros(3), onset).reshape(-1, len(lengths), 1 + STATE, 3) for e in flights
-    }
+    pulls = {e.name: _pulls(e, *many, np.zeros(3), onset).reshape(-1, len(lengths), 1 + STATE, 3) for e in flights}
     return [
         _columns(flights, Guess(float(length)), {n: p[:, i] for n, p in pulls.items()}, priors, onset or {})
         for i, length in enumerate(lengths)

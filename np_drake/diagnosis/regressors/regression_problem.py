@@ -127,9 +127,7 @@ class RegressionProblem:
         wide = [[self.candidates[i].widens for i in members] for members in sets]
         some = np.flatnonzero(np.isfinite(priors)).tolist()
         evidence = np.zeros(len(sets))
-        evidence[some] = self._rest.evidence_of_sets(
-            [self._groups(sets[i]) for i in some], [wide[i] for i in some]
-        )
+        evidence[some] = self._rest.evidence_of_sets([self._groups(sets[i]) for i in some], [wide[i] for i in some])
         return (evidence + priors).tolist()
 
     def _groups(self, members: Sequence[int]) -> list[np.ndarray]:

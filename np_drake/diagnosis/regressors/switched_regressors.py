@@ -26,9 +26,7 @@ class SwitchedRegressors:
         scale: factor on whitened values [1].
     """
 
-    def __init__(
-        self, flight: FlightResiduals, noise: NoiseModel, target: np.ndarray, others: np.ndarray, scale=1.0
-    ):
+    def __init__(self, flight: FlightResiduals, noise: NoiseModel, target: np.ndarray, others: np.ndarray, scale=1.0):
         self._e, self._noise, self._scale = flight, noise, scale
         self._order = noise.phi.shape[1]
         self.t = flight.t[self._order :]
@@ -93,9 +91,7 @@ class SwitchedRegressors:
 
     def _driven(self, channels: np.ndarray, values: np.ndarray) -> np.ndarray:
         """Return the innovations (a, m - p, ...) of the channels (a,), for values (m, a, ...)."""
-        parts = [
-            self._noise.driven_in(c, values[:, i], self._e.name) for i, c in enumerate(channels.tolist())
-        ]
+        parts = [self._noise.driven_in(c, values[:, i], self._e.name) for i, c in enumerate(channels.tolist())]
         shape = (len(values) - self._order, *values.shape[2:])
         return self._scale * np.reshape(parts, (len(parts), *shape))
 
@@ -140,8 +136,7 @@ def onset_log_likelihood(
     rows = np.arange(1, len(t))
     whole = columns.whole(X)
     XX, _, Xy = (
-        np.concatenate([a[:1], b, 0 * a[:1]])
-        for a, b in zip(whole, columns.begun(X, whole, rows), strict=True)
+        np.concatenate([a[:1], b, 0 * a[:1]]) for a, b in zip(whole, columns.begun(X, whole, rows), strict=True)
     )
     after = (Xy - 0.5 * XX[..., 0])[:, 0]
     times = np.append(t, t[-1] + flight.grid.step)

@@ -56,19 +56,14 @@ def reach(flights: Sequence[FlightResiduals]) -> Reach:
         values = np.concatenate([of[name][0][rows] for of, rows in seen])
         upper[name] = float(np.quantile(values, UPPER)), seen[0][0][name][1]
     told = [e.nominal[:, 3:] - e.nominal[:, 3:].mean(axis=0) for e in flights if e.knows_torque]
-    torque = (
-        np.concatenate(told)[np.concatenate([rows for _, rows in seen])] if len(told) == len(seen) else 0.0
-    )
+    torque = np.concatenate(told)[np.concatenate([rows for _, rows in seen])] if len(told) == len(seen) else 0.0
     upper["torque"] = float(np.quantile(np.linalg.norm(np.atleast_2d(torque), axis=1), UPPER)), "N·m"
     upper["duration"] = max(float(np.ptp(e.t[~e.joined])) for e in flights), "s"
     return upper
 
 
 def trace_ratio(
-    identifier: str,
-    causes: Sequence[Cause],
-    train: Sequence[FlightResiduals],
-    held_out: Sequence[FlightResiduals],
+    identifier: str, causes: Sequence[Cause], train: Sequence[FlightResiduals], held_out: Sequence[FlightResiduals]
 ) -> float:
     """Return the RMS that a cause predicts on held-out flights over that in training [1].
 
@@ -86,9 +81,7 @@ def trace_ratio(
     return sizes[1] / sizes[0] if sizes[0] > 0 else np.inf
 
 
-def _trace(
-    identifier: str, causes: Sequence[Cause], flights: Sequence[FlightResiduals], scale: np.ndarray
-) -> float:
+def _trace(identifier: str, causes: Sequence[Cause], flights: Sequence[FlightResiduals], scale: np.ndarray) -> float:
     """Return the RMS of what the residual of all causes owes to one, in units of `scale` (6,)."""
     every = [Term(c.effect, c.onset) for c in causes if c.effect is not None]
     others = [term for term in every if term.effect.identifier != identifier]
@@ -113,9 +106,7 @@ def _faint(name: str, ratio: float, flights: int) -> str:
     where = f"the held-out flight{'s' * (flights > 1)}"
     if ratio == 0:
         return f"{capital(name_of(name))} does not act in {where}: it was not tested."
-    return (
-        f"{capital(name_of(name))} has {percent(ratio)} of its training trace in {where}: it was not tested."
-    )
+    return f"{capital(name_of(name))} has {percent(ratio)} of its training trace in {where}: it was not tested."
 
 
 def _all_tested(traces: Mapping[str, float], flights: int) -> str:

@@ -31,8 +31,7 @@ def ladder_figure(reduction: GapReduction) -> Figure:
     ax.axvline(reduction.floor, color=NOISE, linestyle="--", linewidth=1.2, zorder=3, label="noise")
     names = [rung.name.removeprefix("+ ") for rung in rungs]
     ax.set_yticks(
-        range(len(rungs)),
-        [f"+ {bare_name(n)}" if n != r.name else n for n, r in zip(names, rungs, strict=True)],
+        range(len(rungs)), [f"+ {bare_name(n)}" if n != r.name else n for n, r in zip(names, rungs, strict=True)]
     )
     ax.invert_yaxis()
     ax.set_xlabel("held-out residual over noise [1]")
@@ -45,9 +44,7 @@ def ladder_figure(reduction: GapReduction) -> Figure:
 def legend(figure: Figure) -> None:
     """Add one legend above all panels, with every label once."""
     shown = {
-        label: handle
-        for ax in figure.get_axes()
-        for handle, label in zip(*ax.get_legend_handles_labels(), strict=True)
+        label: handle for ax in figure.get_axes() for handle, label in zip(*ax.get_legend_handles_labels(), strict=True)
     }
     figure.legend(
         list(shown.values()), list(shown), loc="outside upper center", ncols=max(len(shown), 1), frameon=False
@@ -101,9 +98,7 @@ def regime_figure(regimes: Sequence[Regime]) -> Figure:
     """Return a heat map of RMS residual in noise units, channel against regime, before and, where known, after."""
     quantities = list(dict.fromkeys(regime.quantity for regime in regimes))
     groups = [[regime for regime in regimes if regime.quantity == quantity] for quantity in quantities]
-    known = [
-        c for c in range(len(CHANNELS)) if any(r.rms[c] != 0 for r in regimes)
-    ]  # no log tells every torque
+    known = [c for c in range(len(CHANNELS)) if any(r.rms[c] != 0 for r in regimes)]  # no log tells every torque
     rows = [(NOMINAL, "rms")]
     if all(regime.rms_after for regime in regimes):
         rows.append((WITH, "rms_after"))
@@ -165,12 +160,7 @@ def timeline_figure(localisation: Localisation, onsets: Onsets) -> Figure:
     flights = list(localisation.times)[:FLIGHTS]
     kinds = [kind for kind in _KINDS if any(np.any(localisation.before[f][:, kind[2]]) for f in flights)]
     figure, grid = new_figure(
-        len(flights),
-        max(len(kinds), 1),
-        width=9.0,
-        height=0.9 + 1.75 * len(flights),
-        sharex="row",
-        sharey="col",
+        len(flights), max(len(kinds), 1), width=9.0, height=0.9 + 1.75 * len(flights), sharex="row", sharey="col"
     )
     for axes, flight in zip(grid, flights, strict=True):
         for ax, (kind, unit, channels) in zip(axes, kinds, strict=False):
@@ -227,9 +217,7 @@ def spectrum_figure(bands: Sequence[Band]) -> Figure:
     """Return the spectral density of the residual before and after, with that of the noise model."""
     bands = [band for band in bands[:6] if np.any(band.before > 0)]
     rows = max(-(-len(bands) // 3), 1)
-    figure, grid = new_figure(
-        rows, min(3, max(len(bands), 1)), width=9.0, height=0.8 + 2.1 * rows, sharex=True
-    )
+    figure, grid = new_figure(rows, min(3, max(len(bands), 1)), width=9.0, height=0.8 + 2.1 * rows, sharex=True)
     for ax, band in zip(grid.flat, bands, strict=False):
         curves = (
             (band.before, NOMINAL, BEFORE, "--"),
@@ -237,9 +225,7 @@ def spectrum_figure(bands: Sequence[Band]) -> Figure:
             (band.noise, "noise", NOISE, ":"),
         )
         for density, label, colour, dash in curves:
-            ax.loglog(
-                *smoothed(band.frequency, density), color=colour, linestyle=dash, linewidth=1.4, label=label
-            )
+            ax.loglog(*smoothed(band.frequency, density), color=colour, linestyle=dash, linewidth=1.4, label=label)
         unit = "N²/Hz" if band.channel.startswith("force") else "(N·m)²/Hz"
         ax.set_ylabel(f"{band.channel} [{unit}]")
         if np.any(band.noise > 0):  # below it there is only the roll-off of a filter

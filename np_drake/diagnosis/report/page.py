@@ -46,9 +46,7 @@ def render(
         seed: seed of the diagnosis, which the page states.
         beside: texts of links by the names of files in the same folder.
     """
-    environment = Environment(
-        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
+    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     template = environment.from_string(_text(TEMPLATE))
     pictures = {name: embedded(png) for name, png in figures.items()}
     return template.render(**content(diagnosis, seed), figures=pictures, beside=beside, style=style())
@@ -98,10 +96,7 @@ def content(diagnosis: Diagnosis, seed: int) -> dict[str, Any]:
             for name, value in identifiability.noise_floor.items()
         ],
         "warnings": summary.warnings(diagnosis),
-        "flights": [
-            *((name, "fit") for name in diagnosis.train),
-            *((n, "judge") for n in diagnosis.held_out),
-        ],
+        "flights": [*((name, "fit") for name in diagnosis.train), *((n, "judge") for n in diagnosis.held_out)],
         "vehicle": diagnosis.vehicle,
         "facts": [
             ("vehicle", diagnosis.vehicle),
@@ -143,9 +138,7 @@ def largest(localisation: Localisation) -> str:
     if regime is None:
         return f"{text}."
     span = f"{words.number(regime.lower, 2)} to {words.measure(regime.upper, regime.unit)}"
-    return (
-        f"{text}. It peaks at {words.number(regime.rms[place], 2)} times where {regime.quantity} is {span}."
-    )
+    return f"{text}. It peaks at {words.number(regime.rms[place], 2)} times where {regime.quantity} is {span}."
 
 
 def _with_unit(name: str, value: float) -> tuple[str, str]:
@@ -154,9 +147,7 @@ def _with_unit(name: str, value: float) -> tuple[str, str]:
     return bare, words.measure(value, unit or "1")
 
 
-def _replay_rows(
-    before: ReplayGap | None, after: ReplayGap | None
-) -> list[tuple[str, list[tuple[str, str]]]]:
+def _replay_rows(before: ReplayGap | None, after: ReplayGap | None) -> list[tuple[str, list[tuple[str, str]]]]:
     """Return (horizon, cells): median and interval of position, velocity and attitude, each before and after."""
     gap = before or after
     rows = []

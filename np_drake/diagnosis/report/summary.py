@@ -30,11 +30,7 @@ from np_drake.effects.library import effect_of
 
 PLAIN_GAP = 1.4  # residual over noise above which a simulator does not agree with the logs [1]; own choice
 LEAST_GAP = 1.05  # residual over noise below which a share of the gap has no meaning [1]; own choice
-KINDS = {
-    "lateral force": ("force x", "force y"),
-    "lift": ("force z",),
-    "torque": ("torque x", "torque y", "torque z"),
-}
+KINDS = {"lateral force": ("force x", "force y"), "lift": ("force z",), "torque": ("torque x", "torque y", "torque z")}
 GAP_HEADER = ["held-out residual, RMS", "nominal", "with causes", "noise", "explained"]
 LOOSE = 0.5  # half-width of an interval over the value, above which it is loose [1]; own choice
 
@@ -96,9 +92,7 @@ def _explains(diagnosis: Diagnosis, judges: str) -> str:
     kind, share = (largest.kind, largest.explained) if largest else ("whole", reduction.fraction)
     if min(share, reduction.fraction) < 0:
         return f"{'does' if one else 'together they do'} not help on {judges}: the {kind} gap grows"
-    return (
-        f"{'explains' if one else 'together they explain'} {probability(share)} of the {kind} gap on {judges}"
-    )
+    return f"{'explains' if one else 'together they explain'} {probability(share)} of the {kind} gap on {judges}"
 
 
 def _what_remains(diagnosis: Diagnosis, residual: str) -> str:
@@ -140,9 +134,7 @@ def gap_parts(localisation: Localisation) -> list[GapPart]:
         sizes = [[c.rms, c.after, c.noise_floor] for c in channels]
         before, after, noise = np.sqrt(np.sum(np.square(sizes), axis=0)) if channels else (0.0, 0.0, 0.0)
         if noise > 0 and before > 0:
-            share = (
-                1 - (after**2 - noise**2) / (before**2 - noise**2) if before > LEAST_GAP * noise else np.nan
-            )
+            share = 1 - (after**2 - noise**2) / (before**2 - noise**2) if before > LEAST_GAP * noise else np.nan
             explained = float(np.clip(share, -1.0, 1.0))
             out.append(GapPart(kind, channels[0].unit, float(before), float(after), float(noise), explained))
     return out
@@ -207,14 +199,10 @@ def next_steps(diagnosis: Diagnosis) -> list[str]:
     """Return what to do next, the most useful first."""
     if diagnosis.cannot_tell:
         tried = [item.manoeuvre for item in diagnosis.identifiability.not_identifiable if item.manoeuvre]
-        return [
-            f"Fly with more motion in every axis{f', such as: {tried[0]}' if tried else ''}. Diagnose again."
-        ]
+        return [f"Fly with more motion in every axis{f', such as: {tried[0]}' if tried else ''}. Diagnose again."]
     causes = named_causes(diagnosis)
     out = [
-        f"To check {name_of(c.identifier)}: {check}."
-        for c in causes
-        if (check := effect_of(c.identifier).bench_check)
+        f"To check {name_of(c.identifier)}: {check}." for c in causes if (check := effect_of(c.identifier).bench_check)
     ]
     for cause in causes:
         others = cause.indistinguishable_from
@@ -224,28 +212,20 @@ def next_steps(diagnosis: Diagnosis) -> list[str]:
             out.append(f"To tell {between}, fly: {how}; or the flight of np-drake next-flight.")
         elif loose := _loose(cause):
             more = effect_of(cause.identifier).excited_by or "a longer one with more motion"
-            out.append(
-                f"Intervals of {cause.identifier} are wide ({listed(loose)}); a better flight: {more}."
-            )
+            out.append(f"Intervals of {cause.identifier} are wide ({listed(loose)}); a better flight: {more}.")
     if UNKNOWN in diagnosis.verdict and diagnosis.unexplained:
-        out.append(
-            f"Look for the source of what remains: {described(main_remainder(diagnosis.unexplained))}."
-        )
+        out.append(f"Look for the source of what remains: {described(main_remainder(diagnosis.unexplained))}.")
     if any("not tested" in sentence for sentence in diagnosis.coverage):
         out.append("Hold out a flight that moves like the training flights.")
     if causes:
         them = "it" if len(causes) == 1 else "them"
-        out.append(
-            f"Add {them} to the simulator with the values of the table, and diagnose new flights with that."
-        )
+        out.append(f"Add {them} to the simulator with the values of the table, and diagnose new flights with that.")
     return [capital(step) for step in out]
 
 
 def _loose(cause: Cause) -> list[str]:
     """Return the parameters whose interval is wide, if the widest of the effect's values is one of them."""
-    wide = {
-        name: 0.5 * (p.ci95[1] - p.ci95[0]) > LOOSE * abs(p.value) > 0 for name, p in cause.parameters.items()
-    }
+    wide = {name: 0.5 * (p.ci95[1] - p.ci95[0]) > LOOSE * abs(p.value) > 0 for name, p in cause.parameters.items()}
     alike = max((abs(p.value) for p in cause.parameters.values()), default=0.0)
     main = [name for name, p in cause.parameters.items() if abs(p.value) == alike]
     return [name for name in wide if wide[name]] if any(wide[name] for name in main) else []

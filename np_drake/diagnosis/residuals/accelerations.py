@@ -160,13 +160,7 @@ def _second_difference(t: np.ndarray) -> np.ndarray:
 
 
 def velocity_before(
-    t: np.ndarray,
-    dt: np.ndarray,
-    v: np.ndarray,
-    q: np.ndarray,
-    thrust: np.ndarray,
-    vehicle: Vehicle,
-    lead: float,
+    t: np.ndarray, dt: np.ndarray, v: np.ndarray, q: np.ndarray, thrust: np.ndarray, vehicle: Vehicle, lead: float
 ) -> np.ndarray:
     """Return the velocities (n, 3) in W that are predicted `lead` before the instants [m/s].
 

@@ -86,20 +86,13 @@ def _attitude_for_force(log: FlightLog, smooth: np.ndarray, gravity: float) -> t
     if log.a is None or smooth is log.q:
         return smooth, False
     g = np.array([0.0, 0.0, gravity])
-    roughness = [
-        np.mean(np.diff(attitude.rotate_back(q, log.a + g)[:, :2], n=2, axis=0) ** 2) for q in (log.q, smooth)
-    ]
+    roughness = [np.mean(np.diff(attitude.rotate_back(q, log.a + g)[:, :2], n=2, axis=0) ** 2) for q in (log.q, smooth)]
     turned = roughness[0] < roughness[1]
     return (log.q if turned else smooth), bool(turned)
 
 
 def _channels(
-    log: FlightLog,
-    vehicle: Vehicle,
-    q: np.ndarray,
-    mids: Instants,
-    thrust_rows: np.ndarray,
-    thrust_mids: np.ndarray,
+    log: FlightLog, vehicle: Vehicle, q: np.ndarray, mids: Instants, thrust_rows: np.ndarray, thrust_mids: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the force channels (n, 3) at the instants of force and the others (n-1, 12) at those of torque."""
     dt = np.diff(log.t)[:, None]

@@ -13,9 +13,7 @@ SPIKE = 12.0  # robust deviations from a running median [1]; own choice
 WINDOW = 0.3  # length of that median [s]
 MOST_OUTLIERS = 0.05  # share of a flight's rows above which spikes are part of the flight, not outliers [1]
 ABOUT = 1  # rows to either side over which the grid smears an outlier
-OUTLIERS_APART = (
-    0.3  # outliers closer than this are merged: a tether that bounces; so are jumps of a swing [s]
-)
+OUTLIERS_APART = 0.3  # outliers closer than this are merged: a tether that bounces; so are jumps of a swing [s]
 LONGEST_OUTLIER = 0.07  # a longer deviation is motion, not an outlier [s]
 LONGEST_BOUNCE = 0.3  # longest with a payload, whose tether may snap taut several times in a row [s]
 

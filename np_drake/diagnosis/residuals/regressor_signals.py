@@ -67,6 +67,4 @@ def _above_noise(values: np.ndarray, read: np.ndarray) -> np.ndarray:
     Source: Wiener gain; `LEAST_SIGNAL_TO_NOISE` is own choice.
     """
     noise = np.mean(np.diff(read, n=2, axis=0) ** 2) / 6.0  # second differences have six times the variance
-    return values * np.clip(
-        1 - LEAST_SIGNAL_TO_NOISE * noise / np.maximum(values.var(axis=0), 1e-12), 0.0, 1.0
-    )
+    return values * np.clip(1 - LEAST_SIGNAL_TO_NOISE * noise / np.maximum(values.var(axis=0), 1e-12), 0.0, 1.0)

@@ -21,9 +21,7 @@ THIRD = 2 ** (1 / 6) - 2 ** (-1 / 6)  # relative bandwidth of a one-third octave
 # Share of fast thrust to which the motion responds, above which it is no noise [1]; own choice.
 ANSWERED = 0.5
 LEAST_ROWS = 5  # of a piece whose noise shows: a fourth difference
-SURE_DEVIATIONS = (
-    2.0  # standard deviations of a lower bound, and by which a band of signal exceeds the noise [1]
-)
+SURE_DEVIATIONS = 2.0  # standard deviations of a lower bound, and by which a band of signal exceeds the noise [1]
 
 
 class Rotors:
@@ -45,9 +43,7 @@ class Rotors:
         self._before = np.clip(place.astype(int), 0, len(self._t) - 1)
         self._share = (place - self._before)[:, None]
 
-    def thrust(
-        self, effects: Sequence[ActuatorEffect], *, shift: float = 0.0
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def thrust(self, effects: Sequence[ActuatorEffect], *, shift: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
         """Return thrust (n, 4) at the rows, right-sided, and its means (n-1, 4) between rows [N].
 
         Commands are held between rows, shifted, and passed through the effects, including their dead time. Their time

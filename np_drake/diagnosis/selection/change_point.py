@@ -8,13 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from np_drake.diagnosis.forward_model import NEVER
-from np_drake.diagnosis.regressors import (
-    Candidate,
-    RegressionProblem,
-    Sums,
-    SwitchedRegressors,
-    SwitchedSums,
-)
+from np_drake.diagnosis.regressors import Candidate, RegressionProblem, Sums, SwitchedRegressors, SwitchedSums
 
 COARSE = 5  # rows between instants that are tried at first
 EDGE = 0.7  # from either end of a flight, without onsets [s]
@@ -71,9 +65,7 @@ class TriedOnsets:
         weight = np.exp(dense - dense.max())
         step = self._late.t[1] - self._late.t[0]
         width = max(1, round(SPAN / step))
-        mass = (
-            np.convolve(weight, np.ones(width), "valid") if width < len(weight) else np.array([weight.sum()])
-        )
+        mass = np.convolve(weight, np.ones(width), "valid") if width < len(weight) else np.array([weight.sum()])
         first = int(np.argmax(mass))
         span = np.cumsum(weight[first : first + width])
         return int(self._inside[first + np.searchsorted(span, 0.5 * span[-1])])

@@ -7,13 +7,7 @@ import numpy as np
 
 from np_drake.diagnosis.numerics import NoiseModel, fit_noise, no_worse, scale_only, with_loudness
 from np_drake.diagnosis.options import Options
-from np_drake.diagnosis.regressors import (
-    Candidate,
-    RegressionProblem,
-    library_candidates,
-    nuisance_of,
-    wind_candidates,
-)
+from np_drake.diagnosis.regressors import Candidate, RegressionProblem, library_candidates, nuisance_of, wind_candidates
 from np_drake.diagnosis.residuals import FORCE, FlightResiduals, find_outliers
 from np_drake.diagnosis.selection.onset_candidates import new_conditions, switched_candidates
 from np_drake.diagnosis.selection.payload_search import PayloadSearch
@@ -30,9 +24,7 @@ class ConditionedFlights:
     noise: NoiseModel
 
 
-def condition(
-    flights: Sequence[FlightResiduals], options: Options, *, still_air: bool = False
-) -> ConditionedFlights:
+def condition(flights: Sequence[FlightResiduals], options: Options, *, still_air: bool = False) -> ConditionedFlights:
     """Return outliers, payloads and noise as they show when every effect helps.
 
     Args:
@@ -46,9 +38,7 @@ def condition(
     candidates = [*plain, *([] if still_air else wind_candidates(flights, plain))]
 
     def problem(noise: NoiseModel, some: Sequence[Candidate], temperature: float = 1.0) -> RegressionProblem:
-        return RegressionProblem(
-            flights, noise, nuisance, list(some), temperature=temperature, options=options
-        )
+        return RegressionProblem(flights, noise, nuisance, list(some), temperature=temperature, options=options)
 
     # 1. Outliers, by what is left of the channels under white weights.
     white = scale_only([e.y for e in flights], step)
@@ -56,8 +46,7 @@ def condition(
     everything = [*candidates, *switched_candidates(sought), *new_conditions(sought)]
     residual = _residuals_of_all_effects(problem(white, everything))
     flights = [
-        dc.replace(e, outliers=e.outliers | find_outliers(r, step))
-        for e, r in zip(flights, residual, strict=True)
+        dc.replace(e, outliers=e.outliers | find_outliers(r, step)) for e, r in zip(flights, residual, strict=True)
     ]
     channels = [e.bridged(e.y) for e in flights]
     white = scale_only(channels, step)
@@ -69,10 +58,7 @@ def condition(
     alone = RegressionProblem(flights, noise, [], plain, temperature=1.0, options=options)
     others = [plain[i] for i in _best_variants(alone)]
     residual = _residuals_of_all_effects(problem(white, others))
-    weights = (
-        white,
-        scale_only(no_worse(residual, channels), step),
-    )  # a light payload shows in the second alone
+    weights = (white, scale_only(no_worse(residual, channels), step))  # a light payload shows in the second alone
     search = PayloadSearch(flights, options)
     payloads = next(filter(None, (search.best(n, nuisance, others) for n in weights)), [])
 
@@ -133,6 +119,4 @@ def _residuals_of_all_effects(problem: RegressionProblem) -> list[np.ndarray]:
     columns = [*problem.nuisance, *(problem.candidates[i] for i in chosen)]
     parts = np.split(mean, np.cumsum([c.size for c in columns])[:-1])
     explained = ((e, zip(columns, parts, strict=True)) for e in problem.flights)
-    return [
-        e.known(e.bridged(e.y - sum(c.columns[e.name] @ part for c, part in own))) for e, own in explained
-    ]
+    return [e.known(e.bridged(e.y - sum(c.columns[e.name] @ part for c, part in own))) for e, own in explained]

@@ -47,9 +47,7 @@ def find_map_model(
     return SearchResult(problem, models, best, _noise_left(conditioned, best, options), options)
 
 
-def _search_twice(
-    conditioned: ConditionedFlights, options: Options
-) -> tuple[RegressionProblem, list[Model], Fit]:
+def _search_twice(conditioned: ConditionedFlights, options: Options) -> tuple[RegressionProblem, list[Model], Fit]:
     """Search and fit, once more with the noise that the fit leaves."""
     best: Fit | None = None
     noise, candidates, acting = conditioned.noise, list(conditioned.candidates), list[Candidate]()
@@ -58,12 +56,7 @@ def _search_twice(
         candidates = [*candidates, *begun]
         temperature = options.priors.temperature
         problem = RegressionProblem(
-            conditioned.flights,
-            noise,
-            conditioned.nuisance,
-            candidates,
-            temperature=temperature,
-            options=options,
+            conditioned.flights, noise, conditioned.nuisance, candidates, temperature=temperature, options=options
         )
         members = [i for i, c in enumerate(candidates) if any(c is a for a in acting)]
         late = switched_candidates(problem, members)
@@ -99,10 +92,7 @@ def search(problem: RegressionProblem) -> list[Model]:
     layer: list[tuple[int, ...]] = [()]
     for _ in range(MOST_EFFECTS):
         grown = {
-            tuple(sorted((*m, i)))
-            for m in layer
-            for i in everyone
-            if i not in m and problem.fits_together((*m, i))
+            tuple(sorted((*m, i))) for m in layer for i in everyone if i not in m and problem.fits_together((*m, i))
         }
         if not grown:
             break

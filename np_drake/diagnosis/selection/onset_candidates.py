@@ -41,9 +41,7 @@ def switched_candidates(problem: RegressionProblem, members: Sequence[int] = ())
         for scan in map(whole.given, dict.fromkeys([(), others])):
             for candidate, sums in sorted(tried, key=lambda pair: scan.rough_evidence(pair[1]))[-VARIANTS:]:
                 found_at = scan.best(candidate, sums)
-                late = dc.replace(
-                    switched(candidate, problem.flights, found_at.onset), onset_prior=found_at.prior
-                )
+                late = dc.replace(switched(candidate, problem.flights, found_at.onset), onset_prior=found_at.prior)
                 if found_at.onset and not any(_same(late, known) for known in found):
                     found.append(late)
     return found
@@ -88,9 +86,7 @@ def late_payloads(problem: RegressionProblem, late: list[Candidate]) -> list[Can
     if not guesses:
         return []
     onset = first.when(problem.noise, problem.nuisance, guesses[0])
-    sharp = PayloadSearch(problem.flights, options, onset).from_guesses(
-        problem.noise, problem.nuisance, guesses
-    )
+    sharp = PayloadSearch(problem.flights, options, onset).from_guesses(problem.noise, problem.nuisance, guesses)
     return [dc.replace(c, onset_prior=found.prior) for _, c in sharp]
 
 

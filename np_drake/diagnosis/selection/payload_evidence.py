@@ -53,9 +53,7 @@ class OtherRegressors:
         self._white = []
         for e in flights:
             y = e.y[:, :CHANNELS, None]
-            X = np.concatenate(
-                [y[..., :0], *(c.columns[e.name][: len(y), :CHANNELS] for c in others)], axis=-1
-            )
+            X = np.concatenate([y[..., :0], *(c.columns[e.name][: len(y), :CHANNELS] for c in others)], axis=-1)
             self._white.append((self._flat(e, X), self._flat(e, y)[:, 0]))
         self.horizons = sorted({*(horizons or (*HORIZONS, *self._after_outliers()))})
         self._base = {horizon: self._gram(horizon) for horizon in self.horizons}

@@ -15,15 +15,7 @@ import numpy as np
 from np_drake.diagnosis.forward_model import NEVER
 from np_drake.diagnosis.numerics import NoiseModel
 from np_drake.diagnosis.options import Options
-from np_drake.diagnosis.regressors import (
-    PAYLOAD,
-    Candidate,
-    Guess,
-    Onset,
-    PayloadColumns,
-    payload_about,
-    payloads_of,
-)
+from np_drake.diagnosis.regressors import PAYLOAD, Candidate, Guess, Onset, PayloadColumns, payload_about, payloads_of
 from np_drake.diagnosis.regressors.payload import SEARCH_LENGTHS
 from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.diagnosis.selection.payload_evidence import HORIZONS, OtherRegressors
@@ -63,9 +55,7 @@ class PayloadSearch:
         self._priors = options.priors
         self.lengths = np.geomspace(*lengths)
 
-    def best(
-        self, noise: NoiseModel, nuisance: Sequence[Candidate], others: Sequence[Candidate]
-    ) -> list[Candidate]:
+    def best(self, noise: NoiseModel, nuisance: Sequence[Candidate], others: Sequence[Candidate]) -> list[Candidate]:
         """Return the `KEPT` best payloads of different lengths; none where `others` explain as much.
 
         They are followed beside the others, as there may be more than a payload; and beside `nuisance` alone, as
@@ -156,10 +146,7 @@ class PayloadSearch:
                 joints = everything.joints(white, ENDS)
                 own = np.r_[: nuisance_only.size, everything.size : len(joints[0].Xy)]
                 some = [everything.gain_of(both, white, h) for both, h in zip(joints, ENDS, strict=True)]
-                some += [
-                    nuisance_only.gain_of(both.only(own), white, h)
-                    for both, h in zip(joints, ENDS, strict=True)
-                ]
+                some += [nuisance_only.gain_of(both.only(own), white, h) for both, h in zip(joints, ENDS, strict=True)]
                 gains.append(some)
         return list(np.transpose(gains))
 
@@ -184,9 +171,7 @@ class PayloadSearch:
             found[e.name] = near
         return found
 
-    def _best_about(
-        self, e: FlightResiduals, near: float, span: float, step: float, noise, nuisance, guess
-    ) -> float:
+    def _best_about(self, e: FlightResiduals, near: float, span: float, step: float, noise, nuisance, guess) -> float:
         """Return the best instant of one flight within `span` of `near` [s]."""
         head = e.head(int(np.searchsorted(e.t, near + AFTER_ONSET)))
         beside = OtherRegressors([head], noise, nuisance, {e.name: near}, horizons=(AFTER_ONSET,))

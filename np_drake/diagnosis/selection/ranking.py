@@ -45,9 +45,7 @@ def rank_models(found: SearchResult) -> Ranking:
     return Ranking(tuple(fits), probability, found.noise, problem, tuple(models), found.options)
 
 
-def _refined(
-    problem: RegressionProblem, models: Sequence[Model], best: Fit, noise: NoiseModel
-) -> dict[Model, Fit]:
+def _refined(problem: RegressionProblem, models: Sequence[Model], best: Fit, noise: NoiseModel) -> dict[Model, Fit]:
     """The models that come close to the best, each with its fit, and the best without its faint effects."""
     options = problem.options
     close = [m for m in _distinct(problem, models) if m.score > models[0].score - RANKING_MARGIN]
@@ -132,9 +130,7 @@ def names_of_fit(fit: Fit) -> tuple[str, ...]:
     return tuple(sorted(t.effect.identifier for t in fit.terms))
 
 
-def probabilities(
-    problem: RegressionProblem, models: Sequence[Model], fits: Sequence[Fit]
-) -> dict[str, float]:
+def probabilities(problem: RegressionProblem, models: Sequence[Model], fits: Sequence[Fit]) -> dict[str, float]:
     """Return for every effect the share of evidence of the models that hold it [1].
 
     Args:

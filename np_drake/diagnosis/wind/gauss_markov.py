@@ -40,9 +40,7 @@ class WindForce:
         return self.deviation[0], self.correlation_time[0], self.white
 
 
-def wind_force(
-    flights: Sequence[FlightResiduals], residual: Mapping[str, np.ndarray], begins: Begins
-) -> WindForce:
+def wind_force(flights: Sequence[FlightResiduals], residual: Mapping[str, np.ndarray], begins: Begins) -> WindForce:
     """Return the wind force that a residual (m, 15) by flight shows from the begin of the wind on.
 
     Args:
@@ -56,11 +54,7 @@ def wind_force(
     level, size_of_bin = [span[:, :2] for span in pieces], width(flights[0])
     size = float(np.sqrt(np.mean(np.concatenate(level).var(axis=0))))
     start = np.log([size, 1.0, 0.3 * size])
-    bounds = [
-        (start[0] - 4, start[0] + 3),
-        (np.log(SHORTEST_TIME), np.log(LONGEST_TIME)),
-        (start[0] - 6, start[0] + 1),
-    ]
+    bounds = [(start[0] - 4, start[0] + 3), (np.log(SHORTEST_TIME), np.log(LONGEST_TIME)), (start[0] - 6, start[0] + 1)]
 
     def loss(z: np.ndarray) -> float:
         return _restricted_loss(level, size_of_bin, *np.exp(z))
@@ -78,23 +72,16 @@ def wind_force(
     )
 
 
-def _whitened(
-    pieces: Sequence[np.ndarray], size, deviation, time, white
-) -> tuple[np.ndarray, np.ndarray, float]:
+def _whitened(pieces: Sequence[np.ndarray], size, deviation, time, white) -> tuple[np.ndarray, np.ndarray, float]:
     """Return forces (k, a) and ones (k,) whitened, all spans in a row, and the log determinant of their covariance."""
     # Whitening: with the Cholesky factor L of the covariance, L^-1 x has unit covariance.
     factors = {n: factor(n, size, deviation, time, white) for n in {len(s) for s in pieces}}
-    both = [
-        linalg.solve_triangular(factors[len(s)], np.column_stack([s, np.ones(len(s))]), lower=True)
-        for s in pieces
-    ]
+    both = [linalg.solve_triangular(factors[len(s)], np.column_stack([s, np.ones(len(s))]), lower=True) for s in pieces]
     whole = np.concatenate(both)
     return whole[:, :-1], whole[:, -1], sum(2 * np.log(np.diag(factors[len(s)])).sum() for s in pieces)
 
 
-def _restricted_loss(
-    pieces: Sequence[np.ndarray], size: float, deviation: float, time: float, white: float
-) -> float:
+def _restricted_loss(pieces: Sequence[np.ndarray], size: float, deviation: float, time: float, white: float) -> float:
     # Restricted likelihood: the mean, projected out of the whitened forces, costs log(1'C^-1 1) / 2 an axis.
     F, one, logdet = _whitened(pieces, size, deviation, time, white)
     weight = one @ one
@@ -115,9 +102,7 @@ def _curvature(loss, z: np.ndarray) -> np.ndarray:
     H = np.empty((k, k))
     for i in range(k):
         for j in range(i + 1):
-            four = (
-                loss(z + E[i] + E[j]) - loss(z + E[i] - E[j]) - loss(z - E[i] + E[j]) + loss(z - E[i] - E[j])
-            )
+            four = loss(z + E[i] + E[j]) - loss(z + E[i] - E[j]) - loss(z - E[i] + E[j]) + loss(z - E[i] - E[j])
             H[i, j] = H[j, i] = four / (4 * STEP**2)
     values, vectors = np.linalg.eigh(H)
     return vectors @ np.diag(np.maximum(values, 0.25)) @ vectors.T
@@ -184,9 +169,7 @@ def spans(e: FlightResiduals, values: np.ndarray, begin: float | None) -> list[n
     return [later[i : i + most] for i in range(0, len(later), most) if len(later) - i > 1]
 
 
-def factor(
-    n: int, width: float, deviation: float, time: float, white: float, common: float = 0.0
-) -> np.ndarray:
+def factor(n: int, width: float, deviation: float, time: float, white: float, common: float = 0.0) -> np.ndarray:
     """Return (n, n) the lower Cholesky factor of the covariance of n bins of an averaged Gauss-Markov process.
 
     Args:

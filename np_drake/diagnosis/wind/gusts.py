@@ -165,11 +165,7 @@ class GustOnset:
         return (*self.flights, *self.held_out)
 
     def _sought(
-        self,
-        windy: Mapping[str, np.ndarray],
-        still: Mapping[str, np.ndarray],
-        known: Begins,
-        wind: WindForce,
+        self, windy: Mapping[str, np.ndarray], still: Mapping[str, np.ndarray], known: Begins, wind: WindForce
     ) -> dict[str, Begin]:
         """Return onsets by flight; windy, still: (m, 15) by flight, what is left of it with a wind and before."""
         before = {e.name: still_air_loss(e, still[e.name], wind, self.options) for e in self._every}

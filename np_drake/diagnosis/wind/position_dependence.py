@@ -22,9 +22,7 @@ from np_drake.rigid_body import P
 TINY = 1e-9  # [m], for a height that is kept
 
 
-def position_p_value(
-    flights: Sequence[FlightResiduals], residual: Mapping[str, np.ndarray], begins: Begins
-) -> float:
+def position_p_value(flights: Sequence[FlightResiduals], residual: Mapping[str, np.ndarray], begins: Begins) -> float:
     """Return the probability that gusts follow the position as much as this force does [1].
 
     Args:
@@ -42,9 +40,7 @@ def position_p_value(
     for e in flights:
         place = (_on_grid(e, P) - middle) / size
         dragged = np.hstack([*np.moveaxis(drags(e)[:, :2], 1, 0)])
-        level = np.hstack(
-            [forces(e, residual[e.name])[:, :2], dragged, binned(e, place), binned(e, _products(place))]
-        )
+        level = np.hstack([forces(e, residual[e.name])[:, :2], dragged, binned(e, place), binned(e, _products(place))])
         pieces = [_about_its_mean(p, width(e), wind) for p in spans(e, level, begins.get(e.name))]
         if pieces:
             own = np.concatenate(pieces)

@@ -46,9 +46,7 @@ class _Spectra:
     values: np.ndarray
 
 
-def slow_force(
-    flights: Sequence[FlightResiduals], residual: Mapping[str, np.ndarray], options: Options
-) -> SlowForce:
+def slow_force(flights: Sequence[FlightResiduals], residual: Mapping[str, np.ndarray], options: Options) -> SlowForce:
     """Return the evidence of a slow force in a residual (m, 15) by flight.
 
     Args:
@@ -71,9 +69,7 @@ def slow_force(
 
     sensors = optimize.minimize(without_force, centre, method="L-BFGS-B", bounds=bounds)
     about = [(centre[0] - 4, centre[0] + 4), (np.log(time) - REACH * times, np.log(time) + REACH * times)]
-    starts = [
-        [*z, centre[0] + np.log(s), np.log(time)] for z, s in zip((sensors.x, centre), STARTS, strict=True)
-    ]
+    starts = [[*z, centre[0] + np.log(s), np.log(time)] for z, s in zip((sensors.x, centre), STARTS, strict=True)]
     ends = [optimize.minimize(with_force, z, method="L-BFGS-B", bounds=[*bounds, *about]) for z in starts]
     best = min(ends, key=lambda end: end.fun)
     return SlowForce(max(float(sensors.fun - best.fun), 0.0), mass * float(np.exp(best.x[n])))
@@ -108,9 +104,7 @@ def _spectra(e: FlightResiduals, residual: np.ndarray, *, upright: bool = False)
     n = len(slow[0])
     f = np.arange(n) / (2 * n * step)
     some = (f > 0) & (f <= TOP)
-    return _Spectra(
-        f[some], np.stack([fft.dct(a, axis=0, norm="ortho")[some] * np.sqrt(2 * step) for a in slow])
-    )
+    return _Spectra(f[some], np.stack([fft.dct(a, axis=0, norm="ortho")[some] * np.sqrt(2 * step) for a in slow]))
 
 
 def _prior(options: Options, gravity: float, channels: int) -> tuple[np.ndarray, np.ndarray]:

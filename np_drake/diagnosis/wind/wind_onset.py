@@ -8,26 +8,13 @@ from scipy import linalg
 
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.residuals import FlightResiduals
-from np_drake.diagnosis.wind.gauss_markov import (
-    SPAN,
-    Begins,
-    WindForce,
-    factor,
-    forces,
-    instants,
-    width,
-    wind_force,
-)
+from np_drake.diagnosis.wind.gauss_markov import SPAN, Begins, WindForce, factor, forces, instants, width, wind_force
 
 FIRST, LAST = 0.7, 1.0  # of a flight, in which no begin is looked for [s]
 LEAST_STILL = 2.0  # that is quiet at least before a wind whose begin is not known at all [s]
 ROUNDS = 2  # of wind and its begins: at first it is that of all the flight
 SIZES = (0.35, 0.5, 0.7, 1.0, 1.4, 2.0)  # of that error, in tolerances [1]; own choice
-WHITES = (
-    0.6,
-    0.8,
-    1.0,
-)  # of a bin's noise, in what bins differ by from their neighbours' line [1]; own choice
+WHITES = (0.6, 0.8, 1.0)  # of a bin's noise, in what bins differ by from their neighbours' line [1]; own choice
 
 
 @dc.dataclass(frozen=True)
@@ -39,12 +26,7 @@ class Begin:
 
 
 def wind_onset(
-    e: FlightResiduals,
-    residual: np.ndarray,
-    begin: float | None,
-    wind: WindForce,
-    before: np.ndarray,
-    gain: float,
+    e: FlightResiduals, residual: np.ndarray, begin: float | None, wind: WindForce, before: np.ndarray, gain: float
 ) -> Begin:
     """Return when the wind begins, given a known onset [s] (None: from the start; infinite: not at all).
 
@@ -76,10 +58,7 @@ def wind_onset(
 
 
 def wind_begins(
-    flights: Sequence[FlightResiduals],
-    residual: Mapping[str, np.ndarray],
-    known: Begins,
-    options: Options,
+    flights: Sequence[FlightResiduals], residual: Mapping[str, np.ndarray], known: Begins, options: Options
 ) -> Begins:
     """Return by flight when the wind begins by its own power [s], given known onsets and residuals (m, 15).
 
@@ -126,8 +105,7 @@ def still_air_loss(e: FlightResiduals, residual: np.ndarray, wind: WindForce, op
     rough = np.sqrt(np.mean(np.diff(bins, 2, axis=0) ** 2) / 6)
     n = min(len(bins), round(SPAN / width(e)))
     losses = [
-        _still_air_loss_of(bins, factor(n, width(e), s * size, drift, w * rough, size))
-        + (np.log(s) / spread) ** 2
+        _still_air_loss_of(bins, factor(n, width(e), s * size, drift, w * rough, size)) + (np.log(s) / spread) ** 2
         for s in SIZES
         for w in WHITES
     ]

@@ -80,9 +80,7 @@ def check_flight(
     )  # fmt: skip
 
 
-def _check(
-    dut: TheoremBound, samples: np.ndarray, z: np.ndarray, origins: np.ndarray
-) -> dict[str, np.ndarray]:
+def _check(dut: TheoremBound, samples: np.ndarray, z: np.ndarray, origins: np.ndarray) -> dict[str, np.ndarray]:
     """Return the quantities that `BoundCheck` collects, (windows, …) each."""
     answers = [dut(samples[k - dut.samples + 1 : k + 1]) for k in origins]
     errors = _errors(dut.model, answers, samples, z, origins, dut.horizon)

@@ -59,10 +59,7 @@ def encoder_reach(model: LiftedModel, change: Change) -> EncoderReach:
         L = model.encoder.lipschitz_bound
         return EncoderReach(L, L * change.chi, L * change.chi)
     E = model.encoder.E.reshape(model.encoder.K, model.encoder.delay, 12).swapaxes(0, 1)[::-1]  # by lag
-    gain_chi, gain_zeta = (
-        spectral_norms(E[..., :6] * model.chi_scale),
-        spectral_norms(E[..., 6:] * model.zeta_scale),
-    )
+    gain_chi, gain_zeta = (spectral_norms(E[..., :6] * model.chi_scale), spectral_norms(E[..., 6:] * model.zeta_scale))
     N = len(change.chi)
     radius = np.convolve(gain_chi, change.chi)[:N] + np.convolve(gain_zeta, change.zeta)[:N]
     travel = gain_chi.sum() * change.chi + gain_zeta.sum() * change.zeta

@@ -192,9 +192,7 @@ class TheoremBound:
         return (
             self._seen(CHI_STEP, window[:, :6] / self._scale, self.change.chi),
             self._seen(ZETA_STEP, window[:, 6:] / self.model.zeta_scale, self.change.zeta),
-            Assumption(
-                LIPSCHITZ, steepest, gamma, bool(np.isfinite(steepest) and steepest <= gamma * (1 + ROUNDING))
-            ),
+            Assumption(LIPSCHITZ, steepest, gamma, bool(np.isfinite(steepest) and steepest <= gamma * (1 + ROUNDING))),
             Assumption(STABILITY, norms.radius, 1.0, norms.stable),
         )
 
@@ -202,9 +200,7 @@ class TheoremBound:
         """Compare the window's changes, up to its last row and from row to row, with what was allowed."""
         step = np.linalg.norm(np.diff(window, axis=0), axis=1).max()
         since = np.linalg.norm(window[-2::-1] - window[-1], axis=1)[: self.horizon]
-        holds = step <= allowed[0] * (1 + ROUNDING) and np.all(
-            since <= allowed[: len(since)] * (1 + ROUNDING)
-        )
+        holds = step <= allowed[0] * (1 + ROUNDING) and np.all(since <= allowed[: len(since)] * (1 + ROUNDING))
         return Assumption(name, float(step), float(allowed[0]), bool(holds))
 
 
@@ -230,7 +226,5 @@ def _over_steps(alpha: Alpha, horizon: int) -> np.ndarray:
         return float(alpha) * np.arange(1, horizon + 1)  # type: ignore[arg-type]
     value = np.asarray(alpha, float)
     if value.ndim != 1 or len(value) < horizon:
-        raise ValueError(
-            f"bound: an alpha must be one number or ({horizon},), one a step; got {value.shape}."
-        )
+        raise ValueError(f"bound: an alpha must be one number or ({horizon},), one a step; got {value.shape}.")
     return value[:horizon]

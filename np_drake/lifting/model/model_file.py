@@ -15,13 +15,7 @@ from np_drake.files.atomic_file import write_bytes
 from np_drake.files.input_file import parse_json
 from np_drake.lifting.model.encoders import DelayEncoder, Phi
 from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
-from np_drake.lifting.model.lifted_model import (
-    BY_AXES,
-    ENCODERS,
-    OLD_NAMES,
-    LiftedModel,
-    require_configuration,
-)
+from np_drake.lifting.model.lifted_model import BY_AXES, ENCODERS, OLD_NAMES, LiftedModel, require_configuration
 from np_drake.lifting.model.onsets import Onsets
 from np_drake.lifting.model.trust import Trust
 
@@ -59,9 +53,7 @@ def save_model(model: LiftedModel, path: str | Path) -> None:
     write_model(tensors, SCHEMA, header, path)
 
 
-def write_model(
-    tensors: dict[str, np.ndarray], schema: str, header: dict[str, Any], path: str | Path
-) -> None:
+def write_model(tensors: dict[str, np.ndarray], schema: str, header: dict[str, Any], path: str | Path) -> None:
     """Write a model file of any kind, whole or not at all.
 
     Args:
@@ -147,9 +139,7 @@ def load_model(path: str | Path, configuration: str | None = None) -> LiftedMode
     return model
 
 
-def read_model(
-    path: str | Path, schema: str, build: Callable[[dict[str, np.ndarray], dict[str, Any]], M]
-) -> M:
+def read_model(path: str | Path, schema: str, build: Callable[[dict[str, np.ndarray], dict[str, Any]], M]) -> M:
     """Return the model in a file of any kind.
 
     Args:
@@ -217,9 +207,7 @@ def _onsets(tensors: dict[str, np.ndarray]) -> Onsets | None:
 
 
 def _trust(tensors: dict[str, np.ndarray], K: int) -> Trust | None:
-    found = {
-        name.removeprefix("trust/"): value for name, value in tensors.items() if name.startswith("trust/")
-    }
+    found = {name.removeprefix("trust/"): value for name, value in tensors.items() if name.startswith("trust/")}
     if not found:
         return None
     horizons = found.pop("horizons").astype(int)

@@ -40,14 +40,10 @@ class Onsets:
         k, c = (self.jump.shape[-2], self.channels.shape[-2]) if self.jump.ndim == 4 else (0, 1)
         wanted = {"channels": (V, c, 12), "cost": (V, R), "jump": (V, R, k, q)}
         if V == 0 or n % c or any(getattr(self, name).shape != shape for name, shape in wanted.items()):
-            raise ValueError(
-                "Onsets: watch (V, R, q, D c), channels, cost and jump must agree on V, R, q and c."
-            )
+            raise ValueError("Onsets: watch (V, R, q, D c), channels, cost and jump must agree on V, R, q and c.")
         odds = np.asarray(self.odds)
         if odds.shape not in ((), (1,), (R,)) or not (np.all(odds > 0) and np.all(np.isfinite(odds))):
-            raise ValueError(
-                f"Onsets: odds must be positive and finite, one or one an age; got {odds.tolist()}."
-            )
+            raise ValueError(f"Onsets: odds must be positive and finite, one or one an age; got {odds.tolist()}.")
 
     @property
     def K(self) -> int:
@@ -75,18 +71,14 @@ class Onsets:
     def along(self, samples: np.ndarray) -> np.ndarray:
         """Return the correction (n - D + 1, K) for every full window of samples (n, 12), n >= D."""
         windows = sliding_window_view(samples, self.delay, axis=0).swapaxes(1, 2)
-        return np.concatenate(
-            [self.correction(windows[i : i + CHUNK]) for i in range(0, len(windows), CHUNK)]
-        )
+        return np.concatenate([self.correction(windows[i : i + CHUNK]) for i in range(0, len(windows), CHUNK)])
 
     def _seen(self, window: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return M_r w (V, ..., R, q) and p_r (V, ..., R)."""
         V, R, q, n = self.watch.shape
         outer = window.shape[:-2]
         scaled = window[None].reshape(1, -1, 12) @ self.channels.swapaxes(1, 2)  # (V, o D, c)
-        seen = (scaled.reshape(V, -1, n) @ self.watch.reshape(V, R * q, n).swapaxes(1, 2)).reshape(
-            V, *outer, R, q
-        )
+        seen = (scaled.reshape(V, -1, n) @ self.watch.reshape(V, R * q, n).swapaxes(1, 2)).reshape(V, *outer, R, q)
         cost = self.cost.reshape(V, *[1] * len(outer), R)
         e = np.log(self.odds) + np.minimum(0.5 * np.einsum("...q,...q->...", seen, seen) - cost, LARGEST)
         # p_r = exp(e_r) / (1 + sum exp(e_s)), less the largest exponent, so that nothing overflows

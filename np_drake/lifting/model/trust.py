@@ -137,9 +137,7 @@ class Trust:
         return np.clip((pa - pq * b) / pp, 0.0, 1.0), b
 
 
-def _regressors(
-    forecast: np.ndarray, chi: np.ndarray, mean: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _regressors(forecast: np.ndarray, chi: np.ndarray, mean: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the base, and what a and b multiply, (..., 6) each."""
     base = np.where(IS_FORCE, chi, 0.0)
     return base, forecast - base, np.where(IS_FORCE, mean - chi, chi)

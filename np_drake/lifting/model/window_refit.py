@@ -29,9 +29,7 @@ class WindowRefit:
         if not ridge > 0:
             raise ValueError(f"WindowRefit: ridge must be positive; got {ridge}.")
         if not isinstance(model.encoder, Phi):
-            raise ValueError(
-                "WindowRefit: the encoder must be Phi; a delay encoder flies with its offline A, B."
-            )
+            raise ValueError("WindowRefit: the encoder must be Phi; a delay encoder flies with its offline A, B.")
         self._phi, self._ridge = model.encoder, ridge
         self._scale = model.zeta_scale
         self._prior = np.hstack([model.system.A, model.system.B * self._scale]).T

@@ -83,9 +83,7 @@ def train_delay_modal(
     excitation = _excitation(segments, config, step)
     chi_scale = group_scale([segment.goal for segment in segments], centred=True)
     zeta_scale = group_scale([segment.zeta for segment in segments], centred=True)
-    scaled = [
-        (s.chi / chi_scale, s.zeta @ excitation.shrink.T / zeta_scale, s.goal / chi_scale) for s in segments
-    ]
+    scaled = [(s.chi / chi_scale, s.zeta @ excitation.shrink.T / zeta_scale, s.goal / chi_scale) for s in segments]
     blocks = config.blocks()
     runs = _Runs(checkpoint, len(blocks) * config.starts * config.iterations, on_epoch)
     fitted, begun, losses = [], [], {}
@@ -97,9 +95,7 @@ def train_delay_modal(
     system, encoder = _assemble(blocks, fitted, config.delay, step, chi_scale, zeta_scale, excitation)
     onsets = _onsets(blocks, begun, config, chi_scale, zeta_scale, excitation)
     summary = {"samples": sum(map(len, segments)), "loss": losses, "excitation": excitation.text}
-    model = LiftedModel(
-        DELAY_MODAL, system, encoder, config.delay, chi_scale, zeta_scale, config.torque, summary
-    )
+    model = LiftedModel(DELAY_MODAL, system, encoder, config.delay, chi_scale, zeta_scale, config.torque, summary)
     return dc.replace(model, onsets=onsets), runs.history
 
 
@@ -129,9 +125,7 @@ class _Runs:
         self._on_epoch(self._epoch, self._total, loss)
 
 
-def _best_descent(
-    modal: ModalBlock, config: DelayModalConfig, number: int, runs: _Runs
-) -> tuple[np.ndarray, float]:
+def _best_descent(modal: ModalBlock, config: DelayModalConfig, number: int, runs: _Runs) -> tuple[np.ndarray, float]:
     """Return the parameters of the least loss over the starts, and that loss."""
     found = []
     for run in range(config.starts):
@@ -193,9 +187,7 @@ def _block_onsets(
         return None
     levels = np.arange(block.size - len(m.C), block.size)
     modes = np.concatenate([np.arange(2 * block.pairs if block.swings else 0), levels])
-    views = [
-        (chi @ view.selected.T, goal @ view.selected.T) for chi, _, goal in scaled for view in block.views
-    ]
+    views = [(chi @ view.selected.T, goal @ view.selected.T) for chi, _, goal in scaled for view in block.views]
     return fit_onsets(
         m, modal.whitener, modes=modes, ages=list(config.onsets), delay=config.delay, size=config.onset_size,
         lag=label_lag(views),

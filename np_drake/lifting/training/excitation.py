@@ -53,16 +53,12 @@ class Excitation:
         """Summary for people, in one line."""
         weak = [
             f"{_name(direction)} ({deviation:.1f} x noise)"
-            for direction, deviation in zip(
-                self.directions[~self.excited], self.deviation[~self.excited], strict=True
-            )
+            for direction, deviation in zip(self.directions[~self.excited], self.deviation[~self.excited], strict=True)
         ]
         line = f"{self.excited.sum()} of 6 directions of zeta excited"
         line += f"; B shrunk along {', '.join(weak)}" if weak else ""
         if self.line_share > 0.8:
-            line += (
-                f"; {100 * self.line_share:.0f} % of the motion is one line at {self.line_frequency:.2f} Hz"
-            )
+            line += f"; {100 * self.line_share:.0f} % of the motion is one line at {self.line_frequency:.2f} Hz"
         return line + "."
 
 

@@ -36,13 +36,7 @@ class Moments:
 
 
 def flight_moments(
-    samples: np.ndarray,
-    goal: np.ndarray,
-    *,
-    taps: DelayTaps,
-    horizons: np.ndarray,
-    max_origins: int,
-    symmetry: float,
+    samples: np.ndarray, goal: np.ndarray, *, taps: DelayTaps, horizons: np.ndarray, max_origins: int, symmetry: float
 ) -> Moments:
     """Return the moments of a flight over evenly thinned origins.
 

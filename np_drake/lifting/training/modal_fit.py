@@ -172,11 +172,7 @@ class ModalBlock:
 
 
 def descend(
-    block: ModalBlock,
-    theta: np.ndarray,
-    *,
-    iterations: int,
-    on_iteration: Callable[[float], None] = lambda _: None,
+    block: ModalBlock, theta: np.ndarray, *, iterations: int, on_iteration: Callable[[float], None] = lambda _: None
 ) -> tuple[np.ndarray, list[float]]:
     """Minimise the loss of `block` by L-BFGS from theta and return (theta, loss after each iteration).
 
@@ -191,7 +187,5 @@ def descend(
     if iterations < 1:
         return theta, history
     options = {"maxiter": iterations, "maxcor": 30, "ftol": 1e-7, "gtol": 1e-8}
-    result = minimize(
-        block.loss_and_gradient, theta, jac=True, method="L-BFGS-B", callback=record, options=options
-    )
+    result = minimize(block.loss_and_gradient, theta, jac=True, method="L-BFGS-B", callback=record, options=options)
     return result.x, history

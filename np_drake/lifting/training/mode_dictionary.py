@@ -133,14 +133,10 @@ def fit_response(
             one = np.einsum("ohp,ohq->pq", weighted, u, optimize=True)
             two = np.einsum("ohp,ohc->pc", weighted, rest[..., group], optimize=True)
             gram, cross = gram + one, cross + two
-            energy = np.array(
-                [[np.sum((p * q) ** np.arange(h)) for h in horizons] for p in poles for q in poles]
-            )
+            energy = np.array([[np.sum((p * q) ** np.arange(h)) for h in horizons] for p in poles for q in poles])
             floor = (energy @ (1.0 / left)).reshape(len(poles), len(poles))
             gram = gram + noise**2 * np.kron(floor, np.eye(6))
-        gram, cross = symmetrised(
-            gram, cross, [_turned(gram, cross, group, turn) for turn in TURNS], symmetry
-        )
+        gram, cross = symmetrised(gram, cross, [_turned(gram, cross, group, turn) for turn in TURNS], symmetry)
         settled = (1.0 / (1.0 - poles)) / strength  # of a mode, per unit of B and of zeta held
         solution = np.linalg.solve(gram + np.diag(np.repeat(settled**2, 6)), cross)
         for i, channel in enumerate(range(*group.indices(6))):
@@ -156,14 +152,10 @@ def coupled(modes: ModeDictionary, B: np.ndarray, level: float, step: float) -> 
     K = modes.K
     A = np.zeros((K + 6, K + 6))
     A[:K, :K], A[:K, K:], A[K:, K:] = modes.A, -B, level * np.eye(6)
-    return LiftedLinearSystem(
-        A, np.vstack([B, np.zeros((6, 6))]), np.hstack([modes.C, np.zeros((6, 6))]), step
-    )
+    return LiftedLinearSystem(A, np.vstack([B, np.zeros((6, 6))]), np.hstack([modes.C, np.zeros((6, 6))]), step)
 
 
-def _turned(
-    gram: np.ndarray, cross: np.ndarray, group: slice, turn: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+def _turned(gram: np.ndarray, cross: np.ndarray, group: slice, turn: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the moments of the turned flight."""
     T = np.kron(np.eye(len(gram) // 6), turn)
     return T.T @ gram @ T, T.T @ cross @ turn[group, group]

@@ -14,13 +14,7 @@ from np_drake.lifting.model.trust import Trust
 from np_drake.lifting.training.checkpoint import Checkpoint, OnEpoch
 from np_drake.lifting.training.dmdc import sample_scale
 from np_drake.lifting.training.excitation import training_summary
-from np_drake.lifting.training.horizon_ridge import (
-    Moments,
-    horizon_grid,
-    horizon_ridge,
-    moments_of,
-    relative_error,
-)
+from np_drake.lifting.training.horizon_ridge import Moments, horizon_grid, horizon_ridge, moments_of, relative_error
 from np_drake.lifting.training.mode_dictionary import ModeDictionary, coupled, fit_response, time_constants
 from np_drake.training_data.segments import Segment, check_segments
 
@@ -112,12 +106,7 @@ def _response(
         rest = (segment.goal / scale[:6])[origins[:, None] + config.grid] - forecast
         pieces.append((samples[:, 6:], origins, rest, flight.power))
     return fit_response(
-        pieces,
-        modes,
-        config.grid,
-        noise=config.input_noise,
-        strength=config.strength,
-        symmetry=config.symmetry,
+        pieces, modes, config.grid, noise=config.input_noise, strength=config.strength, symmetry=config.symmetry
     )
 
 
@@ -125,9 +114,7 @@ def _assemble(config, modes, encoder, B, projector, scale, step, segments) -> Li
     """Return the model in physical units."""
     channel = np.concatenate([[c] * len(p) for c, p in enumerate(modes.poles)])
     unit = scale[channel]  # of each amplitude [N, N·m]
-    window = (
-        config.taps.expand(encoder[:, :-1] * unit[:, None], 12).reshape(modes.K, config.delay, 12) / scale
-    )
+    window = config.taps.expand(encoder[:, :-1] * unit[:, None], 12).reshape(modes.K, config.delay, 12) / scale
     last = np.zeros((6, config.delay, 12))
     last[:, -1, 6:] = np.eye(6)  # the last zeta, as it is
     E = np.concatenate([window, last]).reshape(modes.K + 6, -1)

@@ -92,9 +92,7 @@ def stack_onsets(views: Sequence[tuple[np.ndarray, BlockOnsets]], odds: np.ndarr
         R, own = found.watch.shape[:2]
         watched = found.watch.reshape(R, own, -1, len(channels))
         seen.append(np.pad(channels, ((0, c - len(channels)), (0, 0))))
-        watch.append(
-            np.pad(watched, ((0, 0), (0, q - own), (0, 0), (0, c - len(channels)))).reshape(R, q, -1)
-        )
+        watch.append(np.pad(watched, ((0, 0), (0, q - own), (0, 0), (0, c - len(channels)))).reshape(R, q, -1))
         jump.append(np.pad(found.jump, ((0, 0), (0, 0), (0, q - own))))
     cost = np.stack([found.cost for _, found in views])
     return Onsets(np.stack(seen), np.stack(watch), cost, np.stack(jump), odds)

@@ -118,9 +118,7 @@ class PaperTrainer:
         with torch.no_grad():
             C = self._best_readout(self.phi(self._chi)).numpy() * self.chi_scale[:, None]
         K, prior = self.config.size, self.forward_prior.numpy()
-        system = LiftedLinearSystem(
-            stabilized(prior[:K].T, RADIUS), prior[K:].T / self.zeta_scale, C, self.step
-        )
+        system = LiftedLinearSystem(stabilized(prior[:K].T, RADIUS), prior[K:].T / self.zeta_scale, C, self.step)
         summary = {
             "samples": self.samples, "epochs": self.epoch, "loss": self.history[-1] if self.history else None,
             "gamma": self.config.gamma, "excitation": self.excitation.text,
@@ -147,9 +145,7 @@ class PaperTrainer:
         self.epoch = len(self.history)
         for i, parameter in enumerate(self.parameters):
             parameter.data = torch.from_numpy(state[f"parameter{i}"].copy())
-            moments = {
-                name: torch.tensor(state[f"parameter{i}/{name}"]) for name in ("exp_avg", "exp_avg_sq")
-            }
+            moments = {name: torch.tensor(state[f"parameter{i}/{name}"]) for name in ("exp_avg", "exp_avg_sq")}
             count = torch.tensor(state[f"parameter{i}/step"].item(), dtype=torch.float32)
             self.optimiser.state[parameter] = {"step": count, **moments}
 
@@ -204,24 +200,16 @@ def train_paper(
     return trainer.model(), trainer.history
 
 
-def _windows(
-    segments: list[Segment], config: PaperConfig, zeta_scale: np.ndarray
-) -> tuple[torch.Tensor, torch.Tensor]:
+def _windows(segments: list[Segment], config: PaperConfig, zeta_scale: np.ndarray) -> tuple[torch.Tensor, torch.Tensor]:
     """Return chi in physical units and scaled zeta of all windows, (b, W, 6) each."""
-    starts = [
-        (segment, k)
-        for segment in segments
-        for k in range(0, len(segment) - config.window + 1, config.spacing)
-    ]
+    starts = [(segment, k) for segment in segments for k in range(0, len(segment) - config.window + 1, config.spacing)]
     starts = starts[:: max(1, -(-len(starts) // config.max_windows))]
     chi = np.stack([segment.chi[k : k + config.window] for segment, k in starts])
     zeta = np.stack([segment.zeta[k : k + config.window] for segment, k in starts])
     return torch.from_numpy(chi), torch.from_numpy(zeta / zeta_scale)
 
 
-def _regression(
-    z: torch.Tensor, zeta: torch.Tensor, *, backward: bool = False
-) -> tuple[torch.Tensor, torch.Tensor]:
+def _regression(z: torch.Tensor, zeta: torch.Tensor, *, backward: bool = False) -> tuple[torch.Tensor, torch.Tensor]:
     """Return regressors [z, zeta] (b, W-1, K+6) and targets (b, W-1, K).
 
     They are z_(k+1) from z_k, or z_k from z_(k+1).

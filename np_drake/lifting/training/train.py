@@ -160,9 +160,7 @@ def _train_dmdc(
     stable = system.stabilized()
     loss = _one_step_error(segments, stable, encoder, scale)
     on_epoch(1, 1, loss)
-    summary = training_summary(segments, loss, segments[0].step) | {
-        "spectral_radius_as_fitted": system.spectral_radius
-    }
+    summary = training_summary(segments, loss, segments[0].step) | {"spectral_radius_as_fitted": system.spectral_radius}
     name = DMDC if config.delays == 1 else DELAY_DMDC
     model = LiftedModel(name, stable, encoder, config.delays, scale[:6], scale[6:], True, summary)
     return model, [loss]
@@ -176,9 +174,7 @@ def _train_ridge(
     segments = check_segments(segments, config.delay + config.horizon + 1)
     scale, taps = sample_scale(segments), DelayTaps(config.delay, config.dense, config.averages)
     horizons = np.arange(config.horizon + 1)
-    flights = moments_of(
-        segments, scale, taps=taps, horizons=horizons, max_origins=config.max_origins, symmetry=0.0
-    )
+    flights = moments_of(segments, scale, taps=taps, horizons=horizons, max_origins=config.max_origins, symmetry=0.0)
     W = horizon_ridge(flights, noise=config.noise)
     loss = float(np.mean([relative_error(flight, W)[:, 0] for flight in flights]))
     on_epoch(1, 1, loss)

@@ -26,13 +26,7 @@ from np_drake.logs.importing.log_map import LogMap, Source
 
 MAGIC = 0xBC
 TIMES = {1: ("<u4", 1e-3), 2: ("<u8", 1e-6)}  # by version: type and unit [s] of a record's time
-TYPES = {letter: f"<{letter}" for letter in "hHiIqQefd"} | {
-    "l": "<i4",
-    "L": "<u4",
-    "b": "i1",
-    "B": "u1",
-    "?": "?",
-}
+TYPES = {letter: f"<{letter}" for letter in "hHiIqQefd"} | {"l": "<i4", "L": "<u4", "b": "i1", "B": "u1", "?": "?"}
 VARIABLE = re.compile(r"(.+)\((.)\)", re.DOTALL)
 LARGEST_HEADER = 4 << 20  # [bytes]
 CHUNK = 4 << 20  # [bytes] of the file that are decoded together
@@ -156,9 +150,7 @@ def _add_inputs(found: LogMap, source: Callable[..., Source]) -> None:
     if found.thrust:
         found.torque = source(*_xyz("ctrlLee.torque"), unit="N.m")
         return
-    found.throttle = source(*_rotors("pwm.m{}_pwm"), unit="pwm16") or source(
-        *_rotors("motor.m{}"), unit="pwm16"
-    )
+    found.throttle = source(*_rotors("pwm.m{}_pwm"), unit="pwm16") or source(*_rotors("motor.m{}"), unit="pwm16")
 
 
 def _xyz(prefix: str) -> list[str]:
@@ -176,9 +168,7 @@ def _read_header(path: Path, file: BinaryIO) -> _Header:
         raise LogError(f"{path}: must begin with the header of a Crazyflie usd-log (byte 0xBC); {REMEDY}.")
     version, count = struct.unpack_from("<HH", start, 1)
     if version not in TIMES:
-        raise LogError(
-            f"{path}: must be a usd-log of version 1 or 2; got {version}. Convert it, or import a CSV."
-        )
+        raise LogError(f"{path}: must be a usd-log of version 1 or 2; got {version}. Convert it, or import a CSV.")
     try:
         events, size = _events(start, count, TIMES[version][0])
     except (IndexError, UnicodeDecodeError, struct.error) as error:
@@ -252,19 +242,12 @@ def _wanted_columns(path: Path, header: _Header, wanted: Mapping[str, list[str]]
                 raise LogError(f"{path}: must hold the variable {name} of the event {stream}; it does not.")
     unit = TIMES[header.version][1]
     return {
-        key: _Columns(event, wanted[event.name], unit)
-        for key, event in header.events.items()
-        if event.name in wanted
+        key: _Columns(event, wanted[event.name], unit) for key, event in header.events.items() if event.name in wanted
     }
 
 
 def _decode(
-    path: Path,
-    file: BinaryIO,
-    header: _Header,
-    columns: Mapping[int, _Columns],
-    progress: Progress,
-    chunk: int,
+    path: Path, file: BinaryIO, header: _Header, columns: Mapping[int, _Columns], progress: Progress, chunk: int
 ) -> tuple[str, ...]:
     """Add all whole records to the columns, and return what there is to say of the end of the file."""
     total = max(file.seek(0, 2), 1)

@@ -63,9 +63,7 @@ def check_header(path: str | Path, names: Sequence[str]) -> None:
     Raises: LogError: if there is one name only, too many, none that is a word, or one twice.
     """
     if len(names) == 1:
-        raise LogError(
-            f"{path}, line 1: the header must name comma-separated columns; got {names[0][:60]!r}."
-        )
+        raise LogError(f"{path}, line 1: the header must name comma-separated columns; got {names[0][:60]!r}.")
     if len(names) > MAX_COLUMNS:
         raise LogError(f"{path}, line 1: must name at most {MAX_COLUMNS} columns; got {len(names)}.")
     twice = sorted(name for name, count in Counter(names).items() if count > 1)

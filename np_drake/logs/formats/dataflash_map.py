@@ -61,6 +61,4 @@ def _escs(contents: Contents) -> list[str]:
 def _first(contents: Contents, names: tuple[str, ...], columns: tuple[str, ...]) -> list[str]:
     """Return `stream/column` of the first message that has all columns; its first instance where it is numbered."""
     streams = (stream for name in names for stream in (f"{name}.0", name))
-    return first_source(
-        contents, ([f"{stream}/{column}" for column in columns] for stream in streams)
-    ).columns
+    return first_source(contents, ([f"{stream}/{column}" for column in columns] for stream in streams)).columns

@@ -60,12 +60,7 @@ _SHAPES = {
     "cubes": _object("foxglove.CubePrimitive", pose=_POSE, size=_VECTOR, color=_COLOR),
     "spheres": _object("foxglove.SpherePrimitive", pose=_POSE, size=_VECTOR, color=_COLOR),
     "cylinders": _object(
-        "foxglove.CylinderPrimitive",
-        pose=_POSE,
-        size=_VECTOR,
-        bottom_scale=NUMBER,
-        top_scale=NUMBER,
-        color=_COLOR,
+        "foxglove.CylinderPrimitive", pose=_POSE, size=_VECTOR, bottom_scale=NUMBER, top_scale=NUMBER, color=_COLOR
     ),
     "lines": _LINE,
     "triangles": _object("foxglove.TriangleListPrimitive"),
@@ -173,9 +168,7 @@ def entity(when: int, frame: str, name: str, **shapes: list[Json]) -> Json:
     }
 
 
-def solid(
-    p: np.ndarray | Sequence[float], size: Sequence[float], color: Sequence[float], **more: Any
-) -> Json:
+def solid(p: np.ndarray | Sequence[float], size: Sequence[float], color: Sequence[float], **more: Any) -> Json:
     """Return a cube, sphere or cylinder.
 
     Args:

@@ -140,9 +140,7 @@ def read_wrenches(path: str | Path) -> WrenchSequence:
 
 def _renamed(table: Table) -> Table:
     """Return the table under our column names, still in the data set's frames; LogError if a column is missing."""
-    names = {
-        s: n for field in SOURCE_COLUMNS for s, n in zip(SOURCE_COLUMNS[field], COLUMNS[field], strict=True)
-    }
+    names = {s: n for field in SOURCE_COLUMNS for s, n in zip(SOURCE_COLUMNS[field], COLUMNS[field], strict=True)}
     for source in names:
         if source not in table.columns:
             raise table.error("is missing; a NeuroBEM file has 29 columns.", column=source)
@@ -163,15 +161,11 @@ def read_array(path: str | Path) -> np.ndarray:
     with Path(path).open("rb") as file:
         start = file.read(2)
     if start == b"PK":
-        raise LogError(
-            f"{path}: must be one array (.npy); it is an archive (.npz). Save the array by itself."
-        )
+        raise LogError(f"{path}: must be one array (.npy); it is an archive (.npz). Save the array by itself.")
     note_input(path)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # of a header as Python 2 wrote it
             return np.array(np.load(path, mmap_mode="r", allow_pickle=False))
     except DAMAGED as error:
-        raise LogError(
-            f"{path}: must be a plain NumPy array (.npy); cut off or pickled files are refused."
-        ) from error
+        raise LogError(f"{path}: must be a plain NumPy array (.npy); cut off or pickled files are refused.") from error

@@ -14,13 +14,7 @@ from np_drake.logs.errors import LogError, optional_package, place
 from np_drake.logs.formats.format import Progress
 from np_drake.logs.formats.table_cells import Cell, require_names
 from np_drake.logs.importing.log_map import UNITS
-from np_drake.logs.text_lines import (
-    MAX_COLUMNS,
-    GrowingColumns,
-    require_rows_within_limit,
-    too_large,
-    too_many_cells,
-)
+from np_drake.logs.text_lines import MAX_COLUMNS, GrowingColumns, require_rows_within_limit, too_large, too_many_cells
 
 BLOCK_ROWS = 1 << 14  # that are held beside the table
 
@@ -74,9 +68,7 @@ def open_parquet(path: str | Path) -> Iterator[tuple[Any, Any]]:
                 _require_modest(path, file.metadata)
                 yield pyarrow, file
         except (pyarrow.ArrowException, OSError, UnicodeDecodeError) as error:
-            raise LogError(
-                f"{path}: must be a whole Parquet file; {_reason(error)}. Copy it again."
-            ) from error
+            raise LogError(f"{path}: must be a whole Parquet file; {_reason(error)}. Copy it again.") from error
 
 
 def _require_modest(path: str | Path, metadata: Any) -> None:
@@ -120,9 +112,7 @@ def column_names(path: Path) -> list[str]:
         return [name for cell in _layout(path, pyarrow, file) for name in cell.names]
 
 
-def read_columns(
-    path: Path, names: Sequence[str], progress: Progress
-) -> tuple[dict[str, np.ndarray], list[str]]:
+def read_columns(path: Path, names: Sequence[str], progress: Progress) -> tuple[dict[str, np.ndarray], list[str]]:
     """Return columns (n,) by name, null as NaN, times in s, and no notes.
 
     Args:
@@ -171,9 +161,7 @@ def _require_short(path: Path, pyarrow: Any, column: Any, name: str, most: int) 
     while _is_list(pyarrow, column.type):
         column = column.flatten()
     if len(column) > most:
-        raise LogError(
-            f"{place(path, column=name)}: must hold lists as long as the first, of {MAX_COLUMNS} at most."
-        )
+        raise LogError(f"{place(path, column=name)}: must hold lists as long as the first, of {MAX_COLUMNS} at most.")
 
 
 def _numbers(path: Path, pyarrow: Any, column: Any, cell: Cell, before: int) -> list[np.ndarray]:
@@ -186,9 +174,7 @@ def _numbers(path: Path, pyarrow: Any, column: Any, cell: Cell, before: int) -> 
         numbers = _flat(value)
         if value is not None and len(numbers) != cell.size:
             where = place(path, column=cell.name, row=before + row, header_lines=0)
-            raise LogError(
-                f"{where}: must be a list of {cell.size} numbers as in the first row; got {len(numbers)}."
-            )
+            raise LogError(f"{where}: must be a list of {cell.size} numbers as in the first row; got {len(numbers)}.")
         if value is not None:
             rows[row] = [np.nan if number is None else float(number) for number in numbers]
     return list(rows.T)

@@ -210,9 +210,7 @@ def _contents(path: Path) -> Contents:
                     found[name] = columns
                     left -= len(columns)
             if left < 0:
-                raise LogError(
-                    f"{path}: must hold at most {MOST_COLUMNS} numbers by name. Keep fewer topics."
-                )
+                raise LogError(f"{path}: must hold at most {MOST_COLUMNS} numbers by name. Keep fewer topics.")
     if not found:
         why = f"; {bag.notes[-1]}" if bag.notes else ""
         raise LogError(f"{path}: must hold messages with numbers of known types; there are none{why}.")
@@ -336,9 +334,7 @@ def _default_map(contents: Contents) -> LogMap | None:
         velocity=Source(_of(f"{odometry}/twist.twist.linear"), axes="body") if odometry else Source(),
         attitude=Source(_of(f"{prefix}.orientation", (*XYZ, "w")), order="xyzw", direction="body_to_world"),
         rates=Source(_of(rates), axes="body"),
-        acceleration=Source(_of(f"{imu}/linear_acceleration"), kind="specific_force", axes="body")
-        if imu
-        else Source(),
+        acceleration=Source(_of(f"{imu}/linear_acceleration"), kind="specific_force", axes="body") if imu else Source(),
         thrust=Source([f"{wrench}/wrench.force.z"] if wrench else []),
         torque=Source(_of(f"{wrench}/wrench.torque") if wrench else []),
         throttle=throttle,

@@ -78,9 +78,7 @@ def split_header(header: str) -> list[str]:
     return [names[0].lstrip("#").strip(), *names[1:]]
 
 
-def read_columns(
-    path: Path, names: Sequence[str], progress: Progress
-) -> tuple[dict[str, np.ndarray], list[str]]:
+def read_columns(path: Path, names: Sequence[str], progress: Progress) -> tuple[dict[str, np.ndarray], list[str]]:
     """Return columns (n,) by name, and notes; memory is that of the numbers that are asked for.
 
     Args:

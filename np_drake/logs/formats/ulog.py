@@ -99,9 +99,7 @@ def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Re
     return Recording(str(path), streams, _facts(log), tuple(notes))
 
 
-def _stream(
-    path: Path, name: str, parts: Sequence[Any], columns: Sequence[str], log: Any
-) -> tuple[Stream, _Said]:
+def _stream(path: Path, name: str, parts: Sequence[Any], columns: Sequence[str], log: Any) -> tuple[Stream, _Said]:
     """Return the wanted columns of one stream, and what there is to say of it."""
     for column in columns:
         if any(column not in part.data for part in parts):

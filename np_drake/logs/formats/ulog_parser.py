@@ -99,9 +99,7 @@ def parse(path: Path, names: Sequence[str], progress: Progress) -> tuple[Any, li
         names: of the messages whose rows are kept.
         progress: called with the share that is read [1].
     """
-    pyulog = optional_package(
-        "pyulog", path, "ULog needs pyulog; pip install 'np_drake[ulog]', or convert to CSV."
-    )
+    pyulog = optional_package("pyulog", path, "ULog needs pyulog; pip install 'np_drake[ulog]', or convert to CSV.")
     subscriptions: list[Subscription] = []
     with path.open("rb") as file:
         size = file.seek(0, 2)

@@ -91,9 +91,7 @@ def check_conventions(t: np.ndarray, raw: Values, log_map: LogMap) -> Verdict:
                 found.append((sum(m**2 for m in now.values()), change))
         if found:
             found.sort(key=lambda pair: pair[0])
-            return Verdict(
-                own, failed or tuple(doubted), found[0][1], tuple(change for _, change in found[1:])
-            )
+            return Verdict(own, failed or tuple(doubted), found[0][1], tuple(change for _, change in found[1:]))
     disturbed = all(law.startswith("lift") and own[law] < OPPOSED for law in failed)
     return Verdict(own, () if disturbed else failed)
 

@@ -33,9 +33,7 @@ def convert(raw: Values, log_map: LogMap) -> dict[str, np.ndarray]:
     }
 
 
-def convert_quantity(
-    name: str, values: np.ndarray, log_map: LogMap, q: np.ndarray | None = None
-) -> np.ndarray:
+def convert_quantity(name: str, values: np.ndarray, log_map: LogMap, q: np.ndarray | None = None) -> np.ndarray:
     """Return one quantity (n, k) as `convert` does.
 
     Args:

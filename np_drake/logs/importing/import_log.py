@@ -14,13 +14,7 @@ from np_drake.logs.formats import format_of
 from np_drake.logs.formats.format import Format, Progress, by_stream, no_progress
 from np_drake.logs.gaps import LONGEST as LONGEST_GAP
 from np_drake.logs.import_sheet import Sheet
-from np_drake.logs.importing.airborne import (
-    airborne,
-    require_a_flight,
-    require_a_step,
-    require_ranges,
-    standing,
-)
+from np_drake.logs.importing.airborne import airborne, require_a_flight, require_a_step, require_ranges, standing
 from np_drake.logs.importing.alignment import COMMANDS, Aligned, align, common_rows
 from np_drake.logs.importing.conventions import (
     Change,
@@ -113,9 +107,7 @@ def import_log(
     return Imported(tuple(flights), Sheet(timing, content))
 
 
-def _map_for(
-    path: Path, log_map: LogMap | MapFile | None
-) -> tuple[Format, Mapping[str, tuple[str, ...]], LogMap]:
+def _map_for(path: Path, log_map: LogMap | MapFile | None) -> tuple[Format, Mapping[str, tuple[str, ...]], LogMap]:
     given = log_map.values if isinstance(log_map, MapFile) else log_map
     known = format_of(path, given.format if given else "")
     contents = known.contents(path)
@@ -142,16 +134,12 @@ def _cut(signals: dict[str, Signal], log_map: LogMap, path: str) -> dict[str, Si
     for name, own in signals.items():
         inside = (own.t >= start) & (own.t <= stop)
         if inside.sum() < LEAST_ROWS:
-            raise LogError(
-                f"{path}: start and stop of the map must leave samples; {name} has {inside.sum()} in them."
-            )
+            raise LogError(f"{path}: start and stop of the map must leave samples; {name} has {inside.sum()} in them.")
         out[name] = Signal(own.t[inside], own.values[inside])
     return out
 
 
-def _on_a_likely_clock(
-    signals: dict[str, Signal], log_map: LogMap, path: str
-) -> tuple[dict[str, Signal], Change]:
+def _on_a_likely_clock(signals: dict[str, Signal], log_map: LogMap, path: str) -> tuple[dict[str, Signal], Change]:
     """Return the signals with times in a unit that gives a rate of flight logs, and the change that is; empty: none.
 
     Raises: LogError: if the log would be too short in that unit to be a flight: its rows are slow, not its clock.
@@ -237,9 +225,7 @@ def _lift(values: Mapping[str, np.ndarray]) -> np.ndarray | None:
     return None
 
 
-def _flights(
-    aligned: Aligned, rows: slice, ground: np.ndarray, log_map: LogMap, name: str
-) -> list[FlightLog]:
+def _flights(aligned: Aligned, rows: slice, ground: np.ndarray, log_map: LogMap, name: str) -> list[FlightLog]:
     """Return the flights between take-off and landing, split at long gaps; rows in gaps, on `ground`, are left out."""
     keep = np.zeros(len(aligned.t), bool)
     keep[rows] = True

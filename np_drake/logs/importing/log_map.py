@@ -147,9 +147,7 @@ class LogMap:
         _one_of("command", self.command, TIMINGS)
         for name in ("start", "stop"):
             if not 0 <= getattr(self, name) < 1e9:
-                raise ValueError(
-                    f"LogMap: {name} must be finite and not negative; got {getattr(self, name)}."
-                )
+                raise ValueError(f"LogMap: {name} must be finite and not negative; got {getattr(self, name)}.")
         if self.rate != 0 and not RATES[0] <= self.rate <= RATES[1]:
             raise ValueError(f"LogMap: rate must be 0, or {RATES[0]:g} … {RATES[1]:g} Hz; got {self.rate:g}.")
         if self.time:
@@ -173,9 +171,7 @@ class MapFile:
         for name, options in self.named.items():
             value = getattr(self.values, name)
             if options and not value.columns:  # options of columns that the format names
-                value = dc.replace(
-                    getattr(own, name), **{option: getattr(value, option) for option in options}
-                )
+                value = dc.replace(getattr(own, name), **{option: getattr(value, option) for option in options})
             own = dc.replace(own, **{name: value})
         return own
 

@@ -100,11 +100,7 @@ def _cleaned(signal: Signal, *, quaternion: bool) -> tuple[Signal, str]:
     kept = good & ~zero
     t, values = signal.t[kept], signal.values[kept]
     later = t > np.concatenate([[-np.inf], np.maximum.accumulate(t)[:-1]])
-    counts = {
-        "no number": np.sum(~good),
-        "a quaternion of zeros": np.sum(zero),
-        "time not increasing": np.sum(~later),
-    }
+    counts = {"no number": np.sum(~good), "a quaternion of zeros": np.sum(zero), "time not increasing": np.sum(~later)}
     reasons = ", ".join(f"{count} with {reason}" for reason, count in counts.items() if count)
     return Signal(t[later], values[later]), reasons
 

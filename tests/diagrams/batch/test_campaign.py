@@ -36,9 +36,7 @@ def counted(tmp_path):
     return work, lambda: calls.read_text().split(), broken
 
 
-@pytest.mark.parametrize(
-    ("how", "why"), [("exit", "EXIT(5)"), ("raise", "KeyError: 'drag' (test_campaign.py:")]
-)
+@pytest.mark.parametrize(("how", "why"), [("exit", "EXIT(5)"), ("raise", "KeyError: 'drag' (test_campaign.py:")])
 def test_a_failed_case_is_alone_is_recorded_and_is_tried_again(counted, tmp_path, how, why):
     work, calls, broken = counted
     broken.write_text(how)
@@ -63,11 +61,7 @@ def test_a_finished_campaign_starts_no_process(counted, tmp_path, monkeypatch):
     monkeypatch.setattr(campaign, "as_they_finish", None)
     seen = []
     again = run_campaign(
-        work,
-        CASES[:1],
-        config=CONFIG,
-        folder=tmp_path / "cases",
-        on_progress=lambda *counts: seen.append(counts),
+        work, CASES[:1], config=CONFIG, folder=tmp_path / "cases", on_progress=lambda *counts: seen.append(counts)
     )
     assert again == records
     assert seen == [(1, 1)]
@@ -76,10 +70,7 @@ def test_a_finished_campaign_starts_no_process(counted, tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (
-            {"config": {"solver": "sqp", "reality": {"drag": 0.5}}},
-            "config.reality.drag is 0.5, .* 0.25; choose",
-        ),
+        ({"config": {"solver": "sqp", "reality": {"drag": 0.5}}}, "config.reality.drag is 0.5, .* 0.25; choose"),
         ({"version": "9.9"}, "version is .9.9"),
         ({"case": {"row": "gp"}}, "its content is of none"),
     ],

@@ -35,9 +35,7 @@ def cluster_of(workers, threads=1):
     dask = pytest.importorskip("dask", reason=reason)
     with (
         dask.config.set({"distributed.scheduler.allowed-failures": 1}),
-        distributed.LocalCluster(
-            n_workers=workers, threads_per_worker=threads, dashboard_address=":0"
-        ) as local,
+        distributed.LocalCluster(n_workers=workers, threads_per_worker=threads, dashboard_address=":0") as local,
     ):
         yield local.scheduler_address
 

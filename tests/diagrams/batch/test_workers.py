@@ -28,9 +28,7 @@ def test_the_cost_counts_what_failed_and_names_median_and_most():
     assert dut.cost() == [said]
 
 
-@pytest.mark.parametrize(
-    "seconds, text", [(0.5, "0.5 s"), (119.0, "119 s"), (120.0, "2 min"), (9000.0, "2.5 h")]
-)
+@pytest.mark.parametrize("seconds, text", [(0.5, "0.5 s"), (119.0, "119 s"), (120.0, "2 min"), (9000.0, "2.5 h")])
 def test_a_duration_has_the_unit_that_suits_it(seconds, text):
     assert duration(seconds) == text
 

@@ -38,21 +38,17 @@ def make_cause(name: str, parameters: dict[str, float], *alike: str, probability
         "effect": name,
         "probability": probability,
         "parameters": {
-            key: {"value": value, "unit": "", "ci95": [value - 0.1, value + 0.1]}
-            for key, value in parameters.items()
+            key: {"value": value, "unit": "", "ci95": [value - 0.1, value + 0.1]} for key, value in parameters.items()
         },
         "onset": {"train_1": None},
         "indistinguishable_from": list(alike),
     }
 
 
-def make_answer(
-    *causes: dict[str, Any], unknown: bool = False, before: float = 3.0, after: float = 1.0
-) -> dict:
+def make_answer(*causes: dict[str, Any], unknown: bool = False, before: float = 3.0, after: float = 1.0) -> dict:
     """The content of diagnosis.json. before, after: every wrench channel in units of its floor."""
     gap = {
-        kind: {axis: {"rms": before * floor, "after": after * floor} for axis in "xyz"}
-        for kind, floor in FLOOR.items()
+        kind: {axis: {"rms": before * floor, "after": after * floor} for axis in "xyz"} for kind, floor in FLOOR.items()
     }
     return {
         "verdict": [cause["effect"] for cause in causes] + ["unknown"] * unknown,
@@ -80,9 +76,7 @@ def make_case(truth: dict[str, Any], answer: dict[str, Any] | None, name: str = 
     return AnsweredCase(name, truth, answer)
 
 
-def named(
-    truth: dict[str, Any], *names: str, alike: tuple[str, ...] = (), unknown: bool = False
-) -> AnsweredCase:
+def named(truth: dict[str, Any], *names: str, alike: tuple[str, ...] = (), unknown: bool = False) -> AnsweredCase:
     """A case that is answered with these names, each with the same `indistinguishable_from`."""
     return make_case(truth, make_answer(*(make_cause(n, {}, *alike) for n in names), unknown=unknown))
 

@@ -18,9 +18,7 @@ FLOORS = (  # from the ground up
     ("transfer", "real"),
 )
 LEVEL = {room: level for level, rooms in enumerate(FLOORS) for room in rooms}
-FILES = sorted(
-    path.relative_to(ROOT) for path in ROOT.rglob("*.py") if path.parent != ROOT or path.stem in LEVEL
-)
+FILES = sorted(path.relative_to(ROOT) for path in ROOT.rglob("*.py") if path.parent != ROOT or path.stem in LEVEL)
 
 
 def room_of(path: Path) -> str:

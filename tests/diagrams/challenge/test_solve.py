@@ -70,10 +70,7 @@ def test_a_case_that_fails_loses_only_itself(cases, tmp_path):
     assert dut["failed"][0]["case"] == "b2"
     assert "heldout" in dut["failed"][0]["error"]
     assert seen == [(1, 3), (2, 3), (3, 3)]
-    assert json.loads((answers / "a1" / "diagnosis.json").read_text()) == {
-        "train": ["train_1.csv"],
-        "replay": False,
-    }
+    assert json.loads((answers / "a1" / "diagnosis.json").read_text()) == {"train": ["train_1.csv"], "replay": False}
     assert not (answers / "b2").exists()
 
 
@@ -202,14 +199,7 @@ def test_no_truth_is_opened_wherever_one_lies(cases, tmp_path):
         for file in (cases / name).iterdir():
             file.unlink()
     answers = tmp_path / "answers"
-    beside = (
-        cases / "a1",
-        cases,
-        cases / "truth" / "a1",
-        tmp_path / "truth" / "a1",
-        answers / "a1",
-        tmp_path,
-    )
+    beside = (cases / "a1", cases, cases / "truth" / "a1", tmp_path / "truth" / "a1", answers / "a1", tmp_path)
     for folder in beside:
         folder.mkdir(parents=True, exist_ok=True)
         (folder / "truth.json").write_text("this is no JSON")

@@ -34,9 +34,7 @@ def answer(
         tuple(log.name for log in held_out),
         ("mass_error",),
         (cause,),
-        an.Identifiability(
-            True, {"speed, RMS [m/s]": 1.0}, {"force x": 0.05}, (confusable,), ("a warning.",)
-        ),
+        an.Identifiability(True, {"speed, RMS [m/s]": 1.0}, {"force x": 0.05}, (confusable,), ("a warning.",)),
         an.Localisation((an.ChannelGap("force z", "N", 1.0, 0.1, 0.1, 0.99),)),
         an.GapReduction(5.0, 1.2, 1.0, 0.98, (0.95, 0.99), ladder, gap, gap),
         below_threshold=(an.Finding("gyro_bias", "0.001 rad/s about x.", 0.001),),
@@ -106,9 +104,7 @@ def test_a_second_answer_is_printed_beside_the_first(case, logs, monkeypatch, ca
     def twice(*arguments, **how):
         found = answer(*arguments, **how)
         novel = (an.Finding("wind", "a slow force along x, 3 N", 3.0),)
-        alone = dc.replace(
-            found, verdict=(), causes=(), new_on_held_out=novel, coverage=("Drag was not tested.",)
-        )
+        alone = dc.replace(found, verdict=(), causes=(), new_on_held_out=novel, coverage=("Drag was not tested.",))
         return dc.replace(alone, refit=dc.replace(found, joined=found.held_out))
 
     monkeypatch.setattr(importlib.import_module("np_drake.diagnosis.diagnose"), "diagnose", twice)
@@ -160,10 +156,7 @@ def test_the_user_says_whether_sensors_are_real_or_ideal(case, tmp_path, capsys,
 def test_what_a_vehicle_file_leaves_out_is_said(case, capsys):
     assert run(["diagnose", str(case), "--no-replay"]) == 0
     printed = " ".join(capsys.readouterr().out.split())
-    assert (
-        "inertia, rotor_positions, thrust_coefficient, torque_coefficient, max_rotor_thrust not named"
-        in printed
-    )
+    assert "inertia, rotor_positions, thrust_coefficient, torque_coefficient, max_rotor_thrust not named" in printed
     full = VEHICLE + yaml.safe_dump({name: getattr(Vehicle(), name) for name in RIGID[1:]})
     (case / "vehicle.yaml").write_text(full)
     assert run(["diagnose", str(case), "--no-replay"]) == 0
@@ -203,9 +196,7 @@ def test_bad_input_is_one_line_and_leaves_nothing(case, tmp_path, monkeypatch, c
     before = sorted(tmp_path.rglob("*"))
     arguments, message = BAD[name]
     words = {"CASE": str(case), "TRAIN": str(case / "train_1.csv")}
-    arguments = [
-        argument.replace("TRAIN", words["TRAIN"]).replace("CASE", words["CASE"]) for argument in arguments
-    ]
+    arguments = [argument.replace("TRAIN", words["TRAIN"]).replace("CASE", words["CASE"]) for argument in arguments]
     arguments = arguments if "--out" in arguments else [*arguments, "--out", "fresh"]
     assert run(["diagnose", *arguments]) == 2
     last = capsys.readouterr().err.splitlines()[-1]

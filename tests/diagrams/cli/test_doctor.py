@@ -42,13 +42,7 @@ def swaying() -> FlightLog:
     noisy = np.random.default_rng(0).normal(size=(len(t), 12))
     u = np.column_stack([lift, torque])
     return FlightLog(
-        t,
-        p + 1e-3 * noisy[:, :3],
-        q,
-        v + 1e-2 * noisy[:, 3:6],
-        w + 1e-2 * noisy[:, 6:9],
-        u,
-        a=a + 0.1 * noisy[:, 9:],
+        t, p + 1e-3 * noisy[:, :3], q, v + 1e-2 * noisy[:, 3:6], w + 1e-2 * noisy[:, 6:9], u, a=a + 0.1 * noisy[:, 9:]
     )
 
 
@@ -69,25 +63,11 @@ def facts():
 @pytest.fixture
 def report(facts):
     told = Answer("mass_error", "delta_mass", "kg", 0.01, 0.01, 0.2, "yes")
-    part = [
-        Answer("linear_drag", f"d_{a}", "N·s/m", s, s, 0.3, v)
-        for a, s, v in (("x", 0.1, "yes"), ("y", 9.0, "no"))
-    ]
+    part = [Answer("linear_drag", f"d_{a}", "N·s/m", s, s, 0.3, v) for a, s, v in (("x", 0.1, "yes"), ("y", 9.0, "no"))]
     twin = Answer(
-        "inertia_error",
-        "scale_xx",
-        "1",
-        9.0,
-        0.1,
-        0.15,
-        "no",
-        "it cannot be told from a",
-        "roll",
-        ("mixer_gain",),
+        "inertia_error", "scale_xx", "1", 9.0, 0.1, 0.15, "no", "it cannot be told from a", "roll", ("mixer_gain",)
     )
-    wide = dc.replace(
-        twin, identifier="an_effect_with_a_very_long_name", beside=("another_with_a_long_name",) * 3
-    )
+    wide = dc.replace(twin, identifier="an_effect_with_a_very_long_name", beside=("another_with_a_long_name",) * 3)
     never = Answer("motor_lag", "time_constant", "s", np.inf, np.inf, 0.03, "never", "no command", "log it")
     floor = {f"{kind} {axis}": 0.1 for kind in ("force", "torque") for axis in "xyz"}
     tests = (SwingTest("f", 50.0, 9.9, True, 0.5, 0.0047),)

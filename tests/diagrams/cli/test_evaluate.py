@@ -65,10 +65,7 @@ def test_a_bad_model_is_refused_before_a_scenario_is_flown(tmp_path, monkeypatch
 
 
 def test_a_log_at_rest_is_scored(logs, rest, capsys):
-    assert run(["evaluate", rest, "--train", str(logs[0]), "--only", "delay-modal", "--epochs", "2"]) in (
-        0,
-        1,
-    )
+    assert run(["evaluate", rest, "--train", str(logs[0]), "--only", "delay-modal", "--epochs", "2"]) in (0, 1)
     assert "must move" not in capsys.readouterr().err
 
 
@@ -80,9 +77,7 @@ def test_every_fold_needs_motion(logs, rest, capsys):
 
 def test_a_predictor_is_scored_beside_the_naive_rows(logs, model, tmp_path, capsys):
     out = tmp_path / "rows.json"
-    code = run(
-        ["evaluate", str(logs[1]), "--predictor", str(model), "--horizons", "1,10", "--json", str(out)]
-    )
+    code = run(["evaluate", str(logs[1]), "--predictor", str(model), "--horizons", "1,10", "--json", str(out)])
     captured = capsys.readouterr()
     assert code == 0, captured.err
     rows = rows_of(out)
@@ -127,16 +122,7 @@ def test_a_payload_filter_file_is_scored_beside_the_naive_rows(logs, pendulum, t
 
 def test_a_pendulum_is_trained_where_it_is_named(logs, tmp_path, capsys):
     out = tmp_path / "rows.json"
-    arguments = [
-        "evaluate",
-        str(logs[1]),
-        "--train",
-        str(logs[0]),
-        "--only",
-        "payload_filter",
-        "--json",
-        str(out),
-    ]
+    arguments = ["evaluate", str(logs[1]), "--train", str(logs[0]), "--only", "payload_filter", "--json", str(out)]
     assert run([*arguments, "--horizons", "5"]) == 0, capsys.readouterr().err
     assert {row["model"] for row in rows_of(out)} == {"payload_filter", *UNTRAINED, *TRAINED}
 
@@ -157,10 +143,7 @@ def test_a_pendulum_of_another_vehicle_or_for_arrays_is_bad_input(logs, pendulum
 def test_a_force_of_motion_is_predicted_better_than_by_any_naive_row(logs, model, tmp_path):
     """The force is mass times dv/dt of a multisine: its past tells its future, persistence does not."""
     out = tmp_path / "rows.json"
-    assert (
-        run(["evaluate", str(logs[1]), "--predictor", str(model), "--json", str(out), "--horizons", "10"])
-        == 0
-    )
+    assert run(["evaluate", str(logs[1]), "--predictor", str(model), "--json", str(out), "--horizons", "10"]) == 0
     assert next(row for row in rows_of(out) if row["model"] == "delay-modal")["force_skill"] < 1.0
 
 
@@ -204,12 +187,7 @@ def test_without_arguments_it_is_race_track_1(neurobem, tmp_path, monkeypatch, c
     captured = capsys.readouterr()
     assert "race track 1: force" in captured.out
     assert "0.057 N" in captured.out
-    assert {row["model"] for row in rows_of(tmp_path / "rows.json")} >= {
-        "paper",
-        "mode-dictionary",
-        "linear",
-        "mean",
-    }
+    assert {row["model"] for row in rows_of(tmp_path / "rows.json")} >= {"paper", "mode-dictionary", "linear", "mean"}
 
 
 BAD = {  # arguments: what the line must say
@@ -236,12 +214,7 @@ def test_bad_input_is_one_line_and_leaves_nothing(logs, model, tmp_path, monkeyp
     np.save(array, np.zeros((500, 12)))
     words = {"LOG": str(logs[1]), "MODEL": str(model), "ARRAY": str(array)}
     arguments, message = BAD[case]
-    command = [
-        "evaluate",
-        *(words.get(word, word) for word in arguments),
-        "--json",
-        str(tmp_path / "rows.json"),
-    ]
+    command = ["evaluate", *(words.get(word, word) for word in arguments), "--json", str(tmp_path / "rows.json")]
     assert run(command) == 2
     last = capsys.readouterr().err.splitlines()[-1]
     assert last.startswith("np-drake evaluate: ")
@@ -321,11 +294,7 @@ def test_a_bad_log_is_one_line_and_leaves_nothing(logs, model, tmp_path, capsys,
 
 
 def test_a_log_without_accelerations_is_scored_and_says_how(logs, model, tmp_path, capsys):
-    bare = altered(
-        logs[1],
-        tmp_path / "bare.csv",
-        lambda lines: without(lines, "ax", "ay", "az", "alx", "aly", "alz"),
-    )
+    bare = altered(logs[1], tmp_path / "bare.csv", lambda lines: without(lines, "ax", "ay", "az", "alx", "aly", "alz"))
     assert run(["evaluate", str(bare), "--predictor", str(model), "--horizons", "1"]) == 0
     assert "delay-modal: spectral radius above 1 in 0 of " in capsys.readouterr().out
 

@@ -90,9 +90,7 @@ def test_a_scenario_is_exported_with_its_effects(tmp_path, capsys):
         "name: mine\nreality:\n  payload: {tether: none}\n  effects:\n"
         "  - {effect: mass_error, parameters: {delta_mass: 0.2}, onset: 3.0}\n"
     )
-    assert run(["export", str(scenario), "--format", "mujoco", "--out", str(out)]) == 0, (
-        capsys.readouterr().err
-    )
+    assert run(["export", str(scenario), "--format", "mujoco", "--out", str(out)]) == 0, capsys.readouterr().err
     told = capsys.readouterr()
     assert "mass_error" in told.out
     assert "mass_error: begins at 3 s in the scenario" in told.out + told.err

@@ -74,9 +74,7 @@ def test_the_scenarios_controller_flies_unless_another_is_asked_for(tmp_path, ca
         assert json.loads(file.read_text())["controller"] == kind
 
 
-@pytest.mark.parametrize(
-    "named, asked, flown", [("", None, "sqp"), ("ipopt", None, "ipopt"), ("ipopt", "sqp", "sqp")]
-)
+@pytest.mark.parametrize("named, asked, flown", [("", None, "sqp"), ("ipopt", None, "ipopt"), ("ipopt", "sqp", "sqp")])
 def test_the_solver_is_that_asked_for_else_the_scenarios_else_default(named, asked, flown, tmp_path, capsys):
     scenario, file = tmp_path / "mine.yaml", tmp_path / "m.json"
     controller = f"controller: {{kind: nominal{', solver: ' + named if named else ''}}}\n"

@@ -90,10 +90,7 @@ def test_a_long_gap_splits_a_log_into_flights(tmp_path, monkeypatch, capsys):
     flight = {name: np.delete(column, slice(400, 440)) for name, column in swaying(T).items()}
     write_table(tmp_path / "flight.csv", flight)
     assert run(["import", "flight.csv", "--map", "map.yaml", "--out", "mine"]) == 0
-    assert sorted(p.name for p in (tmp_path / "mine").glob("*.csv")) == [
-        "flight_part1.csv",
-        "flight_part2.csv",
-    ]
+    assert sorted(p.name for p in (tmp_path / "mine").glob("*.csv")) == ["flight_part1.csv", "flight_part2.csv"]
 
 
 def test_a_landing_and_another_take_off_make_two_flights(tmp_path, monkeypatch, capsys):
@@ -108,9 +105,7 @@ def test_a_landing_and_another_take_off_make_two_flights(tmp_path, monkeypatch, 
     assert run(["import", "flight.csv", "--map", "map.yaml", "--out", "mine"]) == 0
     assert "flight.csv: on the ground: 3." in capsys.readouterr().out
     logs = [open_flights(path, vehicle=Vehicle())[0][0] for path in sorted((tmp_path / "mine").glob("*.csv"))]
-    assert [len(log) for log in logs] == pytest.approx(
-        [800, 800], abs=40
-    )  # rows near the ground are left out
+    assert [len(log) for log in logs] == pytest.approx([800, 800], abs=40)  # rows near the ground are left out
     assert all(log.u[:, 0].min() > 19 for log in logs)  # [N], of a weight of 19.62 N
     assert "between flights" in (tmp_path / "mine" / "flight_part1.import.yaml").read_text()
 
@@ -131,9 +126,7 @@ def test_two_logs_of_one_name_are_told_apart_from_a_file_that_was_there(table, t
         ("flight.csv", "t,x\n0,1\n".encode("utf-16"), "Save the text as UTF-8"),
     ],
 )
-def test_a_file_that_is_no_table_says_how_it_becomes_one(
-    tmp_path, monkeypatch, capsys, name, content, message
-):
+def test_a_file_that_is_no_table_says_how_it_becomes_one(tmp_path, monkeypatch, capsys, name, content, message):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "map.yaml").write_text(MAP)
     (tmp_path / name).write_bytes(content)

@@ -67,16 +67,7 @@ def test_a_flight_is_checked_written_and_can_be_flown_again(report, tmp_path, ca
 def test_the_same_seed_writes_the_same_trajectory(report, tmp_path):
     files = []
     for name in ("a", "b"):
-        arguments = [
-            "next-flight",
-            str(report),
-            *QUICK,
-            "--no-fly",
-            "--seed",
-            "3",
-            "--out",
-            str(tmp_path / name),
-        ]
+        arguments = ["next-flight", str(report), *QUICK, "--no-fly", "--seed", "3", "--out", str(tmp_path / name)]
         assert run(arguments) == 0
         files.append((tmp_path / name / "next_flight.csv").read_bytes())
     assert files[0] == files[1]
@@ -94,9 +85,7 @@ def test_the_default_flight_stays_within_memory_and_time(report, tmp_path):
         print(int(re.search(r"VmHWM:\\s+(\\d+)", status)[1]) / 1000, time.process_time())
     """
     arguments = ["next-flight", str(report), *BOX, "--out", str(tmp_path / "out")]
-    done = subprocess.run(
-        [sys.executable, "-c", code, *arguments], capture_output=True, text=True, check=True
-    )
+    done = subprocess.run([sys.executable, "-c", code, *arguments], capture_output=True, text=True, check=True)
     memory, seconds = map(float, done.stdout.split("\n")[-2].split())
     assert memory < MOST_MEMORY
     assert seconds < MOST_TIME

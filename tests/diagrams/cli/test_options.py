@@ -16,9 +16,7 @@ from diagrams.demo.story import run_demo
 ROOT = typer.main.get_command(app)
 VERBS = {name: verb for name, verb in ROOT.commands.items() if not hasattr(verb, "commands")}
 VERBS |= {
-    f"{group} {name}": verb
-    for group, of in ROOT.commands.items()
-    for name, verb in getattr(of, "commands", {}).items()
+    f"{group} {name}": verb for group, of in ROOT.commands.items() for name, verb in getattr(of, "commands", {}).items()
 }
 VERBS |= {f"reproduce {name}": study.command(name) for name, study in STUDIES.items()}
 
@@ -60,13 +58,7 @@ def test_help_has_the_fields_words(verb, capsys):
 
 
 CHECKED = {"visible", "speed", "tilt", "duration", "mass", "wheelbase", "propeller", "hover_throttle"}
-CHECKED |= {
-    "mass_uncertainty",
-    "thrust_uncertainty",
-    "box",
-    "vehicles",
-    "seconds",
-}  # by what they are passed to
+CHECKED |= {"mass_uncertainty", "thrust_uncertainty", "box", "vehicles", "seconds"}  # by what they are passed to
 
 
 @pytest.mark.parametrize("verb", VERBS)

@@ -37,11 +37,7 @@ class Panic(BaseException):
         (KeyboardInterrupt(), 130, "np-drake verb: interrupted.\n"),
         (MemoryError(), 70, "np-drake verb: internal error: MemoryError: no message (test_outcome.py:"),
         (RecursionError("deep"), 70, "np-drake verb: internal error: RecursionError: deep (test_outcome.py:"),
-        (
-            ZeroDivisionError("a\nb"),
-            70,
-            "np-drake verb: internal error: ZeroDivisionError: a b (test_outcome.py:",
-        ),
+        (ZeroDivisionError("a\nb"), 70, "np-drake verb: internal error: ZeroDivisionError: a b (test_outcome.py:"),
         (EOFError("cut off"), 70, "np-drake verb: internal error: EOFError: cut off (test_outcome.py:"),
         (Panic("native"), 70, "np-drake verb: internal error: Panic: native. Please report it"),
     ],

@@ -82,10 +82,7 @@ def test_the_same_seed_trains_the_same_model(logs, tmp_path):
 
 BAD = {  # extra arguments: what the line must say
     "no file": (["missing.csv"], "missing.csv: No such file"),
-    "configuration": (
-        ["LOG", "--configuration", "papier"],
-        "delay-dmdc, ridge, payload_filter, gp, knode; got papier",
-    ),
+    "configuration": (["LOG", "--configuration", "papier"], "delay-dmdc, ridge, payload_filter, gp, knode; got papier"),
     "checkpoint": (["LOG", "--configuration", "gp", "--checkpoint", "run"], "gp has none"),
     "folder": (["LOG", "--json", "nowhere/x.json"], "nowhere must exist"),
     "vehicle": (["LOG", "--vehicle", "missing.yaml"], "missing.yaml"),
@@ -120,9 +117,7 @@ def test_a_log_with_a_bad_row_is_refused_and_repaired_if_asked(logs, tmp_path, c
 
 def test_arrays_and_logs_are_not_mixed(logs, tmp_path, capsys):
     np.save(tmp_path / "array.npy", np.zeros((500, 12)))
-    code = run(
-        ["train", str(logs[0]), str(tmp_path / "array.npy"), "--out", str(tmp_path / "np.safetensors")]
-    )
+    code = run(["train", str(logs[0]), str(tmp_path / "array.npy"), "--out", str(tmp_path / "np.safetensors")])
     assert code == 2
     assert "one kind" in capsys.readouterr().err
 

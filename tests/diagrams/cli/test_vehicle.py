@@ -32,10 +32,7 @@ def test_new_without_out_prints_the_file(capsys, tmp_path):
         (["--preset", "crazyflie", "--mass", "1"], "max_rotor_thrust"),
         (["--preset", "crazyflie", "--propeller", "0.1"], "--propeller"),
         (["--preset", "crazyflie", "--mass-uncertainty", "0.9"], "mass_uncertainty"),
-        (
-            ["--mass", "1", "--wheelbase", "0.4", "--propeller", "0.2", "--hover-throttle", "50"],
-            "0.05 to 0.95",
-        ),
+        (["--mass", "1", "--wheelbase", "0.4", "--propeller", "0.2", "--hover-throttle", "50"], "0.05 to 0.95"),
     ],
 )
 def test_bad_measures_are_one_line(arguments, text, capsys):
@@ -76,8 +73,7 @@ MEASURES = ("--mass", "20", "--wheelbase", "1.4", "--propeller", "0.72", "--hove
 
 @pytest.mark.parametrize("start", [MEASURES, ("--preset", "crazyflie")], ids=["measures", "preset"])
 @pytest.mark.parametrize(
-    "name",
-    [r"\1 \g<0>", "null", "1.5", "a: b # c", "a\ngravity: 1", "\abell", "飞机", "a\x85b", "long " * 60],
+    "name", [r"\1 \g<0>", "null", "1.5", "a: b # c", "a\ngravity: 1", "\abell", "飞机", "a\x85b", "long " * 60]
 )
 def test_new_writes_any_name_as_its_reader_reads_it(start, name, tmp_path):
     out = tmp_path / "mine.yaml"

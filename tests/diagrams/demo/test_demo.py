@@ -111,9 +111,7 @@ def test_the_files_are_read_by_the_other_verbs(told):
 
 def test_a_wrong_or_missed_cause_stands_in_headline_and_table(told):
     demo = told[2]
-    blind = story.dc.replace(
-        demo, diagnosis=story.dc.replace(demo.diagnosis, causes=(), verdict=("ground_effect",))
-    )
+    blind = story.dc.replace(demo, diagnosis=story.dc.replace(demo.diagnosis, causes=(), verdict=("ground_effect",)))
     assert "0 of 4" in page.headline(blind)
     assert "1 that is not there" in page.headline(blind)
     assert [row[1] for row in page.cause_rows(blind)] == ["not named"] * 4

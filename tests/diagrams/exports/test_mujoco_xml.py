@@ -91,11 +91,7 @@ def fly(flight, folder) -> np.ndarray:
 def test_the_body_has_the_corrected_mass_properties(preset, tmp_path):
     vehicle = load_vehicle(preset)
     arm = np.abs(vehicle.rotor_positions).max()
-    effects = [
-        MassError(0.07 * vehicle.mass),
-        InertiaError(1.2, 0.9, 1.1),
-        CenterOfMassOffset(0.1 * arm, 0, 0),
-    ]
+    effects = [MassError(0.07 * vehicle.mass), InertiaError(1.2, 0.9, 1.1), CenterOfMassOffset(0.1 * arm, 0, 0)]
     dut, data = model(vehicle, effects, tmp_path)
     full = np.zeros((6, 6))
     for unit, column in zip(np.eye(6), full, strict=True):

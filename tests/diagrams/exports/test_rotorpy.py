@@ -47,8 +47,7 @@ class HubDrag(WrenchEffect):
 
 def multirotor(parameters: dict, **given):
     module = pytest.importorskip(
-        "rotorpy.vehicles.multirotor",
-        reason="RotorPy is not installed: pip install 'np_drake[exports]'",
+        "rotorpy.vehicles.multirotor", reason="RotorPy is not installed: pip install 'np_drake[exports]'"
     )
     return module.Multirotor(parameters, control_abstraction="cmd_motor_speeds", **given)
 
@@ -76,10 +75,7 @@ def test_the_dictionary_has_every_key_that_rotorpy_reads():
 
 def test_the_file_holds_the_dictionary(tmp_path):
     write_rotorpy(Vehicle(), [ThrustScale(0.9)], tmp_path / "dut.json")
-    read, given = (
-        json.loads((tmp_path / "dut.json").read_text()),
-        rotorpy_parameters(Vehicle(), [ThrustScale(0.9)]),
-    )
+    read, given = (json.loads((tmp_path / "dut.json").read_text()), rotorpy_parameters(Vehicle(), [ThrustScale(0.9)]))
     assert read.keys() == given.keys()
     assert read["k_eta"] == pytest.approx(0.9e-5)
     np.testing.assert_array_equal(read["rotor_pos"]["r2"], given["rotor_pos"]["r2"])
@@ -95,9 +91,7 @@ def test_rotors_have_the_torque_about_the_centre_of_mass():
     vehicle, gain, center = Vehicle(), MixerGain(0.7, 0.8, 0.9), np.array([0.01, -0.02, 0.03])
     dut = multirotor(rotorpy_parameters(vehicle, [gain, CenterOfMassOffset(*center)]))
     thrust = np.array([5.0, 4.0, 6.0, 3.0])
-    force, torque = dut.compute_body_wrench(
-        np.zeros(3), np.sqrt(thrust / vehicle.thrust_coefficient), np.zeros(3)
-    )
+    force, torque = dut.compute_body_wrench(np.zeros(3), np.sqrt(thrust / vehicle.thrust_coefficient), np.zeros(3))
     u = vehicle.mixer @ thrust
     motion = Motion(0.0, np.array([0.0, 0, 0, 1, *np.zeros(9)]), thrust)
     about_origin = u[1:] + gain.wrench(vehicle, motion)[3:]

@@ -101,18 +101,13 @@ class GazeboForces(LeafSystem):
             thrust = float(motor["motorConstant"]) * speed[int(motor["motorNumber"])] ** 2
             turning = {"ccw": 1, "cw": -1}[motor["turningDirection"]]
             apply(motor["linkName"], np.array([0, 0, thrust]), np.zeros(3))
-            apply(
-                "quadrotor", np.zeros(3), np.array([0, 0, -turning * thrust * float(motor["momentConstant"])])
-            )
+            apply("quadrotor", np.zeros(3), np.array([0, 0, -turning * thrust * float(motor["momentConstant"])]))
         for air in self._air:
             index = int(self._plant.GetBodyByName(air["link_name"]).index())
             R = poses[index].rotation().matrix()
             wind = np.array(air["default_current"].split(), float)
             through = np.concatenate(
-                [
-                    R.T @ (velocities[index].translational() - wind),
-                    R.T @ velocities[index].rotational(),
-                ]
+                [R.T @ (velocities[index].translational() - wind), R.T @ velocities[index].rotational()]
             )
             wrench = hydrodynamic_wrench(air, through)
             apply(air["link_name"], wrench[:3], wrench[3:])
@@ -175,11 +170,7 @@ def carried_inertia(plant: MultibodyPlant):
 def test_body_and_rotors_together_have_the_corrected_mass_properties(preset, tmp_path):
     vehicle = load_vehicle(preset)
     arm = np.abs(vehicle.rotor_positions).max()
-    effects = [
-        MassError(0.07 * vehicle.mass),
-        InertiaError(1.2, 0.9, 1.1),
-        CenterOfMassOffset(0.1 * arm, 0, 0),
-    ]
+    effects = [MassError(0.07 * vehicle.mass), InertiaError(1.2, 0.9, 1.1), CenterOfMassOffset(0.1 * arm, 0, 0)]
     write_sdf(vehicle, effects, tmp_path / "dut.sdf")
     expected = spatial_inertia(mass_properties(vehicle, effects)).CopyToFullMatrix6()
     dut = carried_inertia(parsed(tmp_path / "dut.sdf")).CopyToFullMatrix6()

@@ -59,9 +59,7 @@ def diagnosis(*causes, where=None, posterior=None):
     gap_reduction = an.GapReduction(1.0, 1.0, 1.0, 0.0, (0.0, 0.0), ())
     verdict = tuple(c.identifier for c in causes)
     located = an.Localisation(()) if where is None else where
-    return an.Diagnosis(
-        "paper", ("a",), ("b",), verdict, causes, nothing, located, gap_reduction, posterior=posterior
-    )
+    return an.Diagnosis("paper", ("a",), ("b",), verdict, causes, nothing, located, gap_reduction, posterior=posterior)
 
 
 def written(found, folder, vehicle=None):
@@ -135,16 +133,12 @@ def test_every_bodily_effect_of_the_file_leaves_the_same_residual_in_drake(kind,
     assert np.abs(found).max() > 1e-4  # it acts [N, N·m]
 
 
-@pytest.mark.parametrize(
-    "kind", [k for k in EVERY.values() if issubclass(k, SensorEffect)], ids=lambda k: k.identifier
-)
+@pytest.mark.parametrize("kind", [k for k in EVERY.values() if issubclass(k, SensorEffect)], ids=lambda k: k.identifier)
 def test_every_sensor_error_of_the_file_is_in_the_log_of_a_flight(kind, tmp_path):
     effect = odd(kind)
     flight = flown(written(diagnosis(cause(effect)), tmp_path))
     s, log = flight.signals, flight.log()
-    truth = Measurement(
-        s["x_true"], s["acceleration_true"][:, :3], s["acceleration_true"][:, 3:], s["rotor_speed"]
-    )
+    truth = Measurement(s["x_true"], s["acceleration_true"][:, :3], s["acceleration_true"][:, 3:], s["rotor_speed"])
     read = effect.measure(Vehicle(), truth, np.zeros(0))
     wanted = FlightLog(
         t=s["t"], p=read.x[:, :3], q=read.x[:, 3:7], v=read.x[:, 7:10], w=read.x[:, 10:], u=s["u"], a=read.a,
@@ -153,10 +147,7 @@ def test_every_sensor_error_of_the_file_is_in_the_log_of_a_flight(kind, tmp_path
     wanted = shift_state(wanted, effect.clock_shift) if effect.clock_shift else wanted
     for name in ("x", "a", "al"):
         np.testing.assert_allclose(getattr(log, name), getattr(wanted, name), atol=1e-9)
-    assert (
-        len(wanted.t) < len(s["t"])
-        or np.abs(wanted.x - truth.x).max() + np.abs(wanted.a - truth.a).max() > 1e-3
-    )
+    assert len(wanted.t) < len(s["t"]) or np.abs(wanted.x - truth.x).max() + np.abs(wanted.a - truth.a).max() > 1e-3
 
 
 @pytest.mark.parametrize(
@@ -239,9 +230,7 @@ def test_the_file_says_the_interval_of_every_parameter(tmp_path):
 def test_draws_have_the_posteriors_mean_and_covariance():
     C = np.array([[0.01**2, 0.6e-4 * 0.5], [0.6e-4 * 0.5, 0.006**2]])
     posterior = Posterior(["thrust_scale.scale", "mass_error.delta_mass"], C.tolist())
-    found = diagnosis(
-        *(cause(e, probability=1.0) for e in (ThrustScale(0.9), MassError(0.1))), posterior=posterior
-    )
+    found = diagnosis(*(cause(e, probability=1.0) for e in (ThrustScale(0.9), MassError(0.1))), posterior=posterior)
     sets = [c.reality.added for c in drawn(corrected_simulator(found, Vehicle()), 2000, seed=3)]
     values = np.array([[thrust.scale, mass.delta_mass] for thrust, mass in sets])
     np.testing.assert_allclose(values.mean(axis=0), [0.9, 0.1], atol=1e-3)

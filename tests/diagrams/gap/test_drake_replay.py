@@ -69,9 +69,7 @@ class Flyer:
 
 def log_of(rows):
     r = np.array(rows)
-    return FlightLog(
-        t=r[:, 0], p=r[:, 1:4], q=r[:, 4:8], v=r[:, 8:11], w=r[:, 11:14], u=r[:, 14:18], name="a"
-    )
+    return FlightLog(t=r[:, 0], p=r[:, 1:4], q=r[:, 4:8], v=r[:, 8:11], w=r[:, 11:14], u=r[:, 14:18], name="a")
 
 
 def position_error(log, *effects, **options):

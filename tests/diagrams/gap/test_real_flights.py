@@ -23,8 +23,6 @@ def test_the_gap_of_an_unseen_flight_halves_sideways_and_grows_nowhere(neurobem,
     table = {r["group"]: r for r in rows([one]) if r["flight"] == one.name}
     assert set(table) == set(GROUPS)
     assert table["lateral force"]["cut"] > 0.5  # 0.7 and more on whole flights
-    assert (
-        table["vertical force"]["cut"] > 0.0
-    )  # little on such stretches; whole flights, pooled: see the docs
+    assert table["vertical force"]["cut"] > 0.0  # little on such stretches; whole flights, pooled: see the docs
     assert table["torque"]["after"] < min(table["torque"][k] for k in ("nominal", "zero", "mean"))
     assert np.isfinite([r["after"] for r in table.values()]).all()

@@ -26,12 +26,7 @@ NAME = "heldout"
 def logged(**reality) -> FlightLog:
     """Flight of 4 s on a circle, with ideal sensors."""
     config = default_flight(VEHICLE)
-    defaults = {
-        "rotor_drag": 0.5,
-        "motor_lag": 0.0,
-        "thrust_scale": 1.0,
-        "noise": MeasurementNoise(0, 0, 0, 0),
-    }
+    defaults = {"rotor_drag": 0.5, "motor_lag": 0.0, "thrust_scale": 1.0, "noise": MeasurementNoise(0, 0, 0, 0)}
     for name, value in {**defaults, "payload": PayloadConfig(tether="none"), **reality}.items():
         setattr(config.reality, name, value)
     config.duration, config.reference.ramp = 3.0, 1.0

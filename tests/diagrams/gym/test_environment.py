@@ -28,10 +28,7 @@ IDEAL = RealityConfig(
     noise=MeasurementNoise(*np.zeros(6)),
 )
 NOMINAL_HOVER = FlightConfig(
-    name="nominal",
-    duration=1.0,
-    reference=ReferenceConfig(track="hover", height=2.0, ramp=0.0),
-    reality=IDEAL,
+    name="nominal", duration=1.0, reference=ReferenceConfig(track="hover", height=2.0, ramp=0.0), reality=IDEAL
 )
 
 

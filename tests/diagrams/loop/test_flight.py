@@ -46,9 +46,7 @@ def test_log_rows_pair_each_command_with_the_acceleration_under_it():
         noise=MeasurementNoise(0, 0, 0, 0, 0, 0),
     )
     log = fly(short(reality=reality), seed=0).log()
-    chi = rigid_body.residual_wrench(
-        load_experiment("circle").vehicle, q=log.q, w=log.w, a=log.a, al=log.al, u=log.u
-    )
+    chi = rigid_body.residual_wrench(load_experiment("circle").vehicle, q=log.q, w=log.w, a=log.a, al=log.al, u=log.u)
     np.testing.assert_allclose(chi, 0.0, atol=1e-6)  # [N, N·m]; the instants differ by a microsecond
     wrong = rigid_body.residual_wrench(
         load_experiment("circle").vehicle, q=log.q, w=log.w, a=log.a, al=log.al, u=np.roll(log.u, 1, axis=0)
@@ -115,9 +113,7 @@ def test_the_oracle_flies_within_a_centimetre():
 
 
 def test_without_gap_and_payload_the_nominal_mpc_tracks():
-    reality = RealityConfig(
-        payload=PayloadConfig(tether="none"), rotor_drag=0.0, motor_lag=0.0, thrust_scale=1.0
-    )
+    reality = RealityConfig(payload=PayloadConfig(tether="none"), rotor_drag=0.0, motor_lag=0.0, thrust_scale=1.0)
     m = fly(short("lemniscate", reality=reality), seed=1).metrics()
     assert m["position_rmse"] < 0.005  # [m]
 

@@ -28,9 +28,7 @@ def metrics(delay, **how):
 @pytest.mark.parametrize("speed, delay, error", [(1.5, 0.06, 0.012), (1.5, 0.115, 0.02), (2.5, 0.03, 0.012)])
 def test_the_payload_filter_finds_a_delay_in_flight_and_holds_the_circle(speed, delay, error):
     errors = metrics(delay, speed=speed)
-    assert (
-        errors["E_xy"] < error
-    )  # a fifth of `nominal` without delay, 2.5 and 6.4 cm, with the first seconds [m]
+    assert errors["E_xy"] < error  # a fifth of `nominal` without delay, 2.5 and 6.4 cm, with the first seconds [m]
     assert errors["solve_failures"] == 0
     assert errors["command_delay"] == pytest.approx(delay, abs=0.0051)  # a quarter period [s]
 

@@ -108,7 +108,5 @@ def test_vehicle_and_payload_are_shown_where_they_are():
     for name, p_W in {"quadrotor": flight.signals["x_true"], "payload": flight.payload_position}.items():
         # Ends in the 16 numbers of X_WB, column by column, each behind the byte of its type.
         packed = view.meshcat._GetPackedTransform(path=name)
-        matrix = [
-            struct.unpack(">d", packed[k + 1 : k + 9])[0] for k in range(len(packed) - 144, len(packed), 9)
-        ]
+        matrix = [struct.unpack(">d", packed[k + 1 : k + 9])[0] for k in range(len(packed) - 144, len(packed), 9)]
         np.testing.assert_allclose(matrix[12:15], p_W[-1, :3], atol=0.02)  # within a period [m]

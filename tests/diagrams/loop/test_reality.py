@@ -47,9 +47,7 @@ def test_a_battery_loses_its_share_of_the_starting_thrust_each_second():
     reality = bare(thrust_loss=0.1)
     found = thrusts(reality, [0.001, 0.5, 1.0])
     np.testing.assert_allclose(found / thrusts(bare(), [0.001])[0], 1.0 - 0.1 * np.array([0.001, 0.5, 1.0]))
-    assert RealityConfig(thrust_scale=0.9, thrust_loss=0.1).thrust_at(Vehicle(), 2.0) == pytest.approx(
-        0.9 * 0.8
-    )
+    assert RealityConfig(thrust_scale=0.9, thrust_loss=0.1).thrust_at(Vehicle(), 2.0) == pytest.approx(0.9 * 0.8)
 
 
 def test_a_delay_of_the_axis_reaches_the_plant_at_the_controllers_period():

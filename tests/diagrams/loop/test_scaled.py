@@ -19,12 +19,7 @@ SMALL = Vehicle(
     name="small",
     mass=0.035,
     inertia=[[1.7e-5, 0.0, 0.0], [0.0, 1.7e-5, 0.0], [0.0, 0.0, 2.9e-5]],
-    rotor_positions=[
-        [0.0325, 0.0325, 0.0],
-        [0.0325, -0.0325, 0.0],
-        [-0.0325, -0.0325, 0.0],
-        [-0.0325, 0.0325, 0.0],
-    ],
+    rotor_positions=[[0.0325, 0.0325, 0.0], [0.0325, -0.0325, 0.0], [-0.0325, -0.0325, 0.0], [-0.0325, 0.0325, 0.0]],
     thrust_coefficient=1.7e-8,
     torque_coefficient=1.0e-10,
     rotor_radius=0.023,
@@ -43,9 +38,7 @@ LARGE = Vehicle(
 
 
 def plain(config: FlightConfig) -> dict:
-    parts = {
-        f.name: getattr(config, f.name) for f in dc.fields(config) if f.name not in ("simulator", "scaled")
-    }
+    parts = {f.name: getattr(config, f.name) for f in dc.fields(config) if f.name not in ("simulator", "scaled")}
     values = {name: dc.asdict(part) if dc.is_dataclass(part) else part for name, part in parts.items()}
     simulator = config.simulator
     return values | {"simulator": (simulator.integration_scheme, simulator.max_step_size)}
@@ -102,10 +95,7 @@ def test_packaged_scenarios_stand_in_si_for_the_papers_vehicle(name, tmp_path):
 @pytest.mark.parametrize("vehicle", [SMALL, LARGE])
 def test_the_cable_stretches_by_one_share_of_its_length_under_any_payload(vehicle):
     shares = []
-    for payload, g in (
-        (FlightConfig().reality.payload, 9.81),
-        (default_flight(vehicle).reality.payload, 9.81),
-    ):
+    for payload, g in ((FlightConfig().reality.payload, 9.81), (default_flight(vehicle).reality.payload, 9.81)):
         shares.append(payload.mass * g / (payload.stiffness * payload.length))
     assert shares[1] == pytest.approx(shares[0], rel=1e-12)  # [1]
 
@@ -114,9 +104,7 @@ def test_the_cable_stretches_by_one_share_of_its_length_under_any_payload(vehicl
 def test_the_step_resolves_the_cable_of_any_vehicle_alike(vehicle):
     paper, dut = FlightConfig(), default_flight(vehicle)
     share = dut.simulator.max_step_size / dut.largest_step
-    assert share == pytest.approx(
-        paper.simulator.max_step_size / paper.largest_step, rel=0.08
-    )  # hook lever, lift
+    assert share == pytest.approx(paper.simulator.max_step_size / paper.largest_step, rel=0.08)  # hook lever, lift
 
 
 def test_the_payload_leaves_a_weak_vehicle_spare_lift():
@@ -175,9 +163,7 @@ def test_similar_vehicles_fly_the_same_dimensionless_circle(length):
         config.controller.kind, config.controller.solver = "hold", "sqp"
         flight, unit = fly(config, seed=0), scales(vehicle)
         errors.append((flight.signals["x_true"][:, :3] - flight.signals["p_ref"]) / unit.length)
-    np.testing.assert_allclose(
-        errors[1], errors[0], rtol=0, atol=1e-6
-    )  # [1]: the feed-forward's step in time is fixed
+    np.testing.assert_allclose(errors[1], errors[0], rtol=0, atol=1e-6)  # [1]: the feed-forward's step in time is fixed
 
 
 @pytest.mark.parametrize("vehicle", [SMALL, LARGE])

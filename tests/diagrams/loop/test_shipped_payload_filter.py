@@ -24,9 +24,7 @@ def retrained(remade):
 def test_training_anew_gives_the_shipped_model(remade, retrained):
     shipped = PayloadFilterModel.load(FILTER_MODEL)
     for name in NUMBERS:
-        assert getattr(retrained, name) == pytest.approx(
-            getattr(shipped, name), rel=1e-3
-        )  # another processor
+        assert getattr(retrained, name) == pytest.approx(getattr(shipped, name), rel=1e-3)  # another processor
     np.testing.assert_allclose(retrained.hook, shipped.hook, atol=1e-5)  # [m]
     assert remade[1].name == FILTER_MODEL.name
     apart = difference(remade[1])
@@ -63,9 +61,7 @@ def test_on_another_payload_it_is_better_than_the_model_of_one_payload(payload):
 
 def test_the_tables_train_it_as_any_other_row(tmp_path, monkeypatch):
     made = []
-    monkeypatch.setattr(
-        "diagrams.tracking.tracking.training_flight", lambda experiment, **_: made.append(experiment)
-    )
+    monkeypatch.setattr("diagrams.tracking.tracking.training_flight", lambda experiment, **_: made.append(experiment))
     monkeypatch.setattr(
         "diagrams.tracking.tracking.train_payload_filter_model", lambda flight, path: made.append(path.name)
     )

@@ -60,9 +60,7 @@ def test_a_trajectory_that_begins_at_rest_is_scored_from_the_first_row(tmp_path)
     assert flight.scored.all()
     assert config.end == pytest.approx(3.0)
     t = flight.signals["t"]
-    np.testing.assert_allclose(
-        flight.signals["p_ref"], motion.sample(t)[0], atol=1e-6
-    )  # [m]; microsecond later
+    np.testing.assert_allclose(flight.signals["p_ref"], motion.sample(t)[0], atol=1e-6)  # [m]; microsecond later
     assert flight.metrics()["E_xy"] < 0.05
     assert flight.metrics()["solve_failures"] == 0
 

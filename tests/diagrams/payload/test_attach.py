@@ -65,9 +65,7 @@ def test_a_payload_tossed_up_is_slack_until_it_has_fallen_back():
     snap = attach.attach_config(attach.ROWS[0], solver="sqp", model=str(NP_MODEL), event="snap")
     snap.reference.ramp, snap.duration, snap.events[0].time = 0.4, 0.8, 0.6
     flight = fly(snap, seed=1)
-    assert attach.slack_time(flight) == pytest.approx(
-        2 * (0.3 / 0.26) / 9.81, abs=0.08
-    )  # [s]; the hook sinks
+    assert attach.slack_time(flight) == pytest.approx(2 * (0.3 / 0.26) / 9.81, abs=0.08)  # [s]; the hook sinks
 
 
 def test_an_encoder_that_averages_its_window_shows_a_step_in_proportion():
@@ -83,9 +81,7 @@ def made_runs():
     rng, runs = np.random.default_rng(0), []
     for event, row, seed in itertools.product(attach.EVENTS, attach.ROWS, range(3)):
         f = lag(0.05, -1.0) + 0.01 * rng.normal(size=len(T))
-        runs.append(
-            {"event": event, "row": row.name, "seed": seed, "t": T, "slack": 0.24, "chi_hat": f, "label": f}
-        )
+        runs.append({"event": event, "row": row.name, "seed": seed, "t": T, "slack": 0.24, "chi_hat": f, "label": f})
         runs[-1] |= {"height": 0.01 * np.sin(T), "solve_failures": 0, "fallbacks": 0}
     return runs
 

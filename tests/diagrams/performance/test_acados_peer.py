@@ -109,9 +109,7 @@ def test_another_vehicle_has_another_solver(acados, vehicle, config):
     assert key(acados, vehicle, config, 5, solver_options(10)) != same
 
 
-def test_a_failed_build_says_why_and_leaves_nothing(
-    acados, cache, vehicle, config, make_problem, monkeypatch
-):
+def test_a_failed_build_says_why_and_leaves_nothing(acados, cache, vehicle, config, make_problem, monkeypatch):
     monkeypatch.setenv("CC", "false")
     with pytest.raises(RuntimeError, match="must succeed"):
         AcadosSolver(vehicle, config).solve(make_problem(config, K=3))

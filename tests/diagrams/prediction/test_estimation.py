@@ -22,9 +22,7 @@ def model(flown, name):
 
 
 def test_one_step_ahead_the_default_is_below_the_paper_in_every_cell(flown):
-    table = estimation.estimation_table(
-        Run(), {"mode-dictionary": model(flown, "mode-dictionary")}, flown[1:], {}
-    )
+    table = estimation.estimation_table(Run(), {"mode-dictionary": model(flown, "mode-dictionary")}, flown[1:], {})
     assert set(table.cells) == set(PUBLISHED)
     assert table.at_or_below("ours, mode-dictionary") == 60
     assert table.worst("ours, mode-dictionary") < 0.25

@@ -36,12 +36,7 @@ def test_every_cell_of_the_paper_stands_beside_ours(folder, tmp_path, capsys):
             assert line["paper"] == rows["NP"][place]
             assert line["NeuroMHE"] == rows["NeuroMHE"][place]
             assert {"ours", "ours_paper", "NeuroBEM", "persistence", "linear"} <= set(line)
-    assert set(content["at_or_below_the_paper"]) == {
-        "ours, paper",
-        "ours, mode-dictionary",
-        "persistence",
-        "linear",
-    }
+    assert set(content["at_or_below_the_paper"]) == {"ours, paper", "ours, mode-dictionary", "persistence", "linear"}
     assert all(found["unstable"] == 0 for of in content["stability"].values() for found in of.values())
     assert content["seed"] == content["config"]["paper"]["seed"] == 3
     assert "seed 3, trained on the training segment; " in captured
@@ -66,10 +61,7 @@ def test_response_is_a_line_a_flight_row_and_horizon(folder, tmp_path, capsys):
 BAD = {  # arguments: what the line must say
     "no flights": (["estimation"], "estimation: give the folder"),
     "no folder": (["response", "--neurobem", "nowhere"], "nowhere"),
-    "too short for the figure": (
-        ["estimation", "--neurobem", "FOLDER", "--out", "OUT"],
-        "must reach from 45 s",
-    ),
+    "too short for the figure": (["estimation", "--neurobem", "FOLDER", "--out", "OUT"], "must reach from 45 s"),
     "out is a file": (["sample-efficiency", "--neurobem", "FOLDER", "--out", "FILE"], "must be a folder"),
 }
 

@@ -56,8 +56,7 @@ def test_every_flight_has_its_rows_and_columns(folder, tmp_path, capsys):
 
 
 @pytest.mark.parametrize(
-    "arguments, message",
-    [([], "mhe: give the folder of the NeuroBEM flights"), (["--neurobem", "nowhere"], "nowhere")],
+    "arguments, message", [([], "mhe: give the folder of the NeuroBEM flights"), (["--neurobem", "nowhere"], "nowhere")]
 )
 def test_without_flights_it_is_one_line(arguments, message, monkeypatch, capsys):
     monkeypatch.delenv("NP_DRAKE_NEUROBEM", raising=False)

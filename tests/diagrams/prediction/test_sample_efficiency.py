@@ -11,10 +11,7 @@ from np_drake.files.figure_file import png
 from np_drake.lifting.training.train import make_config
 
 SIZES = (600, 1200)
-CONFIGS = {
-    "paper": make_config("paper", epochs=1),
-    "mode-dictionary": make_config("mode-dictionary", frame="body"),
-}
+CONFIGS = {"paper": make_config("paper", epochs=1), "mode-dictionary": make_config("mode-dictionary", frame="body")}
 
 
 @pytest.fixture(scope="module")

@@ -29,9 +29,7 @@ def lines(flown):
         "paper": train(segments, make_config("paper", epochs=1)).model,
         "delay-modal": train(
             segments,
-            make_config(
-                "delay-modal", symmetric=False, torque=True, delay=25, starts=1, iterations=30, onset_odds=0.0
-            ),
+            make_config("delay-modal", symmetric=False, torque=True, delay=25, starts=1, iterations=30, onset_odds=0.0),
         ).model,
     }
     return theorem.bound_table(Run(), models, flown, spacing=1, config={})
@@ -81,6 +79,4 @@ def test_the_table_has_a_row_for_every_line_and_one_for_every_model(lines):
 def test_the_lines_below_say_what_was_violated_and_where(lines):
     said = theorem.assumption_lines(lines)
     assert [line for line in said if "violated: stability in 100 % of windows" in line]
-    assert not [
-        line for line in said if line.startswith("  ") and "alphas own" in line and "step of chi" in line
-    ]
+    assert not [line for line in said if line.startswith("  ") and "alphas own" in line and "step of chi" in line]

@@ -24,9 +24,7 @@ def records(errors, row="np", setting=BASE, growth=1.0):
 def test_the_interval_of_three_seeds_is_students():
     dut = summary(records([1.0, 2.0, 3.0]))
     assert dut["E_xy"] == pytest.approx(2.0)
-    assert dut["E_xy_ci95"] == pytest.approx(
-        4.302653 / math.sqrt(3), rel=1e-6
-    )  # t(0.975, 2) s / sqrt(n), s = 1
+    assert dut["E_xy_ci95"] == pytest.approx(4.302653 / math.sqrt(3), rel=1e-6)  # t(0.975, 2) s / sqrt(n), s = 1
     assert dut["spread"] == pytest.approx(0.5)
 
 

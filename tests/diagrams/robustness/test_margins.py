@@ -8,15 +8,7 @@ from diagrams.batch.campaign import case_file
 from diagrams.cli.main import run
 from diagrams.robustness import margins
 from diagrams.robustness.axes import BASE
-from diagrams.robustness.margins import (
-    MARGINS,
-    SPEEDS,
-    Searching,
-    last_that_holds,
-    margin_cases,
-    margin_table,
-    stable,
-)
+from diagrams.robustness.margins import MARGINS, SPEEDS, Searching, last_that_holds, margin_cases, margin_table, stable
 from diagrams.robustness.robustness import ROWS, flight_config
 
 DELAY = MARGINS[0]
@@ -75,9 +67,7 @@ def test_a_search_varies_its_own_quantity_alone(name, margin):
 
     dut = Searching(fly)(case)
     assert dut["margin"] == margin
-    assert [flight["value"] for flight in dut["flights"]] == [
-        f["gain" if "gain" in name else name] for f in flown
-    ]
+    assert [flight["value"] for flight in dut["flights"]] == [f["gain" if "gain" in name else name] for f in flown]
     axis = "gain" if "gain" in name else "delay"
     assert all(f["seed"] == 7 and f["speed"] == 2.5 for f in flown)
     assert all(f[key] == BASE[key] for f in flown for key in BASE.keys() - {axis, "speed"})
@@ -85,9 +75,7 @@ def test_a_search_varies_its_own_quantity_alone(name, margin):
 
 def test_every_margin_is_a_case_of_its_own():
     cases = margin_cases(ROWS, [1, 2], {})
-    assert (
-        len(cases) == len({case_file(case) for case in cases}) == 2 * len(ROWS) * len(SPEEDS) * len(MARGINS)
-    )
+    assert len(cases) == len({case_file(case) for case in cases}) == 2 * len(ROWS) * len(SPEEDS) * len(MARGINS)
 
 
 def records(value):
@@ -106,9 +94,7 @@ def test_the_table_has_means_and_marks_the_end_of_the_search():
     delay, up = (lines[0]["margins"][name] for name in ("delay", "gain up"))
     assert delay["values"] == [0.02, 0.04]
     assert delay["mean"] == pytest.approx(0.03)
-    assert delay["ci95"] == pytest.approx(
-        12.7062 * 0.01, rel=1e-4
-    )  # t(0.975, 1) s / sqrt(2), s = 0.01 sqrt(2)
+    assert delay["ci95"] == pytest.approx(12.7062 * 0.01, rel=1e-4)  # t(0.975, 1) s / sqrt(2), s = 0.01 sqrt(2)
     assert (delay["end"], up["end"]) == (False, True)
 
 
@@ -116,11 +102,7 @@ def test_the_verb_prints_the_margins_of_every_seed(monkeypatch, tmp_path, capsys
     def runs(sweep, rows):
         found = records(
             lambda case: (
-                None
-                if case["speed"] == 2.5
-                else 0.12
-                if case["margin"] == "delay"
-                else 0.8 + 0.1 * case["seed"]
+                None if case["speed"] == 2.5 else 0.12 if case["margin"] == "delay" else 0.8 + 0.1 * case["seed"]
             )
         )
         found[-1] = {"case": found[-1]["case"], "error": "its process died", "seconds": None}

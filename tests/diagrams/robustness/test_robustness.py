@@ -203,12 +203,7 @@ def made_flights(monkeypatch):
             lost = case["row"] == "hold" and case["speed"] == 3.0 and case["seed"] == seeds[0]
             keys = ("E_xy", "E_z", "growth", "swing_growth")
             result = dict.fromkeys(keys, None if lost else error)
-            result |= {
-                "lost_at": 7.5 if lost else None,
-                "lost": "",
-                "solve_failures": int(lost),
-                "at_limit": 0.1,
-            }
+            result |= {"lost_at": 7.5 if lost else None, "lost": "", "solve_failures": int(lost), "at_limit": 0.1}
             result |= {"at_limit_last": 1.0, "thrust": 0.5, "tilt": 0.3, "swing": None, "fallbacks": 0}
             records.append({"case": case, "result": result, "seconds": 6.0})
         records[-1] = {"case": records[-1]["case"], "error": "its process died", "seconds": None}
@@ -218,14 +213,7 @@ def made_flights(monkeypatch):
 
 
 def test_the_verb_prints_limits_errors_and_lost_flights_and_draws(made_flights, tmp_path, capsys):
-    files = [
-        "--json",
-        str(tmp_path / "m.json"),
-        "--markdown",
-        str(tmp_path / "m.md"),
-        "--out",
-        str(tmp_path / "o"),
-    ]
+    files = ["--json", str(tmp_path / "m.json"), "--markdown", str(tmp_path / "m.md"), "--out", str(tmp_path / "o")]
     assert run(["reproduce", "robustness", "--seed", "40", "--seeds", "2", "--only", "hold", *files]) == 0, (
         capsys.readouterr().err
     )

@@ -45,9 +45,7 @@ def test_the_table_states_the_deviation_over_seeds():
     assert lines[1]["E_xy_sd"] == pytest.approx(0.0)
 
 
-def test_the_verb_trains_each_once_and_prints_seed_and_configuration(
-    tmp_path, monkeypatch, capsys, in_this_process
-):
+def test_the_verb_trains_each_once_and_prints_seed_and_configuration(tmp_path, monkeypatch, capsys, in_this_process):
     def load(name, vehicle=None, reality=None):
         config = load_experiment(name, vehicle, reality)
         config.duration, config.reference.ramp = (6.0, 1.5) if name == "training_circle" else (0.5, 1.0)

@@ -15,9 +15,7 @@ def flight():
     return fly(config, seed=0)
 
 
-@pytest.mark.parametrize(
-    "draw", [figures.wrench, lambda f: figures.plane_track([f]), lambda f: figures.errors([f])]
-)
+@pytest.mark.parametrize("draw", [figures.wrench, lambda f: figures.plane_track([f]), lambda f: figures.errors([f])])
 def test_every_axis_has_a_label_with_its_unit_and_the_figure_a_legend(flight, draw):
     figure = draw(flight)
     axes = figure.get_axes()

@@ -18,9 +18,7 @@ def short_experiments(monkeypatch, in_this_process):
 
     def load(name, vehicle=None, reality=None):
         config = load_experiment(name, vehicle, reality)
-        config.duration, config.reference.ramp = (
-            (6.0, 1.5) if "circle" in name and name != "circle" else (1.0, 1.0)
-        )
+        config.duration, config.reference.ramp = (6.0, 1.5) if "circle" in name and name != "circle" else (1.0, 1.0)
         return config
 
     monkeypatch.setattr(tracking, "load_experiment", load)
@@ -102,9 +100,7 @@ def test_every_row_flies_and_trains_in_the_simulator_that_is_given(tmp_path, sho
         told = content["config"]["reality"]["effects"]
         assert [entry["effect"] for entry in told] == (["mass_error"] if more else [])
     assert errors["heavy"] != errors["own"]
-    config = tracking.configure(
-        "circle", tracking.Row("told", "hold", known_mass=True), solver="sqp", reality=heavy
-    )
+    config = tracking.configure("circle", tracking.Row("told", "hold", known_mass=True), solver="sqp", reality=heavy)
     assert config.reality.effects
 
 
@@ -116,29 +112,13 @@ def test_gp_and_knode_learn_from_the_circle_that_np_learns_from():
 
 
 def test_the_papers_controllers_fly_and_are_drawn(tmp_path, short_experiments, capsys):
-    arguments = [
-        "reproduce",
-        "tracking",
-        "--seeds",
-        "1",
-        "--jobs",
-        "1",
-        "--seed",
-        "40",
-        "--training",
-        "dithered",
-    ]
+    arguments = ["reproduce", "tracking", "--seeds", "1", "--jobs", "1", "--seed", "40", "--training", "dithered"]
     assert run([*arguments, "--only", "gp", "--only", "knode", "--out", str(tmp_path)]) == 0
     shown = capsys.readouterr().out
     assert "failed solves: 0 in 6 flights; lost flights: 0" in shown
     assert "evaluation: seeds [41]" in shown
     names = {path.name for path in tmp_path.iterdir()}
-    assert names == {
-        "gp_training_circle.safetensors",
-        "knode_training_circle.safetensors",
-        "plane_tracks.png",
-        "cases",
-    }
+    assert names == {"gp_training_circle.safetensors", "knode_training_circle.safetensors", "plane_tracks.png", "cases"}
     assert len(list((tmp_path / "cases").iterdir())) == 2 + 6  # trainings and flights
 
 

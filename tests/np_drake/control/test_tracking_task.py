@@ -51,11 +51,7 @@ def test_on_the_reference_both_errors_vanish():
 def test_the_heading_of_world_axes_does_not_matter():
     half = 0.35  # of the turn about z [rad]
     turn = np.array(
-        [
-            [np.cos(2 * half), -np.sin(2 * half), 0.0],
-            [np.sin(2 * half), np.cos(2 * half), 0.0],
-            [0.0, 0.0, 1.0],
-        ]
+        [[np.cos(2 * half), -np.sin(2 * half), 0.0], [np.sin(2 * half), np.cos(2 * half), 0.0], [0.0, 0.0, 1.0]]
     )
     flat, p, v = flat_at(3.0), np.array([0.5, 0.2, 1.5]), np.array([0.3, -1.0, 0.1])
     turned = observe(state(turn @ p, turn @ v, (np.cos(half), 0, 0, np.sin(half))), flat @ turn.T)

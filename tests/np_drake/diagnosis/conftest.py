@@ -38,9 +38,7 @@ Fly = Callable[..., FlightLog]
 @pytest.fixture(scope="session")
 def fly() -> Fly:
     """Return the function that simulates a flight."""
-    spec = importlib.util.spec_from_file_location(
-        "simulated_flights", Path(__file__).with_name("simulated_flights.py")
-    )
+    spec = importlib.util.spec_from_file_location("simulated_flights", Path(__file__).with_name("simulated_flights.py"))
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
@@ -101,9 +99,7 @@ def inferred(searched: Search) -> Callable[..., Inference]:
     known: dict[tuple[object, ...], Inference] = {}
 
     def inference(
-        flights: Sequence[FlightResiduals],
-        held_out: Sequence[FlightResiduals],
-        options: Options | None = None,
+        flights: Sequence[FlightResiduals], held_out: Sequence[FlightResiduals], options: Options | None = None
     ) -> Inference:
         key = (*map(_content, flights), None, *map(_content, held_out), repr(options))
         if key not in known:
@@ -118,9 +114,7 @@ def quick_searches(searched: Search) -> Iterator[None]:
     """Let a diagnosis search with few lengths, and the same flights once in a module."""
     with pytest.MonkeyPatch.context() as patch:
         for name in ("infer", "second_answer"):  # by path: the package has functions so named
-            patch.setattr(
-                importlib.import_module(f"np_drake.diagnosis.decision.{name}"), "find_map_model", searched
-            )
+            patch.setattr(importlib.import_module(f"np_drake.diagnosis.decision.{name}"), "find_map_model", searched)
         yield
 
 

@@ -51,9 +51,7 @@ def course(seed: int, seconds: float, vigour: float | tuple[float, ...]) -> Cour
     for frequency, amplitude in WAVES:
         rate = 2 * np.pi * frequency * rng.uniform(0.9, 1.1, 4)
         angle, size = t[:, None] * rate + rng.uniform(0, 2 * np.pi, 4), np.multiply(vigour, amplitude)
-        parts += np.stack(
-            [size * np.sin(angle), size * rate * np.cos(angle), -size * rate**2 * np.sin(angle)]
-        )
+        parts += np.stack([size * np.sin(angle), size * rate * np.cos(angle), -size * rate**2 * np.sin(angle)])
     s = np.minimum(t / SLOW_START, 1.0)[:, None]
     grown = s**3 * (10 - 15 * s + 6 * s**2)
     rate, bend = 30 * s**2 * (1 - s) ** 2 / SLOW_START, 60 * s * (1 - s) * (1 - 2 * s) / SLOW_START**2
@@ -89,10 +87,7 @@ class Flight:
         self.m, self.c, self.J = self._mass_properties()
         thrust = np.full((n, 4), 0.25 * self.vehicle.mass * self.vehicle.gravity)
         now = Flown(
-            np.concatenate([path.p, np.zeros((n, 4)), path.v, np.zeros((n, 3))], axis=1),
-            path.a,
-            thrust,
-            thrust,
+            np.concatenate([path.p, np.zeros((n, 4)), path.v, np.zeros((n, 3))], axis=1), path.a, thrust, thrust
         )
         force, steered = np.zeros((n, 3)), np.zeros((n, 3))
         for i in range(SWEEPS):
@@ -132,9 +127,7 @@ class Flight:
         swing = self._payload(_middle(x), np.concatenate([mean, mean[-1:]]), al)
         chi_rows, chi_mids = chi_rows + _before(swing), chi_mids + swing
         q_mid, w_mid = _middle(x)[:, Q], _middle(x)[:, W]
-        f_rows, f_mids = (
-            attitude.rotate_back(i, chi[:, :3]) for i, chi in ((q, chi_rows), (q_mid, chi_mids))
-        )
+        f_rows, f_mids = (attitude.rotate_back(i, chi[:, :3]) for i, chi in ((q, chi_rows), (q_mid, chi_mids)))
         f_mids[:, 2] += lift
         spin = np.cross(w_mid, np.einsum("nij,nj->ni", self.J, w_mid)) + np.einsum("nij,nj->ni", self.J, al)
         torque = spin + np.cross(self.c, f_mids) - chi_mids[:, 3:]
@@ -157,9 +150,7 @@ class Flight:
         if self.lag:
             rate = np.gradient(np.sqrt(np.maximum(thrust, 0) / self.vehicle.thrust_coefficient), STEP, axis=0)
         motion = Motion(t, x, thrust, wind, rate)
-        return sum(e.wrench(self.vehicle, motion) * self.gate(e) for e in self.places.wrench) + np.zeros(
-            (len(t), 6)
-        )
+        return sum(e.wrench(self.vehicle, motion) * self.gate(e) for e in self.places.wrench) + np.zeros((len(t), 6))
 
     def _payload(self, x: np.ndarray, a: np.ndarray, al: np.ndarray) -> np.ndarray:
         """Return the mean wrench (n, 6) over each interval, from the motion in its middle.
@@ -173,9 +164,7 @@ class Flight:
         down = -(a[k : k + 50].mean(axis=0) + GRAVITY)
         r = payload.length * down / np.linalg.norm(down)
         still = np.zeros(3)
-        chi[k:] = payload.wrench_along(
-            self.vehicle, x=x[k:], a=a[k:], al=al[k:], step=STEP, r=r, r_rate=still
-        )
+        chi[k:] = payload.wrench_along(self.vehicle, x=x[k:], a=a[k:], al=al[k:], step=STEP, r=r, r_rate=still)
         return chi
 
     def _turned(self, needed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

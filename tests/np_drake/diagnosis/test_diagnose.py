@@ -111,9 +111,7 @@ def test_a_hover_without_noise_is_judged_without_a_warning(fly):
 def watched(fly):
     """Return short flights, their diagnosis, and the progress that was told meanwhile."""
     told = []
-    logs = [
-        fly(LinearDrag(0.6, 0.6, 0.6), name=n, seed=i, noise=1.0, seconds=5.0) for i, n in enumerate("ab")
-    ]
+    logs = [fly(LinearDrag(0.6, 0.6, 0.6), name=n, seed=i, noise=1.0, seconds=5.0) for i, n in enumerate("ab")]
     dut = diagnose(VEHICLE, logs[:1], logs[1:], on_progress=lambda share, text: told.append((share, text)))
     return logs, dut, told
 
@@ -193,9 +191,7 @@ def test_bad_inputs_are_refused_in_one_line_that_says_what_is_wrong(fly):
 
 def test_flights_of_different_inputs_are_named_with_a_remedy(fly):
     a, b = fly(name="a", seconds=5.0), dc.replace(fly(name="b", seed=1, seconds=5.0), input="thrust_only")
-    with pytest.raises(
-        ValueError, match=r"got command \(a\) and thrust_only \(b\)\. Diagnose each kind by itself"
-    ):
+    with pytest.raises(ValueError, match=r"got command \(a\) and thrust_only \(b\)\. Diagnose each kind by itself"):
         require_flights([a], [b])
 
 
@@ -224,9 +220,7 @@ def test_all_flights_of_a_diagnosis_have_one_throttle_exponent(fly, monkeypatch)
     with pytest.raises(Seen) as seen:
         diagnose(VEHICLE, logs[:2], logs[2:])
     slopes = [
-        np.polyfit(np.log(e.log.throttle[:, 0]), np.log(e.log.u[:, 0]), 1)[0]
-        for es in seen.value.args
-        for e in es
+        np.polyfit(np.log(e.log.throttle[:, 0]), np.log(e.log.u[:, 0]), 1)[0] for es in seen.value.args for e in es
     ]
     assert len(slopes) == 3
     np.testing.assert_allclose(slopes, slopes[0], rtol=1e-9)

@@ -10,9 +10,7 @@ from np_drake.diagnosis.options import IDEAL_SENSORS, Options, Priors, Tolerance
 from np_drake.effects.mass_error import MassError
 from np_drake.vehicle import Vehicle
 
-infer_module = importlib.import_module(
-    "np_drake.diagnosis.decision.infer"
-)  # the package has a function so named
+infer_module = importlib.import_module("np_drake.diagnosis.decision.infer")  # the package has a function so named
 
 REAL, IDEAL = Options.for_sensors(True), Options.for_sensors(False)
 

@@ -12,16 +12,10 @@ GAP = an.ReplayGap((0.5, 1.0), *(np.array([[0.1, 0.05, 0.2], [np.inf, 0.3, np.in
 
 def small() -> an.Diagnosis:
     cause = an.Cause(
-        "mass_error",
-        0.9,
-        {"delta_mass": an.Estimate(0.1, "kg", (0.05, 0.15))},
-        {"train_1": None, "heldout": 3.0},
+        "mass_error", 0.9, {"delta_mass": an.Estimate(0.1, "kg", (0.05, 0.15))}, {"train_1": None, "heldout": 3.0}
     )
     where = an.Localisation(
-        (
-            an.ChannelGap("force x", "N", 0.4, 0.1, 0.11, 0.97),
-            an.ChannelGap("torque z", "N·m", 0.1, 0.1, 0.1, np.nan),
-        ),
+        (an.ChannelGap("force x", "N", 0.4, 0.1, 0.11, 0.97), an.ChannelGap("torque z", "N·m", 0.1, 0.1, 0.1, np.nan)),
         (an.Segment("heldout", 0.0, 3.0, (1.0,) * 6),),
         (an.Regime("speed", "m/s", 0.0, 1.0, 100, (1.0,) * 6),),
         (an.Band("force x", np.arange(3.0), np.ones(3), np.ones(3), np.ones(3)),),
@@ -31,16 +25,7 @@ def small() -> an.Diagnosis:
         True, {"speed [m/s]": 1.0}, {"force x": 0.1}, (an.Confusable(("a", "b"), "alike", "roll"),)
     )
     gap_reduction = an.GapReduction(5.0, 1.1, 1.0, 0.99, (0.98, 1.0), (an.Rung("nominal", 5.0),), GAP, None)
-    return an.Diagnosis(
-        "mine",
-        ("train_1",),
-        ("heldout",),
-        ("mass_error",),
-        (cause,),
-        check,
-        where,
-        gap_reduction,
-    )
+    return an.Diagnosis("mine", ("train_1",), ("heldout",), ("mass_error",), (cause,), check, where, gap_reduction)
 
 
 def test_the_file_has_the_fields_of_the_schema():

@@ -55,11 +55,7 @@ def test_an_effect_that_says_so_feels_no_rotor_rate(effect, motion: Motion):
 
 @pytest.mark.parametrize(
     "effect",
-    [
-        e
-        for e in effects_for("rotor_speed").values()
-        if issubclass(e, WrenchEffect) and e is not SuspendedPayload
-    ],
+    [e for e in effects_for("rotor_speed").values() if issubclass(e, WrenchEffect) and e is not SuspendedPayload],
 )
 def test_an_effect_that_says_so_has_no_force_or_no_torque(effect, motion: Motion):
     chi = effect().wrench(VEHICLE, motion)

@@ -114,9 +114,7 @@ def test_without_damping_not_a_bit_is_other_than_in_a_vacuum(seed):
 def test_a_small_damped_swing_is_that_of_the_closed_form():
     length, damping, step, angle = 0.5, 0.4, 0.004, 0.02
     r = length * np.array([[np.sin(angle), 0.0, -np.cos(angle)]])
-    found = path_many(
-        np.array([length]), r, np.zeros((1, 3)), np.zeros((2500, 3)), step, GRAVITY, damping=damping
-    )
+    found = path_many(np.array([length]), r, np.zeros((1, 3)), np.zeros((2500, 3)), step, GRAVITY, damping=damping)
     t, rate = step * np.arange(2501), np.sqrt(GRAVITY / length - 0.25 * damping**2)
     decay = np.exp(-0.5 * damping * t) * (np.cos(rate * t) + 0.5 * damping / rate * np.sin(rate * t))
     # [m], of 0.01: the period is longer by angle²/16 and, by the step, shorter by (rate step)²/24
@@ -141,12 +139,7 @@ def test_in_steady_flight_the_payload_hangs_back_by_drag_over_weight():
     payload, v = Payload(0.1, 0.6, damping=0.5), np.array([3.0, 0.0, 0.0])
     lag = np.arctan(payload.damping * v[0] / GRAVITY)
     start = (0.6 * np.array([-np.sin(lag), 0.0, -np.cos(lag)]), np.zeros(3))
-    steady = {
-        "a_hook": np.zeros((2000, 3)),
-        "step": 0.005,
-        "gravity": GRAVITY,
-        "v_hook": np.tile(v, (2000, 1)),
-    }
+    steady = {"a_hook": np.zeros((2000, 3)), "step": 0.005, "gravity": GRAVITY, "v_hook": np.tile(v, (2000, 1))}
     expected = payload.mass * np.array([-payload.damping * v[0], 0.0, -GRAVITY])  # drag and weight
     np.testing.assert_allclose(swing(payload, *start, **steady), np.tile(expected, (2000, 1)), atol=1e-9)
     np.testing.assert_allclose(tether_force(payload, *start, np.zeros(3), GRAVITY, v), expected, atol=1e-12)
@@ -154,9 +147,7 @@ def test_in_steady_flight_the_payload_hangs_back_by_drag_over_weight():
 
 def test_a_slack_payload_falls_to_its_final_speed():
     still, damping = np.zeros((4000, 3)), 2.0
-    fallen = path_many(
-        np.full(1, 1e3), np.zeros((1, 3)), np.zeros((1, 3)), still, 0.002, GRAVITY, damping=damping
-    )
+    fallen = path_many(np.full(1, 1e3), np.zeros((1, 3)), np.zeros((1, 3)), still, 0.002, GRAVITY, damping=damping)
     assert fallen.r_rate[0, 2] == pytest.approx(-GRAVITY / damping, rel=1e-6)
 
 

@@ -28,9 +28,7 @@ def test_nothing_changes_in_hover():
 def test_the_induced_velocity_in_axial_flow_is_the_root_of_a_quadratic(ratio):
     climb = ratio * V_HOVER
     closed = -climb / 2 + np.sqrt(climb**2 / 4 + V_HOVER**2)
-    assert induced_velocity(np.array(V_HOVER), np.array(0.0), np.array(climb)) == pytest.approx(
-        closed, rel=1e-9
-    )
+    assert induced_velocity(np.array(V_HOVER), np.array(0.0), np.array(climb)) == pytest.approx(closed, rel=1e-9)
 
 
 @given(st.floats(0.0, 15.0), st.floats(-4.0, 10.0), st.floats(0.5, 8.0))

@@ -152,9 +152,7 @@ def test_no_window_is_longer_than_the_horizon():
 def test_forgetting_old_noise_follows_a_jump_sooner():
     d = np.where(np.arange(60)[:, None] < 30, D, 3 * D)
     y, u = flight(60, d=d)
-    slow, fast = (
-        run(make(settings=config(forgetting_process=g)), y, u, D)[34].acceleration for g in (1.0, 0.3)
-    )
+    slow, fast = (run(make(settings=config(forgetting_process=g)), y, u, D)[34].acceleration for g in (1.0, 0.3))
     assert np.all(np.abs(fast - 3 * D) < np.abs(slow - 3 * D))
 
 
@@ -200,12 +198,7 @@ class Failing:
     """Fails at chosen calls, in one of two ways."""
 
     def __init__(self, calls, answer):
-        self._exact, self._calls, self._answer, self.call = (
-            LeastSquaresWindow(config(), STEP),
-            calls,
-            answer,
-            -1,
-        )
+        self._exact, self._calls, self._answer, self.call = (LeastSquaresWindow(config(), STEP), calls, answer, -1)
 
     def solve(self, arrival, y, u):
         self.call += 1

@@ -41,9 +41,7 @@ def test_json_that_is_nested_too_deeply_is_no_fault_of_the_program(tmp_path):
 def test_a_file_of_ten_megabytes_stays_within_a_gigabyte(tmp_path):
     with (tmp_path / "a.csv.gz").open("wb") as file:
         file.truncate(10**7)
-    assert (
-        8 * cell_budget(tmp_path / "a.csv.gz") < 0.2e9
-    )  # of numbers; readers hold up to three copies [byte]
+    assert 8 * cell_budget(tmp_path / "a.csv.gz") < 0.2e9  # of numbers; readers hold up to three copies [byte]
     assert text_budget(tmp_path / "a.csv.gz") < 1e9  # read in blocks [byte]
 
 

@@ -22,9 +22,7 @@ with lock_outputs([Path(sys.argv[1])], [Path(sys.argv[2])]):
 def other(tmp_path):
     """Another process that holds a folder and a file."""
     places = tmp_path / "out", tmp_path / "m.safetensors"
-    process = subprocess.Popen(
-        [sys.executable, "-c", HOLD, *map(str, places)], stdout=subprocess.PIPE, text=True
-    )
+    process = subprocess.Popen([sys.executable, "-c", HOLD, *map(str, places)], stdout=subprocess.PIPE, text=True)
     assert process.stdout.readline() == "held\n"
     yield process, *places
     process.kill()

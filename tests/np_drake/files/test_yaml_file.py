@@ -37,8 +37,7 @@ def said(tmp_path, text: str) -> str:
 
 
 @pytest.mark.parametrize(
-    "text, near",
-    [("sped: 2.0", "speed"), ("first: {wieght: 2.0}", "weight"), ("many: [{weigth: 2.0}]", "weight")],
+    "text, near", [("sped: 2.0", "speed"), ("first: {wieght: 2.0}", "weight"), ("many: [{weigth: 2.0}]", "weight")]
 )
 def test_a_misspelt_field_is_answered_with_the_one_it_is_like(tmp_path, text, near):
     assert said(tmp_path, text).endswith(f"; did you mean {near}?")
@@ -69,9 +68,7 @@ def test_an_empty_file_is_said_to_be_empty(tmp_path, text):
     ],
 )
 def test_a_field_that_stands_twice_is_refused_with_its_lines(tmp_path, text, field, lines):
-    assert said(tmp_path, text).endswith(
-        f": not a thing: {field} must stand once; it stands in lines {lines}."
-    )
+    assert said(tmp_path, text).endswith(f": not a thing: {field} must stand once; it stands in lines {lines}.")
 
 
 def test_an_alias_may_stand_as_often_as_it_is_wanted(tmp_path):

@@ -6,11 +6,7 @@ from pathlib import Path
 import pytest
 
 ROOM = Path(__file__).parents[3] / "np_drake" / "lifting"
-ALLOWED = {
-    "model": {"model"},
-    "training": {"model", "training"},
-    "bounds": {"model", "bounds"},
-}
+ALLOWED = {"model": {"model"}, "training": {"model", "training"}, "bounds": {"model", "bounds"}}
 
 
 def imported_rooms(source: str) -> set[str]:

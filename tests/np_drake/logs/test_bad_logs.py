@@ -47,9 +47,7 @@ def stretch_quaternion(row, factor):
 
 def renamed(names):
     """The quaternion's columns hold these ones."""
-    return lambda c: c.update(
-        dict(zip(("qw", "qx", "qy", "qz"), [c[n].copy() for n in names.split()], strict=True))
-    )
+    return lambda c: c.update(dict(zip(("qw", "qx", "qy", "qz"), [c[n].copy() for n in names.split()], strict=True)))
 
 
 FAULTS = {  # spoil the columns: (how, what the message must say)
@@ -69,10 +67,7 @@ FAULTS = {  # spoil the columns: (how, what the message must say)
     "degrees per second": (scale("wx wy wz", 57.3), r"column qw: attitude.*SI units"),
     "accelerations in g": (scale("ax ay az", 1 / 9.81), r"column vx: velocity.*SI units"),
     "rpm": (scale("rotor1 rotor2 rotor3 rotor4", 9.55), r"column rotor1: .*rpm"),
-    "velocity turned about": (
-        scale("vx vy vz", -1),
-        r"column vx: must be the rate of position.*opposite way",
-    ),
+    "velocity turned about": (scale("vx vy vz", -1), r"column vx: must be the rate of position.*opposite way"),
     "one velocity turned about": (scale("vy", -1), r"column vy: .*Turn its sign, or that of py"),
     "position down": (scale("px py pz", -1), r"column vx: .*or that of px"),
     "rates turned about": (scale("wx wy wz", -1), r"column qw: .*from W to body"),
@@ -186,9 +181,7 @@ def test_a_few_bad_rows_are_repaired_only_if_asked_and_the_log_says_so(flight, c
         read_flights(tmp_path / "made.csv")[0]
     dut = read_flights(tmp_path / "made.csv", repair=True)[0]
     at = np.searchsorted(flight.t, dut.t - 1e-9)
-    np.testing.assert_allclose(
-        dut.x, flight.x[at], atol=0.02
-    )  # a row at either end is held, not drawn on [SI]
+    np.testing.assert_allclose(dut.x, flight.x[at], atol=0.02)  # a row at either end is held, not drawn on [SI]
     assert len(dut.notes) == 1
     assert note in dut.notes[0]
 
@@ -246,9 +239,7 @@ def test_a_bias_of_the_velocity_that_turns_with_the_body_is_no_wrong_unit(flight
 def test_a_cell_of_absurd_size_is_named_without_a_warning(columns, tmp_path, name, recwarn):
     columns[name][5] = 1e300
     write_csv(tmp_path / "made.csv", columns)
-    with pytest.raises(
-        LogError, match=rf"column {name}, row 6 \(line 7\): must be below 1e\+12 in size; got 1e\+300"
-    ):
+    with pytest.raises(LogError, match=rf"column {name}, row 6 \(line 7\): must be below 1e\+12 in size; got 1e\+300"):
         read_flights(tmp_path / "made.csv", vehicle=Vehicle())[0]
     assert read_flights(tmp_path / "made.csv", repair=True)[0].notes
     assert not recwarn.list
@@ -269,9 +260,7 @@ def test_biases_and_noise_are_no_wrong_units(flight, tmp_path):
 
 
 def test_a_vehicle_on_its_back_that_its_thrust_carries_is_refused(flight):
-    q = np.column_stack(
-        [-flight.q[:, 1], flight.q[:, 0], flight.q[:, 3], -flight.q[:, 2]]
-    )  # rolled by 180 degrees
+    q = np.column_stack([-flight.q[:, 1], flight.q[:, 0], flight.q[:, 3], -flight.q[:, 2]])  # rolled by 180 degrees
     fallen = dc.replace(flight, q=q, w=flight.w, al=None, a=None)
     with pytest.raises(
         LogError, match=r"column qw: thrust must carry the vehicle upwards; body z points -0\.\d+ along"

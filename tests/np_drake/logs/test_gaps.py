@@ -33,9 +33,7 @@ def test_three_lost_rows_are_bridged_marked_and_said_once(tmp_path):
     np.testing.assert_allclose(dut.t, T, atol=1e-12)
     np.testing.assert_array_equal(np.flatnonzero(dut.bridged), [200, 201, 202])
     np.testing.assert_allclose(dut.p[200:203, 0], np.cos(T[200:203]), atol=2e-4)
-    assert [note for note in dut.notes if "gaps" in note] == [
-        "3 rows put into gaps of up to 0.1 s; they add nothing"
-    ]
+    assert [note for note in dut.notes if "gaps" in note] == ["3 rows put into gaps of up to 0.1 s; they add nothing"]
 
 
 def test_a_command_is_held_across_a_gap(tmp_path):

@@ -24,10 +24,7 @@ def turning(flight):
 
 
 TORQUES = {  # factors of tx, ty, tz: what the message must say
-    "millinewton metres": (
-        [1000, 1000, 1000],
-        r"column tx: torque .* can give, at most 3\.05 N·m; .*N·m, and",
-    ),
+    "millinewton metres": ([1000, 1000, 1000], r"column tx: torque .* can give, at most 3\.05 N·m; .*N·m, and"),
     "angular acceleration": ([50, 50, 50], r"column tz: torque .* can give, at most 0\.384 N·m"),
     "kilonewton metres": (
         [1e-3, 1e-3, 1e-3],
@@ -60,15 +57,11 @@ def test_rotors_in_another_order_are_refused_with_the_vehicle_file(turning):
     vehicle = dc.replace(Vehicle(), input="rotor_speed")
     check_units(with_rotor_input(dc.replace(turning, rotor=rotor), vehicle), "made.csv", vehicle)
     swapped = with_rotor_input(dc.replace(turning, rotor=rotor[:, [1, 0, 3, 2]]), vehicle)
-    with pytest.raises(
-        LogError, match=r"column rotor1: torque .*rotor_directions of vehicle 'paper' in the log's"
-    ):
+    with pytest.raises(LogError, match=r"column rotor1: torque .*rotor_directions of vehicle 'paper' in the log's"):
         check_units(swapped, "made.csv", vehicle)
 
 
-@pytest.mark.parametrize(
-    "factor", [0.5, 2.0, 5.0], ids=["weak rotors", "a rotor drag unknown", "an inertia unknown"]
-)
+@pytest.mark.parametrize("factor", [0.5, 2.0, 5.0], ids=["weak rotors", "a rotor drag unknown", "an inertia unknown"])
 def test_torque_that_a_wrong_model_explains_is_no_wrong_unit(turning, factor):
     check_units(dc.replace(turning, u=turning.u * [1, factor, factor, factor]), "made.csv", Vehicle())
 

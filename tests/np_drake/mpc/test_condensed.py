@@ -5,9 +5,7 @@ from np_drake.mpc.condensed import Condensed, Curvature
 from np_drake.mpc.dynamics import DiscreteDynamics
 
 
-@pytest.fixture(
-    params=[(0, False), (24, False), (0, True), (24, True)], ids=["K=0", "K=24", "g", "K=24 and g"]
-)
+@pytest.fixture(params=[(0, False), (24, False), (0, True), (24, True)], ids=["K=0", "K=24", "g", "K=24 and g"])
 def setup(request, vehicle, config, make_problem, reaction):
     """(condensed, horizon, thrusts, problem) away from any special point."""
     dut = Condensed(vehicle, config)
@@ -22,9 +20,7 @@ def test_the_rollout_obeys_dynamics_and_forecast(setup, vehicle, config):
     t = dut.rollout(h, T)
     steps = DiscreteDynamics(vehicle, config.step).linearise(t.x[:-1], t.u, t.chi)
     np.testing.assert_allclose(steps.x_next, t.x[1:], atol=1e-12)  # round-off
-    np.testing.assert_allclose(
-        problem.forecast.rollout(t.x[:-1, 7:13]), t.chi, atol=1e-12
-    )  # zeta is the predicted one
+    np.testing.assert_allclose(problem.forecast.rollout(t.x[:-1, 7:13]), t.chi, atol=1e-12)  # zeta is the predicted one
     np.testing.assert_allclose(t.u @ vehicle.unmixer.T, T, atol=1e-12)  # [N]
 
 

@@ -55,8 +55,6 @@ def test_jacobians_match_finite_differences(vehicle):
         return runge_kutta(vehicle, y[:, :13], y[:, 19:], y[:, 13:19])
 
     eps = 1e-6
-    numeric = np.stack(
-        [(step(values + eps * e) - step(values - eps * e)) / (2 * eps) for e in np.eye(23)], axis=2
-    )
+    numeric = np.stack([(step(values + eps * e) - step(values - eps * e)) / (2 * eps) for e in np.eye(23)], axis=2)
     np.testing.assert_allclose(dut.Fx, numeric[:, :, :19], atol=1e-7)  # central differences
     np.testing.assert_allclose(dut.Fu, numeric[:, :, 19:], atol=1e-7)

@@ -20,10 +20,7 @@ def test_past_its_time_the_sqp_answer_flies(vehicle, config, make_problem):
 
 
 def test_it_is_never_worse_than_the_sqp_step_it_starts_from(vehicle, config, make_problem):
-    dut, sqp = (
-        IpoptCondensedSolver(vehicle, config, time_limit=np.inf),
-        SqpSolver(vehicle, config, time_limit=np.inf),
-    )
+    dut, sqp = (IpoptCondensedSolver(vehicle, config, time_limit=np.inf), SqpSolver(vehicle, config, time_limit=np.inf))
     for seed in range(5):
         problem = make_problem(config, seed=seed, offset=0.25)
         assert dut.solve(problem).cost <= sqp.solve(problem).cost * (1 + 1e-6)
@@ -61,9 +58,7 @@ def test_a_solution_that_leaves_the_input_set_is_solved_again(vehicle, config, m
     dut = IpoptCondensedSolver(vehicle, config, time_limit=np.inf)
     add = Preconditioned.add_violated
     monkeypatch.setattr(Preconditioned, "add_violated", lambda *a: answers.append(add(*a)) or answers[-1])
-    monkeypatch.setattr(
-        ipopt, "Preconditioned", partial(Preconditioned, near=-1e-3)
-    )  # no row is passed at first
+    monkeypatch.setattr(ipopt, "Preconditioned", partial(Preconditioned, near=-1e-3))  # no row is passed at first
     solution = dut.solve(problem)
     assert answers[0]
     assert not answers[-1]

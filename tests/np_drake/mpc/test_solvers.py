@@ -35,9 +35,7 @@ SOLVERS = pytest.mark.parametrize("name", ["sqp", "ipopt", "oracle"])
 
 
 @SOLVERS
-def test_at_the_reference_without_wrench_the_input_is_the_reference_input(
-    solvers, make_problem, config, name
-):
+def test_at_the_reference_without_wrench_the_input_is_the_reference_input(solvers, make_problem, config, name):
     problem = dc.replace(make_problem(config, offset=0.0), forecast=no_forecast(config.horizon))
     solution = solvers[name].solve(problem)
     np.testing.assert_allclose(solution.u, problem.u_ref, atol=1e-6)  # [N, N·m]
@@ -78,9 +76,7 @@ def test_the_plan_is_a_rollout_that_starts_at_the_measurement(solvers, make_prob
     problem = make_problem(config, offset=0.2)
     solution = solvers[name].solve(problem)
     np.testing.assert_allclose(solution.x[0], problem.x0, atol=1e-12)
-    np.testing.assert_allclose(
-        problem.forecast.rollout(solution.x[:-1, 7:13]), solution.chi, atol=1e-10
-    )  # [N, N·m]
+    np.testing.assert_allclose(problem.forecast.rollout(solution.x[:-1, 7:13]), solution.chi, atol=1e-10)  # [N, N·m]
 
 
 def test_solvers_agree_where_the_wrench_reacts_to_the_motion(solvers, make_problem, config, reaction):

@@ -61,9 +61,7 @@ def test_the_response_matches_finite_differences_of_the_rollout(setup):
         e = np.zeros(T.size)
         e[k] = eps
         up, down = (dut.rollout(h, T + sign * e.reshape(-1, 4)).chi[:, :2] for sign in (1, -1))
-        np.testing.assert_allclose(
-            response[:, :, k], (up - down) / (2 * eps), atol=1e-7
-        )  # central differences
+        np.testing.assert_allclose(response[:, :, k], (up - down) / (2 * eps), atol=1e-7)  # central differences
 
 
 def test_the_gradient_matches_finite_differences_of_the_damped_cost(setup):

@@ -19,9 +19,7 @@ HOOK = np.array([0.0, 0.0, -0.025])  # [m]
 def _model(*, thrust_error=0.0, drag=0.125, hook=HOOK, deviation=0.01) -> PayloadFilterModel:
     """The vehicle as trained."""
     arm = scales(Vehicle()).length
-    return PayloadFilterModel(
-        STEP, MASS, G, 0.0, thrust_error, deviation, drag, 0.02, np.array(hook, float), arm=arm
-    )
+    return PayloadFilterModel(STEP, MASS, G, 0.0, thrust_error, deviation, drag, 0.02, np.array(hook, float), arm=arm)
 
 
 @dc.dataclass
@@ -67,9 +65,7 @@ def _flown(
     start = length * np.array([[np.sin(swing), 0.0, -np.cos(swing)]])
     middle = 0.5 * (a[1:] + a[:-1])
     path = path_many(np.array([length]), start, np.zeros((1, 3)), middle, STEP / FINE, G)
-    specific = np.concatenate(
-        [path.pull[:1, 0], 0.5 * (path.pull[1:, 0] + path.pull[:-1, 0]), path.pull[-1:, 0]]
-    )
+    specific = np.concatenate([path.pull[:1, 0], 0.5 * (path.pull[1:, 0] + path.pull[:-1, 0]), path.pull[-1:, 0]])
     at = slice(None, None, FINE)
     masses = np.broadcast_to(np.asarray(mass, float), n)
     pull, r = masses[:, None] * specific[at], path.r[at, 0]

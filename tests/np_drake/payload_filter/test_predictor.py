@@ -77,9 +77,7 @@ def test_a_payload_is_not_taken_for_a_steady_push_upwards_or_a_weak_thrust(swing
 def test_without_payload_there_is_no_pull_after_three_seconds(model, flown):
     predictor = PayloadFilter(model())
     memory = run(predictor, flown(mass=0.0, seconds=3.0).samples)
-    assert (
-        np.linalg.norm(predictor.pull(memory)) < 0.02 * MASS * G
-    )  # thrust error's prior, two deviations [N]
+    assert np.linalg.norm(predictor.pull(memory)) < 0.02 * MASS * G  # thrust error's prior, two deviations [N]
     total = predictor.forecast(memory, **SPAN).first
     assert np.linalg.norm(total[:3]) < 0.06  # label noise [N]
 
@@ -92,9 +90,7 @@ def test_a_payload_attached_or_lost_is_followed_within_300_ms(before, after, mod
     predictor = PayloadFilter(model())
     memory = run(predictor, flight.samples[: change + round(0.3 / STEP)])
     force = predictor.forecast(memory, **SPAN).rollout(np.zeros((20, 6)))[:, 2]
-    np.testing.assert_allclose(
-        force, -after * G, atol=0.1 * abs(after - before) * G + 0.05
-    )  # a tenth of the step
+    np.testing.assert_allclose(force, -after * G, atol=0.1 * abs(after - before) * G + 0.05)  # a tenth of the step
 
 
 @pytest.mark.parametrize("length", [0.4, 0.8, 1.6])
@@ -118,18 +114,14 @@ def test_the_torque_of_the_pull_about_the_hook_is_foretold(model, flown):
     tau = predictor.forecast_along(memory, plan, **SPAN).rollout(plan.x[:-1, 7:13])[:, 3:]
     expected = np.array([flight.samples[j].chi[3:] for j in range(k, k + 40)]).reshape(20, 2, 3).mean(axis=1)
     clean = np.cross(HOOK, mean_force(flight, k))
-    assert (
-        np.abs(tau - expected).max() < 0.35 * np.abs(clean).max() + 0.006
-    )  # noise of the torque label [N·m]
+    assert np.abs(tau - expected).max() < 0.35 * np.abs(clean).max() + 0.006  # noise of the torque label [N·m]
 
 
 def test_a_hook_elsewhere_than_in_training_is_found_in_flight(model, flown):
     flight = flown(length=0.8, seconds=12.0, radius=1.0, swing=0.2)
     predictor, k = PayloadFilter(model(hook=HOOK + [0.01, 0.0, 0.02])), 500
     memory = run(predictor, flight.samples[: k + 1])
-    np.testing.assert_allclose(
-        memory["shift"], [-0.01, 0.0, -0.02], atol=0.006
-    )  # three tenths of the prior [m]
+    np.testing.assert_allclose(memory["shift"], [-0.01, 0.0, -0.02], atol=0.006)  # three tenths of the prior [m]
     plan = plan_from(flight, k)
     tau = predictor.forecast_along(memory, plan, **SPAN).rollout(plan.x[:-1, 7:13])[:, 3:]
     pull_B = attitude.rotate_back(plan.x[:-1, 3:7], mean_force(flight, k))
@@ -194,9 +186,7 @@ def test_beside_the_plan_the_forecast_moves_as_a_linear_pendulum(model, flown):
         for _ in range(40):  # fine Euler-Cromer steps of r' = s - v, s' = -w2 r
             s -= 0.001 * w2 * r
             r += 0.001 * (s - zeta[i, 0])
-    np.testing.assert_allclose(
-        moved, expected, atol=0.05 * np.abs(expected).max()
-    )  # estimated length and mass
+    np.testing.assert_allclose(moved, expected, atol=0.05 * np.abs(expected).max())  # estimated length and mass
 
 
 @given(
@@ -232,9 +222,7 @@ def test_a_sample_with_nan_leaves_a_usable_memory(part, model, flown):
     memory = run(predictor, samples)
     assert all(np.all(np.isfinite(value)) for name, value in memory.items())
     whole = run(predictor, flight.samples[:300])
-    np.testing.assert_allclose(
-        predictor.pull(memory), predictor.pull(whole), atol=0.3
-    )  # a tenth of the pull [N]
+    np.testing.assert_allclose(predictor.pull(memory), predictor.pull(whole), atol=0.3)  # a tenth of the pull [N]
 
 
 def test_a_command_of_nan_in_the_first_second_of_hover_does_no_harm(model, flown):
@@ -279,9 +267,7 @@ def test_rotors_behind_the_command_show_in_the_forecast(model, flown):
     hover = np.array([MASS * G, 0.0, 0.0, 0.0])
     x = np.tile(memory["x"], (21, 1))
     steady, step = (
-        predictor.forecast_along(memory, Plan(x, np.tile(u, (20, 1))), **SPAN).rollout(np.zeros((20, 6)))[
-            :, 2
-        ]
+        predictor.forecast_along(memory, Plan(x, np.tile(u, (20, 1))), **SPAN).rollout(np.zeros((20, 6)))[:, 2]
         for u in (hover, hover + [1.0, 0, 0, 0])
     )
     h, lag = 0.04, 0.05
@@ -313,9 +299,7 @@ def test_a_small_swing_of_one_member_has_the_period_of_a_pendulum():
     drive = np.array([0.0, 0.0, (1 + 0.13) * G, *np.zeros(6)])
     keep, nothing = np.ones((1, 8)), np.zeros((1, kernel.SIZE))
     covariance = np.zeros((1, kernel.SIZE, kernel.SIZE))
-    period = (
-        2 * np.pi * np.sqrt(0.8 / (1 + 0.13) / G)
-    )  # lift of the whole weight holds the hook's mean at rest
+    period = 2 * np.pi * np.sqrt(0.8 / (1 + 0.13) / G)  # lift of the whole weight holds the hook's mean at rest
     tilt = []
     for _ in range(round(period / STEP)):
         out = [
@@ -327,17 +311,7 @@ def test_a_small_swing_of_one_member_has_the_period_of_a_pendulum():
             np.empty(1),
         ]
         kernel.filter_bank(
-            point,
-            covariance,
-            drive,
-            drive,
-            STEP,
-            np.zeros((1, 8)),
-            keep,
-            nothing,
-            np.full(3, np.nan),
-            np.ones(3),
-            *out,
+            point, covariance, drive, drive, STEP, np.zeros((1, 8)), keep, nothing, np.full(3, np.nan), np.ones(3), *out
         )
         point, covariance = out[0], np.zeros_like(covariance)
         tilt.append(point[0, 0])
@@ -364,13 +338,7 @@ def test_another_file_is_refused_in_one_line(tmp_path, content):
 
 @pytest.mark.parametrize(
     "wrong",
-    [
-        {"step": 0.0},
-        {"thrust_error": -1.5},
-        {"hook": np.zeros(2)},
-        {"drag": np.nan},
-        {"speed_torque": np.zeros(3)},
-    ],
+    [{"step": 0.0}, {"thrust_error": -1.5}, {"hook": np.zeros(2)}, {"drag": np.nan}, {"speed_torque": np.zeros(3)}],
 )
 def test_impossible_numbers_are_refused(wrong, model):
     with pytest.raises(ValueError, match="PayloadFilterModel"):

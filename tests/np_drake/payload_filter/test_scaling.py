@@ -79,9 +79,7 @@ def test_similar_vehicles_foretell_the_same_wrench_in_their_own_units(length, mo
     x, u = flight.x[rows], flight.u[rows[:-1]]
     wrenches = []
     for of in (unit_of(1.0), unit):
-        dut, memory = ran(
-            model_in(model(), of), [sample_in(sample, of) for sample in flight.samples[: k + 1]]
-        )
+        dut, memory = ran(model_in(model(), of), [sample_in(sample, of) for sample in flight.samples[: k + 1]])
         plan = Plan(state_in(x, of), command_in(u, of))
         found = dut.forecast_along(memory, plan, **SPAN).rollout(plan.x[:-1, 7:13])
         wrenches.append(found / np.repeat([of.force, of.torque], 3))

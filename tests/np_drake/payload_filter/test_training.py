@@ -20,9 +20,7 @@ STEP = 0.02  # [s]
 def as_log(flight, vehicle) -> FlightLog:
     """The made-up flight as a log whose accelerations give its labels."""
     x, u, chi = flight.x, flight.u, np.array([sample.chi for sample in flight.samples])
-    log = FlightLog(
-        t=STEP * np.arange(len(x)), p=x[:, :3], q=x[:, 3:7], v=x[:, 7:10], w=x[:, 10:13], u=u, name="made"
-    )
+    log = FlightLog(t=STEP * np.arange(len(x)), p=x[:, :3], q=x[:, 3:7], v=x[:, 7:10], w=x[:, 10:13], u=u, name="made")
     log.a = (chi[:, :3] + u[:, :1] * body_z(x)) / vehicle.mass - [0.0, 0.0, vehicle.gravity]
     log.al = (chi[:, 3:] + u[:, 1:]) @ np.linalg.inv(vehicle.J).T
     return log
@@ -56,9 +54,7 @@ def test_torque_of_the_speed_is_not_taken_for_the_hooks(flown, vehicle):
         v = attitude.rotate_back(sample.x[3:7], sample.x[7:10])
         sample.chi[3:5] += speed_torque * v[[1, 0]]
     model = train_payload_filter([(as_log(flight, vehicle), vehicle)], step=STEP)
-    np.testing.assert_allclose(
-        model.speed_torque, speed_torque, atol=0.001
-    )  # noise of the torque label [N·s]
+    np.testing.assert_allclose(model.speed_torque, speed_torque, atol=0.001)  # noise of the torque label [N·s]
     np.testing.assert_allclose(model.hook, [0.0, 0.0, -0.025], atol=0.004)  # the same [m]
 
 

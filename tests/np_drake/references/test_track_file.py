@@ -28,9 +28,7 @@ def track(tmp_path, text, name="track.csv", **changes):
 
 
 def trajectory(tmp_path, t, p, **changes):
-    rows = "\n".join(
-        f"{when!r},{x!r},{y!r},{z!r}" for when, (x, y, z) in zip(t.tolist(), p.tolist(), strict=True)
-    )
+    rows = "\n".join(f"{when!r},{x!r},{y!r},{z!r}" for when, (x, y, z) in zip(t.tolist(), p.tolist(), strict=True))
     return track(tmp_path, f"t,x,y,z\n{rows}\n", **changes)
 
 
@@ -199,9 +197,7 @@ def test_any_numbers_make_a_finite_motion_or_one_line(tmp_path_factory, rows, ti
     folder = tmp_path_factory.mktemp("any")
     t = np.cumsum([row[0] for row in rows]).tolist()
     lines = ["t,x,y,z" if timed else "x,y,z"]
-    lines += [
-        ",".join(map(repr, [when, *row[1:]] if timed else row[1:])) for when, row in zip(t, rows, strict=True)
-    ]
+    lines += [",".join(map(repr, [when, *row[1:]] if timed else row[1:])) for when, row in zip(t, rows, strict=True)]
     refused = ""
     try:
         dut = track(folder, "\n".join(lines) + "\n")

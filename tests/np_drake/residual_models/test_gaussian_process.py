@@ -47,10 +47,7 @@ def test_far_from_the_samples_it_knows_the_mean_alone(fitted):
 
 
 def test_it_learns_from_a_hundred_samples_spread_over_the_flights():
-    segments = [
-        Segment(np.zeros_like(CHI), ZETA, 0.02, CHI),
-        Segment(np.zeros_like(CHI), ZETA + 9.0, 0.02, CHI),
-    ]
+    segments = [Segment(np.zeros_like(CHI), ZETA, 0.02, CHI), Segment(np.zeros_like(CHI), ZETA + 9.0, 0.02, CHI)]
     dut = fit_gaussian_process(segments, QUICK)
     assert dut.X.shape == (100, 6)
     assert 45 <= np.sum(dut.X[:, 0] > 5.0) <= 55  # of both flights

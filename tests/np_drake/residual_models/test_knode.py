@@ -41,9 +41,7 @@ def test_the_ode_is_the_one_that_the_controller_plans_with(pieces):
     zeta = (
         _Nominal(VEHICLE, STEP)
         .rollout(
-            torch.from_numpy(x)[None],
-            torch.from_numpy(u)[None],
-            lambda z: torch.from_numpy(chi).expand(len(z), 6),
+            torch.from_numpy(x)[None], torch.from_numpy(u)[None], lambda z: torch.from_numpy(chi).expand(len(z), 6)
         )[0]
         .numpy()
     )
@@ -73,9 +71,7 @@ def test_a_known_linear_drag_is_recovered_from_motion_alone(trained):
 def test_the_jacobian_is_that_of_finite_differences(trained):
     dut, zeta, eps = trained[0], np.random.default_rng(1).normal(size=(50, 6)), 1e-7
     numeric = np.stack([(dut(zeta + e) - dut(zeta - e)) / (2 * eps) for e in eps * np.eye(6)], axis=-1)
-    np.testing.assert_allclose(
-        dut.jacobian(zeta), numeric, atol=1e-6
-    )  # no edge of a ReLU within eps of these
+    np.testing.assert_allclose(dut.jacobian(zeta), numeric, atol=1e-6)  # no edge of a ReLU within eps of these
 
 
 def test_the_seed_decides_the_network(pieces):
@@ -91,9 +87,7 @@ def test_the_network_has_the_size_of_phi(pieces):
     assert [W.shape for W in dut.weights] == [(128, 6), (128, 128), (6, 128)]
     untrained = dut(np.array([[0.0] * 6, [1.0] * 6]))
     np.testing.assert_array_equal(untrained[0], untrained[1])  # a constant
-    np.testing.assert_allclose(
-        untrained[0], [0, 0, -2.5, 0, 0, 0], atol=0.05
-    )  # [N, N·m] drag of random motion
+    np.testing.assert_allclose(untrained[0], [0, 0, -2.5, 0, 0, 0], atol=0.05)  # [N, N·m] drag of random motion
 
 
 def test_a_row_with_nan_parts_a_log(pieces):

@@ -61,9 +61,7 @@ def test_a_whole_flight_at_once_is_the_flight_sample_by_sample(name, known):
     dut, unseen = fit_all([flight(0), flight(1)], HORIZONS)[name], flight(7, n=80)
     arguments = (dut, unseen.chi, unseen.zeta, np.arange(12, 60), [0, 1, 4, 15])
     at_once = model_predictions(*arguments, zeta_known=known)
-    np.testing.assert_allclose(
-        at_once, model_predictions(*arguments, zeta_known=known, at_once=False), atol=1e-9
-    )
+    np.testing.assert_allclose(at_once, model_predictions(*arguments, zeta_known=known, at_once=False), atol=1e-9)
 
 
 @pytest.mark.parametrize("name", ["DMDc", "delay DMDc", "ridge by horizon"])
@@ -74,6 +72,4 @@ def test_the_label_is_held_until_the_window_is_full_or_while_missing(name):
         memory = dut.update(memory, Sample(x, np.zeros(4), chi))
     np.testing.assert_array_equal(memory["window"][-1, :6], 1.0)
     if dut.window > 2:
-        np.testing.assert_array_equal(
-            dut.forecast(memory, horizon=3, stride=1).rollout(np.zeros((3, 6))), 1.0
-        )
+        np.testing.assert_array_equal(dut.forecast(memory, horizon=3, stride=1).rollout(np.zeros((3, 6))), 1.0)

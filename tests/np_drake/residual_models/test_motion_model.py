@@ -15,10 +15,7 @@ PROCESS = GaussianProcess(
     RNG.normal(size=(9, 6)), RNG.normal(size=(9, 6)), RNG.uniform(0.5, 2.0, size=(6, 6)), RNG.normal(size=6)
 )
 NETWORK = WrenchNetwork(
-    (RNG.normal(size=(8, 6)), RNG.normal(size=(6, 8))),
-    (RNG.normal(size=8), RNG.normal(size=6)),
-    np.ones(6),
-    np.ones(6),
+    (RNG.normal(size=(8, 6)), RNG.normal(size=(6, 8))), (RNG.normal(size=8), RNG.normal(size=6)), np.ones(6), np.ones(6)
 )
 MODELS = {"gp": PROCESS, "knode": NETWORK}
 
@@ -51,9 +48,7 @@ def test_a_whole_flight_is_what_single_samples_are(dut, known):
     zeta, chi = RNG.normal(size=(30, 6)), np.zeros((30, 6))
     arguments = (dut, chi, zeta, np.arange(3, 20), [0, 1, 4])
     at_once = model_predictions(*arguments, zeta_known=known)
-    np.testing.assert_allclose(
-        at_once, model_predictions(*arguments, zeta_known=known, at_once=False), atol=1e-12
-    )
+    np.testing.assert_allclose(at_once, model_predictions(*arguments, zeta_known=known, at_once=False), atol=1e-12)
     np.testing.assert_allclose(at_once[2, 2], dut.reaction(zeta[5 + 4 * known]), atol=1e-12)
 
 

@@ -91,9 +91,7 @@ def test_in_a_gap_persistence_keeps_the_last_label():
 @pytest.mark.parametrize("motion", ["known", "held"])
 def test_a_flight_at_once_is_a_flight_sample_by_sample(motion):
     data = flight()
-    dut = fit_dmdc(
-        [Segment(data.chi, data.zeta, STEP), Segment(data.chi[::-1], data.zeta[::-1], STEP)], delays=2
-    )
+    dut = fit_dmdc([Segment(data.chi, data.zeta, STEP), Segment(data.chi[::-1], data.zeta[::-1], STEP)], delays=2)
     assert dut.along(data.chi, data.zeta) is not None
     at_once = flight_forecasts(dut, data, [1, 5], first=10, motion=motion)
     one_by_one = flight_forecasts(_Fed(dut), data, [1, 5], first=10, motion=motion)

@@ -31,9 +31,7 @@ def test_the_oracle_pendulum_forecasts_a_conical_swing(flown, velocity):
     error = errors(log, path)
     # The rows of a label lie 2 ms after the middle of its step (0.8 % of the swing); the integration adds 0.6 %.
     assert np.nanmax(np.abs(error)) < 0.02 * SWING
-    np.testing.assert_array_equal(
-        np.isfinite(error).all(axis=(0, 2)), False
-    )  # the last origins have no target
+    np.testing.assert_array_equal(np.isfinite(error).all(axis=(0, 2)), False)  # the last origins have no target
 
 
 def test_at_constant_velocity_the_held_motion_is_the_known_one(flown):

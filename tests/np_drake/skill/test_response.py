@@ -20,9 +20,7 @@ def signal(t, seed=0):
 def test_a_known_lag_is_found_to_a_fraction_of_a_sample(late):
     t = np.arange(N, dtype=float)
     found = lag(signal(t - late), signal(t), ROWS, reach=30)
-    assert found.steps == pytest.approx(
-        late, abs=0.03
-    )  # [samples]; parabola through the peak of a smooth correlation
+    assert found.steps == pytest.approx(late, abs=0.03)  # [samples]; parabola through the peak of a smooth correlation
     assert found.correlation > 0.98  # the label is shifted by whole samples
 
 

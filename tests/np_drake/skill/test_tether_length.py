@@ -48,9 +48,7 @@ def test_the_mode_is_the_pair_that_answers_the_velocity():
 
 
 def test_a_system_without_oscillation_has_no_pendulum():
-    assert (
-        pendulum_mode(LiftedLinearSystem(0.9 * np.eye(2), np.zeros((2, 6)), np.zeros((6, 2)), STEP)) is None
-    )
+    assert pendulum_mode(LiftedLinearSystem(0.9 * np.eye(2), np.zeros((2, 6)), np.zeros((6, 2)), STEP)) is None
 
 
 def test_a_system_driven_by_body_rates_is_not_read():

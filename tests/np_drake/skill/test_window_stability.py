@@ -23,9 +23,7 @@ class Growing:
 
     def forecast(self, memory, *, horizon, stride):
         silent = constant_forecast(np.zeros(6), horizon)
-        return dc.replace(
-            silent, A=memory["count"][0] / 10 * np.eye(2), B=np.zeros((2, 6)), C=np.zeros((6, 2))
-        )
+        return dc.replace(silent, A=memory["count"][0] / 10 * np.eye(2), B=np.zeros((2, 6)), C=np.zeros((6, 2)))
 
 
 def test_every_sample_with_a_radius_above_one_counts():

@@ -7,12 +7,7 @@ import pytest
 
 from np_drake import labels
 from np_drake.rotor_input import rotor_speed, rotor_wrench, with_rotor_input
-from np_drake.training_data.accelerations import (
-    rows_at,
-    smooth_derivative,
-    with_accelerations,
-    wrench_sequence,
-)
+from np_drake.training_data.accelerations import rows_at, smooth_derivative, with_accelerations, wrench_sequence
 from np_drake.training_data.segments import WrenchSequence
 from np_drake.vehicle import Vehicle
 
@@ -23,9 +18,7 @@ def test_a_smooth_flight_is_differentiated_to_its_true_accelerations(flight):
     half = 0.5 * flight.step  # the mean over the interval after the row is the middle's value
     phase = 1.5 * (flight.t + half)[inside]
     np.testing.assert_allclose(dut.a[inside, 0], -2.25 * np.cos(phase), atol=1e-3)  # of 2.25 [m/s²]
-    np.testing.assert_allclose(
-        dut.al[inside], flight.al[inside], atol=0.02
-    )  # half a row of 3.2 rad/s³ [rad/s²]
+    np.testing.assert_allclose(dut.al[inside], flight.al[inside], atol=0.02)  # half a row of 3.2 rad/s³ [rad/s²]
     assert "zero phase" in dut.notes[-1]
     assert "a, al" in dut.notes[-1]
 
@@ -92,9 +85,7 @@ def test_a_whole_multiple_picks_every_second_row(flight):
 
 def test_any_other_step_picks_the_nearest_rows(flight):
     rows = rows_at(flight, 0.025)
-    np.testing.assert_allclose(
-        flight.t[rows], 0.025 * np.arange(len(rows)), atol=0.005 + 1e-12
-    )  # half a row [s]
+    np.testing.assert_allclose(flight.t[rows], 0.025 * np.arange(len(rows)), atol=0.005 + 1e-12)  # half a row [s]
     assert len(rows) == 240
 
 

@@ -11,12 +11,7 @@ from diagrams.challenge.real.forecast.figure import ratio_figure
 from diagrams.challenge.real.forecast.folds import DAMPINGS, open_campaign, true_estimate
 from diagrams.challenge.real.forecast.rows import choose
 from diagrams.challenge.real.forecast.study import run_study
-from diagrams.challenge.real.forecast.tables import (
-    divergence_table,
-    payload_table,
-    persistence_rmse,
-    ratio_tables,
-)
+from diagrams.challenge.real.forecast.tables import divergence_table, payload_table, persistence_rmse, ratio_tables
 
 
 @dc.dataclass(frozen=True)
@@ -25,8 +20,7 @@ class Options:
 
     folder: RealFlights = None
     step: Annotated[
-        float,
-        Option("--step", min=0.01, max=0.02, help="Between samples, over which labels are averaged [s]."),
+        float, Option("--step", min=0.01, max=0.02, help="Between samples, over which labels are averaged [s].")
     ] = 0.02
     only: Annotated[
         list[str] | None, Option("--only", metavar="ROW", help="Only this row and persistence; repeatable.")
@@ -40,12 +34,7 @@ def run(run: Run, options: Options) -> Report:
     names, flights = choose(options.only or ()), open_campaign(folder)
     with run.counting("training and scoring", "folds of a row") as on_progress:
         study = run_study(
-            flights,
-            names,
-            step=options.step,
-            folder=folder.name,
-            workers=run.workers,
-            on_progress=on_progress,
+            flights, names, step=options.step, folder=folder.name, workers=run.workers, on_progress=on_progress
         )
     lines, models = study.lines(), study.models()
     manoeuvres = list(dict.fromkeys(flight.manoeuvre for flight in flights))

@@ -15,11 +15,7 @@ from np_drake.skill.flight_walk import MOTIONS, flight_forecasts
 from np_drake.training_data.sampled_flight import sampled_flight
 from np_drake.vehicle import Vehicle
 
-KINDS = {
-    "lateral force": slice(0, 2),
-    "force": slice(0, 3),
-    "torque": slice(3, 6),
-}  # channels of chi
+KINDS = {"lateral force": slice(0, 2), "force": slice(0, 3), "torque": slice(3, 6)}  # channels of chi
 DRAWS = 2000  # of the flights, for the interval [1]
 
 
@@ -45,12 +41,7 @@ class Score:
 
 
 def score(
-    row: str,
-    model: ResidualModel,
-    opened: tuple[FlightLog, Vehicle],
-    horizons: list[int],
-    *,
-    first: int,
+    row: str, model: ResidualModel, opened: tuple[FlightLog, Vehicle], horizons: list[int], *, first: int
 ) -> list[Score]:
     """Return the scores of a model on a flight, one for each coming motion.
 

@@ -61,18 +61,13 @@ def divergence_table(models: Sequence[Mapping[str, Any]]) -> Table:
     Args: models: of `Study.models`.
     """
     rows = [
-        (
-            marked(model["row"]),
-            *(f"{len(lost)} of {model['flights']}" for lost in model["diverged"].values()),
-        )
+        (marked(model["row"]), *(f"{len(lost)} of {model['flights']}" for lost in model["diverged"].values()))
         for model in models
     ]
     return "divergent flights", ["row", "diverge, known", "held"], rows
 
 
-def payload_table(
-    payloads: Sequence[FlownPayload], true: PayloadEstimate, damping: tuple[float, float]
-) -> Table:
+def payload_table(payloads: Sequence[FlownPayload], true: PayloadEstimate, damping: tuple[float, float]) -> Table:
     """Return a table of the payload as estimated at the end of the flights, manoeuvre by manoeuvre.
 
     Mean over flights of the posterior mean, and of the ends of its 95 % interval; below, mean and range over all

@@ -85,9 +85,7 @@ class DrakeLoop:
         self._plant = self._real.GetSubsystemByName("plant")
         self._simulator = Simulator(builder.Build())
         config = SimulatorConfig(
-            integration_scheme="runge_kutta3",
-            max_step_size=_largest_step(vehicle, places),
-            use_error_control=False,
+            integration_scheme="runge_kutta3", max_step_size=_largest_step(vehicle, places), use_error_control=False
         )
         ApplySimulatorConfig(config, self._simulator)
         self._root = self._simulator.get_mutable_context()
@@ -202,10 +200,4 @@ def _unpack(rows: np.ndarray, num_positions: int) -> dict[str, np.ndarray]:
     w_W, v, rates = velocities[:, 0:3], velocities[:, 3:6], velocities[:, size:]
     q = s[:, 0:4] / np.linalg.norm(s[:, 0:4], axis=1, keepdims=True)
     x = np.concatenate([s[:, 4:7], q, v, attitude.rotate_back(q, w_W)], axis=1)
-    return {
-        "x": x,
-        "a": rates[:, 3:6],
-        "al": attitude.rotate_back(q, rates[:, 0:3]),
-        "nominal_thrust": nominal,
-        "u": u,
-    }
+    return {"x": x, "a": rates[:, 3:6], "al": attitude.rotate_back(q, rates[:, 0:3]), "nominal_thrust": nominal, "u": u}

@@ -9,9 +9,7 @@ from np_drake.flight_log import FlightLog
 def require_rotorpy() -> None:
     """Raises ValueError: where rotorpy is not installed."""
     if find_spec("rotorpy") is None:
-        raise ValueError(
-            "simulator: for rotorpy its package must be installed; pip install 'np_drake[challenge]'."
-        )
+        raise ValueError("simulator: for rotorpy its package must be installed; pip install 'np_drake[challenge]'.")
 
 
 def fly(*arguments, **options) -> FlightLog:

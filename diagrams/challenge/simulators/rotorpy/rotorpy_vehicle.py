@@ -150,11 +150,7 @@ class RotorPyVehicle(LeafSystem):
 
 
 def make_rotorpy_vehicle(
-    vehicle: Vehicle,
-    effects: Sequence[Effect | MeasurementEffect],
-    *,
-    command_period: float = 0.001,
-    own: bool = False,
+    vehicle: Vehicle, effects: Sequence[Effect | MeasurementEffect], *, command_period: float = 0.001, own: bool = False
 ) -> Diagram:
     """Return the subsystem `rotorpy`, a `RotorPyVehicle`, with its commands delayed as the effects say.
 
@@ -210,9 +206,7 @@ class ForeignVehicle:
         if events:
             raise ValueError("rotorpy: events must be none for this simulator; fly Drake's vehicle.")
         if pushed:
-            raise ValueError(
-                "rotorpy: there must be no pushes from outside; watch a flight of Drake's vehicle."
-            )
+            raise ValueError("rotorpy: there must be no pushes from outside; watch a flight of Drake's vehicle.")
         effects = foreign_effects(reality)
         return make_rotorpy_vehicle(vehicle, effects, command_period=command_period, own=self.own)
 

@@ -153,9 +153,7 @@ def fly(
     commands, states = _fly_rows(flight, targets, rows, t + offset, split, real if split else None)
     start = int(np.searchsorted(rows, t[0] - 1e-9))
     u, speed = commands[start : start + len(t), :4], commands[start : start + len(t), 4:]
-    return _sensed(
-        vehicle, sensors, t, u, Measurement(states[:, :13], states[:, 13:16], states[:, 16:], speed)
-    )
+    return _sensed(vehicle, sensors, t, u, Measurement(states[:, :13], states[:, 13:16], states[:, 16:], speed))
 
 
 def _sensed(
@@ -177,12 +175,7 @@ def _instants(t: np.ndarray, margin: float, warm_up: float) -> np.ndarray:
 
 
 def _fly_rows(
-    flight: _Flight,
-    targets: np.ndarray,
-    rows: np.ndarray,
-    reads: np.ndarray,
-    split: int,
-    later: RealMultirotor | None,
+    flight: _Flight, targets: np.ndarray, rows: np.ndarray, reads: np.ndarray, split: int, later: RealMultirotor | None
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return (m - 1, 8) command and rotor speed at all rows but the last, (n, 19) states at `reads`."""
     commands: list[np.ndarray] = []

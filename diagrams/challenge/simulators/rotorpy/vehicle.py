@@ -11,14 +11,7 @@ from rotorpy.vehicles.multirotor import Multirotor
 from diagrams.challenge.simulators.rotorpy.conversion import SIZE, SPEED, WIND, V, W, X, cross, from_rotorpy
 from diagrams.challenge.simulators.rotorpy.tether import Tether
 from diagrams.challenge.simulators.rotorpy.wind import winds
-from np_drake.effects.base import (
-    ActuatorEffect,
-    Effect,
-    MassProperties,
-    MeasurementEffect,
-    Motion,
-    WrenchEffect,
-)
+from np_drake.effects.base import ActuatorEffect, Effect, MassProperties, MeasurementEffect, Motion, WrenchEffect
 from np_drake.effects.combine import mass_properties, split_effects
 from np_drake.effects.motor_lag import MotorLag
 from np_drake.effects.rotor_gyroscopic import RotorGyroscopic

@@ -78,9 +78,7 @@ class Budget:
             self._text_left -= len(text)
             if self._text_left < 0:
                 most = f"{MOST_TEXT / 1e6:g} million characters"
-                raise LogError(
-                    f"{self._bag}: must name and define its topics in {most}. Is it the right file?"
-                )
+                raise LogError(f"{self._bag}: must name and define its topics in {most}. Is it the right file?")
             self._texts[text] = text
         return self._texts[text]
 

@@ -49,8 +49,7 @@ def test_what_noise_hides_is_told_by_nobody(hovering):
 
 def test_its_error_falls_with_the_strength(hovering):
     faint, plain = (
-        np.mean([abs(told(hovering, strength, seed) - ONSET) for seed in range(6)])
-        for strength in (1e-3, 2e-2)
+        np.mean([abs(told(hovering, strength, seed) - ONSET) for seed in range(6)]) for strength in (1e-3, 2e-2)
     )
     assert plain < 0.5 * faint
 

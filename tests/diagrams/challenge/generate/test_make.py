@@ -65,9 +65,7 @@ def test_the_truth_may_not_lie_with_the_cases(tmp_path, truth):
     assert not (tmp_path / "cases").exists()
 
 
-@pytest.mark.parametrize(
-    "wrong", [{"simulator": "gazebo"}, {"quality": "dirty"}, {"seconds": 0.1}, {"cases": 0}]
-)
+@pytest.mark.parametrize("wrong", [{"simulator": "gazebo"}, {"quality": "dirty"}, {"seconds": 0.1}, {"cases": 0}])
 def test_impossible_requests_are_refused(tmp_path, wrong):
     with pytest.raises(ValueError, match="make"):
         make(tmp_path / "cases", tmp_path / "truth", clean=0, **wrong)

@@ -15,13 +15,7 @@ from np_drake.effects.base import Motion
 def test_a_panel_flutters_in_fast_air_only(vehicle, moving):
     """A quarter of a period after its phase at twice the onset: three quarters of its force, at its place."""
     dut = PanelFlutter(force=0.8, x=0.1, y=0.05, onset=1.0, frequency=2.0, phase=np.pi / 2)
-    for t, speed, lift in (
-        (0.5, 2.0, 0.6),
-        (0.25, 2.0, -0.6),
-        (0.125, 2.0, 0.0),
-        (0.5, 1.0, 0.0),
-        (0.5, 0.0, 0.0),
-    ):
+    for t, speed, lift in ((0.5, 2.0, 0.6), (0.25, 2.0, -0.6), (0.125, 2.0, 0.0), (0.5, 1.0, 0.0), (0.5, 0.0, 0.0)):
         chi = dut.wrench(vehicle, Motion(t, moving((0.0, speed, 0.0)), np.ones(4)))
         np.testing.assert_allclose(chi, [0, 0, lift, 0.05 * lift, -0.1 * lift, 0], atol=1e-12)
 
@@ -38,12 +32,7 @@ def test_an_odd_propeller_pushes_aside_of_the_way_at_its_place(vehicle, moving):
 def test_flow_from_the_side_blows_the_wake_off_a_vane(vehicle, moving):
     """Half of it at its speed; climbing leaves all of it."""
     dut = BentVane(lever=-0.01, speed=1.5)
-    for v, left in (
-        ((0.0, 0.0, 0.0), 1.0),
-        ((0.0, 1.5, 0.0), 0.5),
-        ((-3.0, 0.0, 0.0), 0.2),
-        ((0, 0, 2.0), 1.0),
-    ):
+    for v, left in (((0.0, 0.0, 0.0), 1.0), ((0.0, 1.5, 0.0), 0.5), ((-3.0, 0.0, 0.0), 0.2), ((0, 0, 2.0), 1.0)):
         chi = dut.wrench(vehicle, Motion(0.0, moving(v), np.full(4, 5.0)))
         np.testing.assert_allclose(chi, [0, 0, 0, 0, 0, -0.2 * left], atol=1e-12)
 

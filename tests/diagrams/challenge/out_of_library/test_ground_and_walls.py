@@ -2,22 +2,14 @@
 
 import numpy as np
 
-from diagrams.challenge.out_of_library.ground_and_walls import (
-    PlatformEdge,
-    TiltedCushion,
-)
+from diagrams.challenge.out_of_library.ground_and_walls import PlatformEdge, TiltedCushion
 from np_drake.effects.base import Motion
 
 
 def test_a_cushion_rights_what_leans_near_the_ground(vehicle):
     """Nose down (pitch forward) it raises the nose, by a share of 1 / e less a reach higher; level it does nothing."""
     dut, thrust = TiltedCushion(0.02, 0.8), np.array([4.0, 5.0, 6.0, 5.0])
-    for pitch, height, share in (
-        (0.3, 0.0, 1.0),
-        (0.3, 0.8, np.exp(-1.0)),
-        (0.3, -1.0, 1.0),
-        (0.0, 0.0, 0.0),
-    ):
+    for pitch, height, share in ((0.3, 0.0, 1.0), (0.3, 0.8, np.exp(-1.0)), (0.3, -1.0, 1.0), (0.0, 0.0, 0.0)):
         x = np.array([0.0, 0.0, height, np.cos(pitch / 2), 0.0, np.sin(pitch / 2), *np.zeros(7)])
         chi = dut.wrench(vehicle, Motion(0.0, x, thrust))
         np.testing.assert_allclose(chi, [0, 0, 0, 0, -0.02 * 20.0 * share * np.sin(0.3), 0], atol=1e-12)

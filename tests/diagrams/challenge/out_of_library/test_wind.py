@@ -2,11 +2,7 @@
 
 import numpy as np
 
-from diagrams.challenge.out_of_library.wind import (
-    DoorwayDraft,
-    PassingVehicle,
-    StandingEddy,
-)
+from diagrams.challenge.out_of_library.wind import DoorwayDraft, PassingVehicle, StandingEddy
 from np_drake.effects.base import Motion
 
 LEVEL = np.eye(13)[3]  # at the origin, at rest

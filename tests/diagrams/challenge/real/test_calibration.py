@@ -51,10 +51,7 @@ def test_the_figure_names_axes_and_series():
     top, below = figure.axes
     assert "share that is true" in top.get_ylabel()
     assert "probability" in below.get_xlabel()
-    assert [text.get_text() for text in figure.legends[0].get_texts()] == [
-        "as reported",
-        "real flights (n = 2)",
-    ]
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["as reported", "real flights (n = 2)"]
 
 
 def test_what_is_asked_counts_what_is_within_and_what_is_not():

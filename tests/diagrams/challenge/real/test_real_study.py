@@ -14,9 +14,7 @@ def no_folders_of_the_environment(monkeypatch):
 def refused(capfd, *arguments: str) -> str:
     """Return the one line on stderr of a refused command."""
     assert run(["reproduce", "real", *arguments]) == 2
-    (line,) = [
-        text for text in capfd.readouterr().err.splitlines() if text and "opening the logs" not in text
-    ]
+    (line,) = [text for text in capfd.readouterr().err.splitlines() if text and "opening the logs" not in text]
     return line
 
 

@@ -14,11 +14,7 @@ def result(group, before, after, payload=None):
     def errors(value):
         return None if value is None else {name: [0.1 * value, value] for name in replay.QUANTITIES}
 
-    return {
-        "group": group,
-        "errors": {"nominal": errors(before), "corrected": errors(after)},
-        "payload": payload,
-    }
+    return {"group": group, "errors": {"nominal": errors(before), "corrected": errors(after)}, "payload": payload}
 
 
 def test_a_line_has_medians_at_the_last_horizon_and_counts_the_better():

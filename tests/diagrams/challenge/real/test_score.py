@@ -21,12 +21,7 @@ NO_TORQUE = {axis: {"rms": 0.0, "after": 0.0} for axis in "xyz"}
 
 def cause(effect: str, probability: float, absent_from: tuple[str, ...] = (), **values: float) -> dict:
     parameters = {k: {"value": v, "unit": "", "ci95": [0.9 * v, 1.1 * v]} for k, v in values.items()}
-    return {
-        "effect": effect,
-        "probability": probability,
-        "parameters": parameters,
-        "absent_from": list(absent_from),
-    }
+    return {"effect": effect, "probability": probability, "parameters": parameters, "absent_from": list(absent_from)}
 
 
 def answer(*causes: dict, **more) -> dict:
@@ -40,9 +35,7 @@ def test_held_out_figures_are_of_the_norm_and_absent_for_unknown_torque():
 
 
 def test_names_are_judged_against_the_truth_of_their_flights():
-    dut = scored(
-        answer(cause("suspended_payload", 0.95, mass=0.0047), cause("constant_wind", 0.6)), TRUTHS["payload"]
-    )
+    dut = scored(answer(cause("suspended_payload", 0.95, mass=0.0047), cause("constant_wind", 0.6)), TRUTHS["payload"])
     assert dut["wrong"] == ["constant_wind"]
     assert not dut["right"]
     assert dut["parameters"]["suspended_payload"]["mass"]["value"] == 0.0047
@@ -77,9 +70,7 @@ def test_angles_are_between_directions():
 def test_the_mean_force_of_a_told_wind_is_that_of_its_drag(make_flight):
     vehicle = Vehicle()
     log = make_flight(5, lambda t, p, v, a: 0 * v)
-    log = dc.replace(
-        log, v=log.v + [3.0, 0.0, 0.0]
-    )  # drag in still air has a mean of its own, which is no wind's
+    log = dc.replace(log, v=log.v + [3.0, 0.0, 0.0])  # drag in still air has a mean of its own, which is no wind's
     drag, wind = LinearDrag(0.5, 0.5, 0.5), ConstantWind(-4.0, 0.0, 0.0)
     measured = np.array([-2.0, 0.0, 0.0])
     dut = wind_figures([drag, wind], [log], vehicle, measured, 4.0)

@@ -36,9 +36,7 @@ def test_every_figure_is_one_of_the_score(by_hand):
 
 def test_one_simulator_in_two_qualities_has_figures_of_each(by_hand):
     cases = by_hand.perfect_set()
-    noisy = [
-        dc.replace(c, truth={**c.truth, "quality": "real", "seed": 7}, name=f"again {c.name}") for c in cases
-    ]
+    noisy = [dc.replace(c, truth={**c.truth, "quality": "real", "seed": 7}, name=f"again {c.name}") for c in cases]
     ((_, _, alone),) = asked_tables(score(cases))
     (_, one, clean), (_, other, real) = asked_tables(score([*cases, *noisy]))
     assert (one[2], other[2]) == ("clean", "real")

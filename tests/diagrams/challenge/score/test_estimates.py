@@ -40,9 +40,7 @@ def test_a_tiny_truth_does_not_blow_up_the_error(by_hand):
 
 def test_a_hook_has_its_error_in_metres_and_a_rotor_is_right_or_not(by_hand):
     payload = by_hand.PAYLOAD["parameters"]
-    case = answered(
-        by_hand, by_hand.make_truth(by_hand.PAYLOAD), "suspended_payload", **{**payload, "hook_x": 0.03}
-    )
+    case = answered(by_hand, by_hand.make_truth(by_hand.PAYLOAD), "suspended_payload", **{**payload, "hook_x": 0.03})
     weak = answered(by_hand, by_hand.make_truth(by_hand.WEAK), "weak_rotor", rotor=3.0, efficiency=0.8)
     found = parameter_summary([*errors_of(case), *errors_of(weak)])
     assert found["place_error"] == pytest.approx(0.03)
@@ -80,10 +78,7 @@ def test_vectors_are_known_by_their_names():
 
 
 def test_a_row_a_parameter(by_hand):
-    cases = [
-        answered(by_hand, by_hand.make_truth(by_hand.SCALE), "thrust_scale", scale=s)
-        for s in (0.9, 0.91, 0.93)
-    ]
+    cases = [answered(by_hand, by_hand.make_truth(by_hand.SCALE), "thrust_scale", scale=s) for s in (0.9, 0.91, 0.93)]
     (dut,) = by_parameter([e for case in cases for e in errors_of(case)])
     assert dut["n"] == 3
     assert dut["median_error"] == pytest.approx(0.1)

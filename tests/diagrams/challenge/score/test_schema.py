@@ -43,10 +43,7 @@ def test_bounds_are_included():
         ([{"x": {"a": 1}}], "[0].x.b is missing; it must be text."),
         ([{"x": {}}], "[0].x.a is missing; it must be a finite number."),
         ([{"x": {"b": 2}}], "[0].x.b must be text; got 2."),
-        (
-            [{"x": {"a": 1, "b": "", "c": [0, None]}}],
-            "[0].x.c[1] must be a finite number, at least 0; got nothing.",
-        ),
+        ([{"x": {"a": 1, "b": "", "c": [0, None]}}], "[0].x.c[1] must be a finite number, at least 0; got nothing."),
         ([{"x\ny": 1}], "[0].x y must be an object with a, b, c; got 1."),
     ],
     ids=str,
@@ -67,9 +64,7 @@ def test_the_first_misfit_of_the_file_is_named():
 def test_null_suits_only_where_it_may_be():
     assert violation(SchemaValidator(PAIR), None) == "it must be an object with a, b, c; got nothing."
     assert violation(SchemaValidator(or_null(PAIR)), None) is None
-    assert (
-        violation(SchemaValidator(or_null(PAIR)), 3) == "it must be an object with a, b, c, or null; got 3."
-    )
+    assert violation(SchemaValidator(or_null(PAIR)), 3) == "it must be an object with a, b, c, or null; got 3."
     assert violation(SchemaValidator(or_null(PAIR)), {"a": 1}) == "b is missing; it must be text."
 
 

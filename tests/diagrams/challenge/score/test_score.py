@@ -126,9 +126,7 @@ def test_a_false_alarm_is_counted(cases, by_hand):
 
 def test_an_out_of_library_effect_must_be_called_unknown_alone(cases, by_hand):
     truth = by_hand.make_truth(by_hand.OUT_OF_LIBRARY, kind="foreign")
-    sure = by_hand.make_case(
-        truth, by_hand.make_answer(by_hand.make_cause("gusty_wind", {}, probability=0.95))
-    )
+    sure = by_hand.make_case(truth, by_hand.make_answer(by_hand.make_cause("gusty_wind", {}, probability=0.95)))
     unsure = by_hand.make_case(
         truth, by_hand.make_answer(by_hand.make_cause("gusty_wind", {}, probability=0.85), unknown=True)
     )
@@ -207,9 +205,7 @@ def test_a_score_is_json_without_holes(cases, by_hand):
     holes = json.loads(json.dumps(plain(by_hand.perfect(cases[10].truth))))
     for cause in holes["causes"]:
         cause["probability"] = None
-        cause["parameters"] = {
-            k: {"value": None, "unit": "", "ci95": [None, None]} for k in cause["parameters"]
-        }
+        cause["parameters"] = {k: {"value": None, "unit": "", "ci95": [None, None]} for k in cause["parameters"]}
     dut = score([*cases, dc.replace(cases[10], answer=holes)])
     assert dut["parameters"]["median_error"] == 0.0
     assert dut["parameters"]["coverage"] < 1.0

@@ -129,12 +129,9 @@ def test_a_folder_of_the_other_simulator_is_refused(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "name, message",
-    [("gazebo", "simulator must be one of drake, rotorpy; got 'gazebo'"), ("rotorpy", "pip install")],
+    "name, message", [("gazebo", "simulator must be one of drake, rotorpy; got 'gazebo'"), ("rotorpy", "pip install")]
 )
-def test_a_simulator_that_there_is_not_is_one_line_before_any_flight(
-    name, message, monkeypatch, tmp_path, capsys
-):
+def test_a_simulator_that_there_is_not_is_one_line_before_any_flight(name, message, monkeypatch, tmp_path, capsys):
     monkeypatch.setattr(optional_import, "find_spec", lambda name: None)
     assert run(["reproduce", "closing", "--simulator", name, "--out", str(tmp_path / "out")]) == 2
     (line,) = capsys.readouterr().err.splitlines()

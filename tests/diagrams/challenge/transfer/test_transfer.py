@@ -8,17 +8,7 @@ import pytest
 from diagrams.challenge.generate.composition import compatible
 from diagrams.challenge.transfer import designs
 from diagrams.challenge.transfer.reality import MOST, withheld_reality
-from diagrams.challenge.transfer.study import (
-    CORRECTED,
-    MADE_IN,
-    NOMINAL,
-    PLAIN,
-    REAL,
-    ROWS,
-    SAMPLED,
-    gained,
-    table,
-)
+from diagrams.challenge.transfer.study import CORRECTED, MADE_IN, NOMINAL, PLAIN, REAL, ROWS, SAMPLED, gained, table
 from diagrams.loop.reality import RealityConfig
 from np_drake.effects.command_delay import CommandDelay
 from np_drake.effects.effect_entry import EffectEntry
@@ -58,9 +48,7 @@ def result(nominal, corrected, real, foretold_nominal, foretold_corrected):
 
 
 def test_gains_are_medians_of_ratios():
-    found = gained(
-        [result(1.0, 0.5, 0.4, 0.2, 0.45), result(2.0, 0.2, 0.2, 0.2, 0.2), result(1.0, 0.3, 0.3, 0.5, 0.3)]
-    )
+    found = gained([result(1.0, 0.5, 0.4, 0.2, 0.45), result(2.0, 0.2, 0.2, 0.2, 0.2), result(1.0, 0.3, 0.3, 0.5, 0.3)])
     assert found["fall of E_xy"] == pytest.approx(0.7)
     assert found["E_xy over real flights"] == pytest.approx(1.0)
     assert found["E_xy foretold by: nominal simulator"] == pytest.approx(0.8)

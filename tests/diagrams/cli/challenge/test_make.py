@@ -17,9 +17,7 @@ def test_make_writes_a_set_and_its_figures(tmp_path, in_this_process):
     assert len(list((tmp_path / "cases").iterdir())) == 2
 
 
-@pytest.mark.parametrize(
-    "wrong, said", [(["--quality", "dirty"], "quality"), (["--simulator", "gazebo"], "simulator")]
-)
+@pytest.mark.parametrize("wrong, said", [(["--quality", "dirty"], "quality"), (["--simulator", "gazebo"], "simulator")])
 def test_a_wrong_request_is_one_line_before_any_work(tmp_path, capsys, wrong, said):
     out = tmp_path / "cases"
     assert run(["challenge", "make", "--out", str(out), "--truth", str(tmp_path / "truth"), *wrong]) == 2

@@ -47,9 +47,7 @@ def test_cases_are_solved_and_failures_said(cases, tmp_path, capsys):
     assert json.loads((out / "good" / "diagnosis.json").read_text()) == {"verdict": []}
 
 
-@pytest.mark.parametrize(
-    "text", ["measurement_noise: 0.1", "inertia: [.02, .02, .03]", "rotor_directions: cw"]
-)
+@pytest.mark.parametrize("text", ["measurement_noise: 0.1", "inertia: [.02, .02, .03]", "rotor_directions: cw"])
 def test_the_line_of_a_case_with_a_bad_vehicle_file_names_file_and_field(cases, tmp_path, capsys, text):
     shutil.copytree(cases / "good", cases / "bad", dirs_exist_ok=True)
     (cases / "bad" / "vehicle.yaml").write_text(text)

@@ -32,9 +32,7 @@ DRAG = LinearDrag(0.3, 0.3, 0.3)
 def model(seen, noise):
     """Return a function that makes the linear model of a fit of `terms` to two flights under `acting`."""
 
-    def made(
-        acting: tuple[Effect, ...], terms: list[Term], *, drifts: bool = False, onset_prior: float = 0.0
-    ):
+    def made(acting: tuple[Effect, ...], terms: list[Term], *, drifts: bool = False, onset_prior: float = 0.0):
         how = {"noise": 1.0, "seconds": 6.0}
         flights = [seen(*acting, name=n, seed=i, **how) for i, n in enumerate("ab", start=1)]
         return linear_model(flights, noise, terms, drifts=drifts, onset_prior=onset_prior)

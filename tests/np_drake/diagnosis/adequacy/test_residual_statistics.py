@@ -2,11 +2,7 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from np_drake.diagnosis.adequacy.residual_statistics import (
-    slow_torque,
-    strongest_burst,
-    strongest_line,
-)
+from np_drake.diagnosis.adequacy.residual_statistics import slow_torque, strongest_burst, strongest_line
 from np_drake.diagnosis.options import Options
 
 REAL, IDEAL = Options.for_sensors(True), Options.for_sensors(False)
@@ -105,9 +101,7 @@ def test_a_burst_is_found_in_its_flight_at_its_time_and_size(flights, axis):
 def test_more_noise_is_no_more_of_a_burst(flights):
     residual = left_of(flights)
     louder = {n: 7.0 * y for n, y in residual.items()}
-    assert strongest_burst(flights, louder).prominence == pytest.approx(
-        strongest_burst(flights, residual).prominence
-    )
+    assert strongest_burst(flights, louder).prominence == pytest.approx(strongest_burst(flights, residual).prominence)
 
 
 def test_without_any_force_nothing_bursts(flights):

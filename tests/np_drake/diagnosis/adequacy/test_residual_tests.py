@@ -40,9 +40,7 @@ def test_a_line_matters_less_on_a_rig(ranked):
 
 @pytest.mark.parametrize("share, hidden", [(0.01, False), (0.9, True), (0.1, True)])
 @pytest.mark.parametrize("size", [0.5, 2.0])
-def test_a_slow_torque_is_unknown_where_it_is_material_and_no_lost_swing(
-    ranked, monkeypatch, share, hidden, size
-):
+def test_a_slow_torque_is_unknown_where_it_is_material_and_no_lost_swing(ranked, monkeypatch, share, hidden, size):
     """size: of the torque, over what matters."""
     flights, limit = ranked().flights, REAL.thresholds.slow_torque_ratio
     torque = (2 * limit, share, size * dut.least_structure(flights, REAL.materiality)[1])

@@ -79,9 +79,7 @@ def test_structure_is_there_by_evidence_and_counts_where_material(ranked, linear
 
 
 @pytest.mark.parametrize(
-    "effect",
-    [InertiaError(1.3, 0.8, 1.2), MotorLag(0.04), CommandDelay(0.02)],
-    ids=lambda e: e.identifier,
+    "effect", [InertiaError(1.3, 0.8, 1.2), MotorLag(0.04), CommandDelay(0.02)], ids=lambda e: e.identifier
 )
 def test_no_generic_torque_is_unknown_beside_an_effect_that_explains_it(ranked, left, effect):
     case = ranked(effect)

@@ -157,9 +157,7 @@ def test_an_effect_at_its_bound_is_minor_and_says_so(drag, judged_with):
     ],
     ids=lambda v: getattr(v, "identifier", str(v)),
 )
-def test_a_shift_of_commands_within_what_the_log_leaves_open_is_immaterial(
-    fit_at, judged_with, effect, timing, within
-):
+def test_a_shift_of_commands_within_what_the_log_leaves_open_is_immaterial(fit_at, judged_with, effect, timing, within):
     tolerance = dc.replace(REAL.tolerance, timing=timing)
     given = judged_with(fit=fit_at(effect, covariance=1e-6), options=dc.replace(REAL, tolerance=tolerance))
     assert (assessed(*given).material == 0.0) is within
@@ -180,8 +178,7 @@ def test_a_wind_without_a_drag_through_which_it_is_felt_is_minor():
 def test_without_torque_mass_and_thrust_are_named_beside_each_other(seen, searched):
     vertical = (0.0, 0.0, 1.0, 0.0)
     flights = [
-        seen(MassError(0.2), name=n, seed=i, noise=1.0, seconds=8.0, vigour=vertical)
-        for i, n in enumerate("ab")
+        seen(MassError(0.2), name=n, seed=i, noise=1.0, seconds=8.0, vigour=vertical) for i, n in enumerate("ab")
     ]
     found = searched(flights)
     named = [found.problem.candidates[i].identifiers[0] for i in found.models[0].members]
@@ -197,9 +194,7 @@ def test_what_the_motion_tells_apart_is_not_named_beside_it(drag):
 
 def test_payload_parameters_are_known_no_better_than_the_pendulum_model(fit_at):
     payload = SuspendedPayload(0.2, 0.6, 0.0, 0.0, -0.05)
-    exact, rough = (
-        module._estimates(fit_at(payload, covariance=s), 0, PAPER, IDEAL.priors) for s in (1e-9, 0.01)
-    )
+    exact, rough = (module._estimates(fit_at(payload, covariance=s), 0, PAPER, IDEAL.priors) for s in (1e-9, 0.01))
     for name, estimate in exact.items():
         half = 0.5 * np.diff(estimate.ci95)[0]
         error = 1.96 * pendulum_error(name, payload, PAPER, IDEAL.priors)

@@ -91,8 +91,7 @@ def test_a_force_that_follows_the_place_is_unknown_and_not_gusts(of):
 
 def test_unknown_structure_leaves_the_probability_of_a_planted_drag(of):
     alone, beside = (
-        next(c for c in of(*slow).causes if c.identifier == "linear_drag")
-        for slow in ((None, None, None), WALLED)
+        next(c for c in of(*slow).causes if c.identifier == "linear_drag") for slow in ((None, None, None), WALLED)
     )
     assert beside.probability == pytest.approx(alone.probability, abs=0.05)
     for name, estimate in beside.parameters.items():

@@ -23,9 +23,7 @@ from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.vehicle import Vehicle
 
-module = importlib.import_module(
-    "np_drake.diagnosis.decision.second_answer"
-)  # the package has a function so named
+module = importlib.import_module("np_drake.diagnosis.decision.second_answer")  # the package has a function so named
 
 DRAG = LinearDrag(0.6, 0.6, 0.0)
 UP_AND_DOWN = (0.0, 0.0, 1.0, 0.0)

@@ -47,9 +47,7 @@ def test_every_effect_of_the_library_has_an_answer(report):
     assert {a.identifier for a in report.answers} == set(LIBRARY)
     assert all(a.todo for a in report.answers if a.verdict != "yes")
     assert all(a.reason for a in report.answers if a.verdict != "yes")
-    assert all(
-        (a.verdict == "yes") == (a.smallest <= a.typical) for a in report.answers if a.verdict != "never"
-    )
+    assert all((a.verdict == "yes") == (a.smallest <= a.typical) for a in report.answers if a.verdict != "never")
     assert all(a.alone <= a.smallest * (1 + 1e-6) for a in report.answers)  # rounding
 
 
@@ -132,9 +130,7 @@ def test_a_real_flight_without_payload_does_not_swing(real_flights, flight):
     assert not real(real_flights / "imrc" / flight, 0.037).something_swings
 
 
-@pytest.mark.parametrize(
-    "flight", ["payload/eckart06", "payload/eckart18", "payload/eckart46", "payload/eckart71"]
-)
+@pytest.mark.parametrize("flight", ["payload/eckart06", "payload/eckart18", "payload/eckart46", "payload/eckart71"])
 def test_a_real_flight_with_a_payload_swings(real_flights, flight):
     dut = real(real_flights / "imrc" / flight, 0.0397)
     assert dut.something_swings
@@ -145,9 +141,7 @@ def test_a_real_flight_with_a_payload_swings(real_flights, flight):
 
 def test_a_real_flight_in_wind_does_not_swing(real_flights):
     vehicle = dc.replace(Vehicle(), mass=2.53, max_rotor_thrust=15.0, input="normalised").check()
-    flights, sheet = open_flights(
-        real_flights / "neural_fly" / "custom_figure8_baseline_100wind.csv.gz", vehicle
-    )
+    flights, sheet = open_flights(real_flights / "neural_fly" / "custom_figure8_baseline_100wind.csv.gz", vehicle)
     dut = examine(flights, vehicle, sheets={flights[0].name: sheet.content})
     assert not dut.something_swings
     assert dut.of("mass_error")[0].verdict == "never"

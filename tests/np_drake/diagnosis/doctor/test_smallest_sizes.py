@@ -106,9 +106,7 @@ def test_gusts_are_told_from_less_in_less_noise_and_in_longer_flights():
     dut = smallest_gust(of(0.1), 100.0)
     assert smallest_gust(of(0.05), 100.0) == pytest.approx(0.5 * dut)
     longer = smallest_gust(of(0.1), 1600.0)
-    assert longer == pytest.approx(
-        0.5 * dut, rel=0.02
-    )  # the power as one over root T; the lowest frequencies
+    assert longer == pytest.approx(0.5 * dut, rel=0.02)  # the power as one over root T; the lowest frequencies
     assert 0.0 < dut < 0.1
 
 

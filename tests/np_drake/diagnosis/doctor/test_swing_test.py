@@ -61,8 +61,7 @@ def test_nothing_else_swings(seen, effects, seed):
 
 def test_a_payload_that_is_there_in_one_flight_is_seen_in_that_alone(seen):
     factors = [
-        judged(seen(*effects, seed=4, noise=1.0)).log_bayes_factor
-        for effects in ((), (SuspendedPayload(0.1, 0.7),))
+        judged(seen(*effects, seed=4, noise=1.0)).log_bayes_factor for effects in ((), (SuspendedPayload(0.1, 0.7),))
     ]
     assert factors[0] < 0 < EVIDENT < factors[1]
     assert np.isfinite(factors).all()

@@ -44,9 +44,7 @@ def test_a_wide_swing_is_found_from_rest_where_descent_alone_is_not_enough(throw
     rows = thrown.t < 2.0
     dut = SwingFit([Term(PAYLOAD)], 0, thrown, noise, None, rows, priors=REAL.priors)
     rest = np.zeros(STATE)
-    true, alone, found = dut.costs(
-        np.array([WIDE, dut.descend(rest), dut.descend_from_grid(rest, slice(STATE))])
-    )
+    true, alone, found = dut.costs(np.array([WIDE, dut.descend(rest), dut.descend_from_grid(rest, slice(STATE))]))
     assert found < 1.1 * true < 0.5 * alone
 
 
@@ -61,9 +59,7 @@ def test_a_search_never_ends_above_where_it_began(thrown, noise):
 
 def test_figures_that_are_not_free_stay(thrown, noise):
     flight = dc.replace(thrown, outliers=np.isin(np.arange(len(thrown.t)), [300, 301]))
-    dut = SwingFit(
-        [Term(PAYLOAD, hidden={"c": WIDE})], 0, flight, noise, None, flight.t > 6.0, priors=REAL.priors
-    )
+    dut = SwingFit([Term(PAYLOAD, hidden={"c": WIDE})], 0, flight, noise, None, flight.t > 6.0, priors=REAL.priors)
     assert dut.size == 2 * STATE
     np.testing.assert_array_equal(dut.known, [*WIDE, 0, 0, 0, 0])
     jump = slice(STATE, 2 * STATE)
@@ -104,12 +100,8 @@ def test_doubts_are_of_free_figures_and_as_large_as_the_errors_of_fits(seen, noi
     errors = []
     for seed in range(12):
         flight = seen(name="c", seed=seed, noise=1.0, seconds=4.0)
-        flight = dc.replace(
-            flight, y=flight.y + predicted_residual(flight, [Term(PAYLOAD, hidden={"c": WIDE})])
-        )
-        dut = SwingFit(
-            [Term(PAYLOAD, hidden={"c": WIDE})], 0, flight, noise, None, flight.t < 2.0, priors=REAL.priors
-        )
+        flight = dc.replace(flight, y=flight.y + predicted_residual(flight, [Term(PAYLOAD, hidden={"c": WIDE})]))
+        dut = SwingFit([Term(PAYLOAD, hidden={"c": WIDE})], 0, flight, noise, None, flight.t < 2.0, priors=REAL.priors)
         deviation = dut.posterior_swings(slice(STATE)).std(axis=0)
         errors.append((dut.descend(WIDE) - WIDE) / deviation)
     assert 0.6 < np.sqrt(np.mean(np.square(errors))) < 1.5

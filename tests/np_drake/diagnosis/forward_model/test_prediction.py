@@ -119,9 +119,7 @@ def flown(seen):
 
 def test_the_order_of_terms_does_not_matter(flown):
     terms = [Term(e) for e in (MassError(), LinearDrag(), ThrustScale(), MotorLag(), LIGHT, ConstantWind())]
-    np.testing.assert_allclose(
-        predicted_residual(flown, terms), predicted_residual(flown, terms[::-1]), atol=1e-9
-    )
+    np.testing.assert_allclose(predicted_residual(flown, terms), predicted_residual(flown, terms[::-1]), atol=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -196,9 +194,7 @@ def test_before_its_onset_an_effect_leaves_no_trace_and_after_it_its_own(flown, 
     np.testing.assert_array_equal(predicted_residual(flown, never), 0.0)
 
 
-@pytest.mark.parametrize(
-    "effect", [MassError(), ThrustScale(), LinearDrag(), LIGHT], ids=lambda e: e.identifier
-)
+@pytest.mark.parametrize("effect", [MassError(), ThrustScale(), LinearDrag(), LIGHT], ids=lambda e: e.identifier)
 def test_an_onset_in_a_flight_leaves_the_trace_of_that_onset(seen, effect):
     dut = seen(effect, onset={effect.identifier: 5.0})
     residual = dut.y - predicted_residual(dut, [Term(effect, {dut.name: 5.0})])
@@ -258,9 +254,7 @@ def test_parts_that_are_kept_change_no_signature(seen):
     for i in range(len(acting)):
         for onset in ({}, {"1": 2.0}):
             now = [Term(e) for e in (*acting[:i], *acting[i + 1 :])] + [Term(moved[i], onset)]
-            np.testing.assert_array_equal(
-                predicted_residual(flight, now, stages), predicted_residual(flight, now)
-            )
+            np.testing.assert_array_equal(predicted_residual(flight, now, stages), predicted_residual(flight, now))
 
 
 @pytest.mark.parametrize("onset", [None, 2.0])

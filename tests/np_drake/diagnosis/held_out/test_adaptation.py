@@ -113,10 +113,7 @@ def test_a_hardly_known_swing_is_foreseen_by_its_mean_and_misses_less(seen, nois
         flight = seen(name="c", seed=seed, noise=1.0, seconds=8.0)
         real = predicted_residual(flight, [Term(faint, hidden={"c": swing})])
         terms = adapt([Term(faint)], dc.replace(flight, y=flight.y + real), noise, priors=REAL.priors)
-        ways = (
-            terms,
-            predictive_terms(terms, dc.replace(flight, y=flight.y + real), noise, priors=REAL.priors),
-        )
+        ways = (terms, predictive_terms(terms, dc.replace(flight, y=flight.y + real), noise, priors=REAL.priors))
         rows = scored_rows(terms, flight)
         missed.append([np.sum((predicted_residual(flight, w) - real)[rows, WRENCH] ** 2) for w in ways])
     best, mean = np.sum(missed, axis=0)
@@ -161,8 +158,7 @@ def test_a_swing_that_jumps_is_found_anew_and_those_rows_do_not_score(seen, nois
     assert rows[flight.t > 6.1 + JUMP_SPAN].all()
     unaware = dc.replace(dut, hidden={"c": dut.hidden["c"][:4]})
     residual = [
-        np.std((flight.y - predicted_residual(flight, [t]))[rows & after][:, :3])
-        for t in (dut, jumped, unaware)
+        np.std((flight.y - predicted_residual(flight, [t]))[rows & after][:, :3]) for t in (dut, jumped, unaware)
     ]
     assert residual[0] < 1.1 * residual[1] < 0.5 * residual[2]
 
@@ -176,9 +172,7 @@ def test_the_rows_of_an_outlier_are_not_scored_beside_a_payload_only(seen):
 def test_a_flight_too_short_to_judge_a_payload_is_scored_whole_and_says_so(seen):
     flight = seen(PAYLOAD, name="c", seed=3)
     assert not scored_on_fitted_rows([Term(PAYLOAD)], flight)
-    short = dc.replace(
-        flight, outliers=flight.t >= flight.t[0] + HIDDEN_SPAN
-    )  # nothing is left beside its anchor
+    short = dc.replace(flight, outliers=flight.t >= flight.t[0] + HIDDEN_SPAN)  # nothing is left beside its anchor
     assert scored_rows([Term(PAYLOAD)], short).all()
     assert scored_on_fitted_rows([Term(PAYLOAD)], short)
     assert not scored_on_fitted_rows([Term(HEAVY)], short)
@@ -238,11 +232,7 @@ def test_a_hidden_state_settled_on_the_whole_flight_explains_it_all(seen, noise)
     late = flight.t > 8.0
     astray = [Term(PAYLOAD, hidden={"1": np.array([0.3, -0.2, 0.0, 0.5])})]
     whole = fitted_to_whole_flight(astray, flight, noise, priors=REAL.priors)
-    residual = [
-        np.std((flight.y - predicted_residual(flight, terms))[late][:, :3]) for terms in (astray, whole)
-    ]
+    residual = [np.std((flight.y - predicted_residual(flight, terms))[late][:, :3]) for terms in (astray, whole)]
     assert residual[1] < 1.1 * noise.rms[:3].max() < 0.8 * residual[0]
     drag = Term(LinearDrag(0.3, 0.3, 0.3))
-    assert fitted_to_whole_flight([drag], flight, noise, priors=REAL.priors) == [
-        drag
-    ]  # what has no hidden state stays
+    assert fitted_to_whole_flight([drag], flight, noise, priors=REAL.priors) == [drag]  # what has no hidden state stays

@@ -5,12 +5,7 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.localisation.identifiability import (
-    assess_identifiability,
-    confusables,
-    excitation,
-    excited,
-)
+from np_drake.diagnosis.localisation.identifiability import assess_identifiability, confusables, excitation, excited
 from np_drake.diagnosis.regressors.library import library_candidates
 from np_drake.diagnosis.residuals.make_flight_residuals import make_flight_residuals
 from np_drake.diagnosis.result import CHANNELS
@@ -66,9 +61,7 @@ def test_in_a_vertical_flight_mass_and_thrust_are_collinear(seen, noise):
 
 def test_in_hover_what_needs_motion_leaves_no_trace(seen, noise):
     flights = [seen(vigour=0.0, noise=1.0, seconds=4.0)]
-    held_out = {
-        c.effects for c in confusables(flights, library_candidates(flights), noise) if len(c.effects) == 1
-    }
+    held_out = {c.effects for c in confusables(flights, library_candidates(flights), noise) if len(c.effects) == 1}
     assert {("quadratic_drag",), ("translational_lift",), ("command_delay",)} <= held_out
     assert ("mass_error",) not in held_out
 
@@ -86,9 +79,7 @@ def test_the_answer_has_floor_and_excitation_and_passes_notes_on(flights, noise)
 def test_what_a_log_lacks_is_said(fly, noise):
     bare = make_flight_residuals(fly(name="bare", accelerations=False, seconds=4.0), Vehicle())
     shaky = make_flight_residuals(fly(name="shaky", attitude_noise=0.01, noise=1.0, seconds=4.0), Vehicle())
-    rotors = make_flight_residuals(
-        dc.replace(fly(name="rotors", seconds=4.0), input="rotor_speed"), Vehicle()
-    )
+    rotors = make_flight_residuals(dc.replace(fly(name="rotors", seconds=4.0), input="rotor_speed"), Vehicle())
     for flight, word in ((bare, "no acceleration"), (shaky, "attitude noise"), (rotors, "rotor speed")):
         dut = assess_identifiability([flight], [flight], library_candidates([flight]), noise)
         assert any(word in w for w in dut.warnings)

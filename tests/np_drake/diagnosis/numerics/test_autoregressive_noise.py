@@ -31,9 +31,7 @@ def test_the_spectrum_of_a_known_process_is_recovered():
     frequency = np.linspace(0.5, 24, 60)
     found = dut.spectrum(frequency)
     for c in PHI:
-        np.testing.assert_allclose(
-            found[c], true_spectrum(c, frequency), rtol=0.35
-        )  # 21 figures of 12000 samples
+        np.testing.assert_allclose(found[c], true_spectrum(c, frequency), rtol=0.35)  # 21 figures of 12000 samples
 
 
 @pytest.mark.parametrize("c", [0, 1, 2])
@@ -48,9 +46,7 @@ def test_whitening_gives_unit_innovations_independent_across_channels():
     mixing = np.array([[1.0, 0, 0], [0.8, 0.6, 0], [-0.5, 0.5, 0.7]])
     dut = fit_noise([processes(0, 20000, mixing)], STEP)
     white = dut.whiten(processes(5, 20000, mixing))  # of an unseen flight
-    np.testing.assert_allclose(
-        white.T @ white / len(white), np.eye(3), atol=0.05
-    )  # 4 sigma of two sets of samples
+    np.testing.assert_allclose(white.T @ white / len(white), np.eye(3), atol=0.05)  # 4 sigma of two sets of samples
     for lag in (1, 2, 5):
         correlation = white[lag:].T @ white[:-lag] / len(white)
         assert np.abs(correlation).max() < 0.035  # 4 sigma and the figures' own error

@@ -72,10 +72,7 @@ def test_columns_of_every_model_may_be_taken_out_first(seed, n, chosen):
 
 
 @settings(max_examples=30, deadline=None)
-@given(
-    st.integers(0, 10**6),
-    st.lists(st.lists(st.sampled_from([0, 1, 2, 3]), unique=True), max_size=6),
-)
+@given(st.integers(0, 10**6), st.lists(st.lists(st.sampled_from([0, 1, 2, 3]), unique=True), max_size=6))
 def test_many_sets_at_once_have_each_its_density_at_the_widths_asked(seed, sets):
     X, y = problem(seed, k=5)
     dut, columns = gram(4.0 * X, y), [np.array([0, 1]), np.array([2]), np.array([3, 4]), np.zeros(0, int)]
@@ -83,9 +80,7 @@ def test_many_sets_at_once_have_each_its_density_at_the_widths_asked(seed, sets)
     wide = [[i != 1 for i in chosen] for chosen in sets]
     indices = [np.concatenate([np.zeros(0, int), *g]) for g in groups]
     evidence, posteriors = dut.evidence_of_sets(groups, wide), dut.posteriors(indices)
-    for found, (mean, covariance), index, g, w in zip(
-        evidence, posteriors, indices, groups, wide, strict=True
-    ):
+    for found, (mean, covariance), index, g, w in zip(evidence, posteriors, indices, groups, wide, strict=True):
         flat = 4.0 * X.reshape(-1, 5)[:, index]
         gain = flat.T @ np.linalg.inv(np.eye(len(flat)) + flat @ flat.T)
         np.testing.assert_allclose(mean, gain @ y.ravel(), atol=1e-9)

@@ -7,16 +7,12 @@ from hypothesis import strategies as st
 from np_drake.diagnosis.numerics.noise_model import BLOCK, banded, filtered
 
 
-@given(
-    st.integers(1, 30), st.integers(1, 4), st.integers(0, 9 * BLOCK), st.integers(1, 5), st.integers(0, 99)
-)
+@given(st.integers(1, 30), st.integers(1, 4), st.integers(0, 9 * BLOCK), st.integers(1, 5), st.integers(0, 99))
 def test_every_sum_is_that_of_its_own_rows_however_many_there_are(p, every, more, k, seed):
     rng = np.random.default_rng(seed)
     taps, values = rng.normal(size=p), rng.normal(size=(p + more, k))
     windows = np.lib.stride_tricks.sliding_window_view(values, p, axis=0)[::every]
-    np.testing.assert_allclose(
-        filtered(banded(taps, every), values, every), windows @ taps, rtol=1e-9, atol=1e-9
-    )
+    np.testing.assert_allclose(filtered(banded(taps, every), values, every), windows @ taps, rtol=1e-9, atol=1e-9)
 
 
 def test_columns_that_lie_apart_in_memory_are_filtered_as_they_are():

@@ -50,9 +50,7 @@ def test_a_thinned_log_leaves_half_a_row_open(fly, every, seed):
     assert timing == pytest.approx(0.5 * log.step)
 
 
-@pytest.mark.parametrize(
-    "effects", [(), (DRAG,), (MotorLag(0.03),), (CommandDelay(0.02),), (ClockOffset(0.02),)]
-)
+@pytest.mark.parametrize("effects", [(), (DRAG,), (MotorLag(0.03),), (CommandDelay(0.02),), (ClockOffset(0.02),)])
 def test_a_command_that_is_held_from_its_row_leaves_nothing_open(seen, effects):
     assert command_timing([seen(*effects, seed=1, noise=1.0)]) == 0.0
 
@@ -100,8 +98,7 @@ def test_a_vehicle_file_does_not_narrow_the_scale_of_a_throttle(fly):
 
 
 @pytest.mark.parametrize(
-    "effect, stated",
-    [(MassError(0.06 * VEHICLE.mass), {"mass": 0.04}), (ThrustScale(0.94), {"thrust": 0.04})],
+    "effect, stated", [(MassError(0.06 * VEHICLE.mass), {"mass": 0.04}), (ThrustScale(0.94), {"thrust": 0.04})]
 )
 def test_an_error_within_what_the_vehicle_file_states_is_no_cause(fly, inferred, effect, stated):
     logs = [fly(effect, name=str(i), seed=i, seconds=7.0, noise=1.0) for i in (1, 2, 3)]

@@ -78,23 +78,17 @@ def test_columns_times_coefficients_are_the_trace_of_their_terms(flights, candid
     candidate = data.draw(st.sampled_from([c for c in candidates if c.identifiers[0] in LINEAR]))
     c = np.array(data.draw(st.lists(st.floats(0.01, 0.6), min_size=candidate.size, max_size=candidate.size)))
     for e in flights:
-        np.testing.assert_allclose(
-            candidate.columns[e.name] @ c, trace(candidate, c, e), rtol=1e-6, atol=1e-7
-        )
+        np.testing.assert_allclose(candidate.columns[e.name] @ c, trace(candidate, c, e), rtol=1e-6, atol=1e-7)
 
 
-@pytest.mark.parametrize(
-    "name", [n for n in LIBRARY if n not in ("suspended_payload", "constant_wind", "gusty_wind")]
-)
+@pytest.mark.parametrize("name", [n for n in LIBRARY if n not in ("suspended_payload", "constant_wind", "gusty_wind")])
 def test_small_coefficients_mean_small_effects_of_that_trace(flights, candidates, name):
     for candidate in (c for c in candidates if c.identifiers == (name,)):
         single = effect_candidates(LIBRARY[name], flights, {})
         assert candidate.variant in {c.variant for c in single}
         c = np.full(candidate.size, 0.5 if not LIBRARY[name].linear and candidate.size == 1 else 0.05)
         for e in flights:
-            most = (
-                0.1 if name == "center_of_mass_offset" else 0.05
-            )  # its force is of second order before long
+            most = 0.1 if name == "center_of_mass_offset" else 0.05  # its force is of second order before long
             assert gap(candidate.columns[e.name] @ c, trace(candidate, c, e)) < most
 
 

@@ -71,9 +71,7 @@ def test_calibration_is_mass_and_thrust_at_their_deviations(flights):
     assert [c.size for c in columns] == [1, 1]
     e = flights[0]
     expected = predicted_residual(e, [Term(MassError(0.010))])
-    np.testing.assert_allclose(
-        columns[1].columns["a"][..., 0], expected, rtol=0.15, atol=1e-6
-    )  # linear to 10 %
+    np.testing.assert_allclose(columns[1].columns["a"][..., 0], expected, rtol=0.15, atol=1e-6)  # linear to 10 %
     assert all(c.identifiers == () for c in columns)
 
 

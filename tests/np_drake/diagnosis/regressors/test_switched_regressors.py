@@ -28,9 +28,7 @@ SCALE = 0.7
 )
 @pytest.mark.parametrize("equally", [False, True], ids=["any rows", "rows equally far apart"])
 @pytest.mark.parametrize("accelerations", [True, False])
-def test_sums_are_those_of_the_whitened_columns_from_each_row_on(
-    seen, noise, effects, loud, equally, accelerations
-):
+def test_sums_are_those_of_the_whitened_columns_from_each_row_on(seen, noise, effects, loud, equally, accelerations):
     flight = seen(name="1", seed=1, noise=1.0, seconds=6.0, accelerations=accelerations)
     noise = dc.replace(noise, loudness={"1": np.linspace(0.5, 2.0, 15)}) if loud else noise
     X = np.stack([predicted_residual(flight, [Term(effect)]) for effect in effects], axis=-1)

@@ -34,11 +34,7 @@ def bands() -> tuple[an.Band, ...]:
 
 
 def regimes() -> tuple[an.Regime, ...]:
-    edges = {
-        "speed": ("m/s", (0, 1, 2, 3, 5)),
-        "thrust": ("N", (15, 20, 23, 28)),
-        "height": ("m", (0.5, 1, 2, 3)),
-    }
+    edges = {"speed": ("m/s", (0, 1, 2, 3, 5)), "thrust": ("N", (15, 20, 23, 28)), "height": ("m", (0.5, 1, 2, 3))}
     edges |= {"tilt": ("deg", (0, 5, 10, 20)), "rate": ("rad/s", (0, 0.5, 1, 3))}
     out = []
     for quantity, (unit, bounds) in edges.items():
@@ -109,17 +105,10 @@ def check() -> an.Identifiability:
     )
     return an.Identifiability(
         True,
-        {
-            "speed, RMS [m/s]": 1.84,
-            "thrust, span [N]": 11.2,
-            "tilt, RMS [deg]": 9.7,
-            "rate, RMS [rad/s]": 0.74,
-        },
+        {"speed, RMS [m/s]": 1.84, "thrust, span [N]": 11.2, "tilt, RMS [deg]": 9.7, "rate, RMS [rad/s]": 0.74},
         dict(zip(an.CHANNELS, NOISE, strict=True)),
         (confusable,),
-        (
-            "heldout_2: angular acceleration was differentiated from the gyro: torque above 15 Hz is smoothed.",
-        ),
+        ("heldout_2: angular acceleration was differentiated from the gyro: torque above 15 Hz is smoothed.",),
     )
 
 
@@ -128,9 +117,7 @@ def diagnosis() -> an.Diagnosis:
     names = ("nominal", "+ suspended_payload", "+ linear_drag", "noise floor")
     ladder = tuple(map(an.Rung, names, (9.84, 2.05, 1.08, 1.0)))
     gap_reduction = an.GapReduction(9.84, 1.08, 1.0, 0.998, (0.991, 0.999), ladder, replay(1.0), replay(0.07))
-    minor = an.Finding(
-        "gyro_bias", "0.002 rad/s about x: too small to move the vehicle.", 0.004, {"x [rad/s]": 0.002}
-    )
+    minor = an.Finding("gyro_bias", "0.002 rad/s about x: too small to move the vehicle.", 0.004, {"x [rad/s]": 0.002})
     return an.Diagnosis(
         "paper",
         ("train_1", "train_2"),

@@ -65,12 +65,8 @@ def test_channels_that_the_log_does_not_tell_are_not_drawn(diagnosis):
     where = diagnosis.localisation
     silent = {name: np.where(np.arange(6) < 3, y, 0.0) for name, y in where.before.items()}
     regimes = tuple(dc.replace(r, rms=(*r.rms[:3], 0.0, 0.0, 0.0)) for r in where.regimes)
-    bands = tuple(
-        b if b.channel.startswith("force") else dc.replace(b, before=0 * b.before) for b in where.bands
-    )
-    dut = figures(
-        dc.replace(diagnosis, localisation=dc.replace(where, before=silent, regimes=regimes, bands=bands))
-    )
+    bands = tuple(b if b.channel.startswith("force") else dc.replace(b, before=0 * b.before) for b in where.bands)
+    dut = figures(dc.replace(diagnosis, localisation=dc.replace(where, before=silent, regimes=regimes, bands=bands)))
     assert not [ax for ax in dut["timeline"].get_axes() if "torque" in ax.get_ylabel()]
     assert not [ax for ax in dut["spectrum"].get_axes() if "torque" in ax.get_ylabel()]
     shown = [text.get_text() for text in dut["regimes"].get_axes()[0].get_yticklabels()]

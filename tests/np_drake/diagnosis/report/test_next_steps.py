@@ -17,9 +17,7 @@ def test_logs_that_excite_nothing_ask_for_a_manoeuvre(diagnosis):
     dut = dc.replace(diagnosis, cannot_tell=True, verdict=(), causes=())
     (step,) = next_steps(dut)
     assert "roll and pitch sharply" in step
-    (plain,) = next_steps(
-        dc.replace(dut, identifiability=dc.replace(dut.identifiability, not_identifiable=()))
-    )
+    (plain,) = next_steps(dc.replace(dut, identifiability=dc.replace(dut.identifiability, not_identifiable=())))
     assert plain == "Fly with more motion in every axis. Diagnose again."
 
 

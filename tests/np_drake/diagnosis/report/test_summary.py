@@ -53,23 +53,14 @@ CASES = {  # how the diagnosis is changed: headline, and the sentence below it
         "Nothing material is missing",
         "On the held-out flights the simulator agrees with the logs: the residual is 1.1 times the noise.",
     ),
-    one: (
-        "Linear drag of up to 0.24 N·s/m, 93 %",
-        "Explains > 99.9 % of the lift gap on the held-out flights.",
-    ),
-    unknown: (
-        "Something that no effect explains, 97 %",
-        "Its clearest trace: a force at 2.3 Hz along body x, 0.4 N.",
-    ),
+    one: ("Linear drag of up to 0.24 N·s/m, 93 %", "Explains > 99.9 % of the lift gap on the held-out flights."),
+    unknown: ("Something that no effect explains, 97 %", "Its clearest trace: a force at 2.3 Hz along body x, 0.4 N."),
     part: (
         "A 260 g payload on 0.81 m, 98 %",
         "Explains > 99.9 % of the lift gap on the held-out flights; "
         "what remains: something slow below 0.5 Hz, 4 % of weight.",
     ),
-    cannot_tell: (
-        "These logs cannot tell",
-        "The training flights excite too little to tell one effect from another.",
-    ),
+    cannot_tell: ("These logs cannot tell", "The training flights excite too little to tell one effect from another."),
     unexplained: (
         "No cause is told",
         "The residual is 7.4 times the noise on the held-out flights, and nothing in training shows its cause.",
@@ -132,9 +123,7 @@ def test_the_share_is_that_of_the_largest_part_of_the_gap(diagnosis):
     assert [p.kind for p in (lateral, lift, torque)] == ["lateral force", "lift", "torque"]
     assert lateral.before == pytest.approx(np.hypot(0.05 * 8, 0.05 * 7))  # [N]
     assert lift.explained == pytest.approx(1 - (1.08**2 - 1) / (22**2 - 1))
-    channels = tuple(
-        dc.replace(c, rms=50 * c.rms) if c.unit == "N·m" else c for c in diagnosis.localisation.channels
-    )
+    channels = tuple(dc.replace(c, rms=50 * c.rms) if c.unit == "N·m" else c for c in diagnosis.localisation.channels)
     assert "of the torque gap" in lead(
         dc.replace(diagnosis, localisation=dc.replace(diagnosis.localisation, channels=channels))
     )
@@ -150,9 +139,7 @@ def test_a_torque_that_the_log_does_not_tell_is_no_part_of_the_gap(diagnosis):
 
 def test_small_vehicles_have_small_units(diagnosis):
     channels = (ChannelGap("force z", "N", 0.034, 0.0038, 0.0066, 0.97),)
-    row, _ = gap_rows(
-        dc.replace(diagnosis, localisation=dc.replace(diagnosis.localisation, channels=channels))
-    )
+    row, _ = gap_rows(dc.replace(diagnosis, localisation=dc.replace(diagnosis.localisation, channels=channels)))
     assert row[:4] == ("lift [mN]", "34", "6.6", "3.8")
 
 
@@ -175,20 +162,11 @@ def test_what_is_new_on_held_out_flights_is_said_at_the_top(diagnosis):
 def test_effects_without_a_trace_are_named(diagnosis):
     assert unseen(diagnosis) == ""  # its pairs are told together
     nothing = Confusable(("ground_effect",), "no trace", "descend")
-    dut = dc.replace(
-        diagnosis, identifiability=dc.replace(diagnosis.identifiability, not_identifiable=(nothing,))
-    )
+    dut = dc.replace(diagnosis, identifiability=dc.replace(diagnosis.identifiability, not_identifiable=(nothing,)))
     assert unseen(dut) == "At its usual size the training flights would not show: ground effect."
 
 
 def test_a_warning_of_several_flights_is_one_line(diagnosis):
-    said = (
-        "train_1: no acceleration",
-        "heldout_1: no acceleration",
-        "train_1: no acceleration",
-        "other: thing",
-    )
-    dut = dc.replace(
-        diagnosis, warnings=said, identifiability=dc.replace(diagnosis.identifiability, warnings=())
-    )
+    said = ("train_1: no acceleration", "heldout_1: no acceleration", "train_1: no acceleration", "other: thing")
+    dut = dc.replace(diagnosis, warnings=said, identifiability=dc.replace(diagnosis.identifiability, warnings=()))
     assert warnings(dut) == ["train_1, heldout_1: no acceleration", "other: thing"]

@@ -84,9 +84,7 @@ def test_the_page_gives_the_answer_first_and_then_what_it_rests_on(folder):
 
 
 def test_a_second_answer_is_shown_beside_the_first(diagnosis, tmp_path, undrawn):
-    second = dc.replace(
-        diagnosis, verdict=("linear_drag",), causes=diagnosis.causes[1:], joined=("heldout_1",)
-    )
+    second = dc.replace(diagnosis, verdict=("linear_drag",), causes=diagnosis.causes[1:], joined=("heldout_1",))
     novel = (Finding("wind", "a slow force along x, 3 N", 3.0),)
     dut = dc.replace(diagnosis, verdict=(), causes=(), new_on_held_out=novel, refit=second)
     page = text_of(write_report(dut, tmp_path).read_text())
@@ -102,10 +100,7 @@ def test_a_second_answer_is_shown_beside_the_first(diagnosis, tmp_path, undrawn)
 def test_new_fields_go_through_json(diagnosis, tmp_path, undrawn):
     novel = (Finding("wind", "a slow force along x, 3 N", 3.0, {"force": 3.0}),)
     dut = dc.replace(
-        diagnosis,
-        new_on_held_out=novel,
-        coverage=("a sentence.",),
-        refit=dc.replace(diagnosis, joined=("heldout_1",)),
+        diagnosis, new_on_held_out=novel, coverage=("a sentence.",), refit=dc.replace(diagnosis, joined=("heldout_1",))
     )
     write_report(dut, tmp_path)
     content = json.loads((tmp_path / "diagnosis.json").read_text())
@@ -121,9 +116,7 @@ def test_new_fields_go_through_json(diagnosis, tmp_path, undrawn):
 def test_a_page_without_a_verdict_claims_nothing(diagnosis, tmp_path, undrawn):
     gap_reduction = dc.replace(diagnosis.gap_reduction, ladder=(), replay_before=None, replay_after=None)
     (tmp_path / "replay.png").write_bytes(b"of an earlier diagnosis")
-    write_report(
-        dc.replace(diagnosis, cannot_tell=True, verdict=(), causes=(), gap_reduction=gap_reduction), tmp_path
-    )
+    write_report(dc.replace(diagnosis, cannot_tell=True, verdict=(), causes=(), gap_reduction=gap_reduction), tmp_path)
     assert not (tmp_path / "replay.png").exists()
     page = (tmp_path / "report.html").read_text()
     assert "No verdict" in page
@@ -141,16 +134,12 @@ def test_the_place_of_the_largest_gap_has_round_words(diagnosis):
 
 @pytest.mark.parametrize("share", [0.94, float("nan")])
 def test_a_share_is_written_where_there_is_one(diagnosis, share):
-    (written,) = as_json(dc.replace(diagnosis, causes=(dc.replace(diagnosis.causes[0], share=share),)))[
-        "causes"
-    ]
+    (written,) = as_json(dc.replace(diagnosis, causes=(dc.replace(diagnosis.causes[0], share=share),)))["causes"]
     assert written["share"] == (0.94 if share == 0.94 else None)
 
 
 def test_hostile_names_are_text(diagnosis, tmp_path):
-    where = dc.replace(
-        diagnosis.localisation, regimes=(), bands=()
-    )  # whose figures have no names of the logs
+    where = dc.replace(diagnosis.localisation, regimes=(), bands=())  # whose figures have no names of the logs
     renamed = {name: {HOSTILE: traces["heldout_1"]} for name, traces in _traces(where).items()}
     causes = (dc.replace(diagnosis.causes[0], onset={HOSTILE: 3.0}),)
     dut = dc.replace(
@@ -182,18 +171,8 @@ def test_a_browser_shows_the_page(folder, tmp_path):
     picture = tmp_path / "page.png"
     options = "--headless --no-sandbox --disable-quic --no-first-run --disable-background-networking"
     options += " --disable-component-update --disable-sync --hide-scrollbars --window-size=1000,3000"
-    command = [
-        browser,
-        *options.split(),
-        f"--user-data-dir={tmp_path / 'profile'}",
-        f"--screenshot={picture}",
-    ]
-    subprocess.run(
-        [*command, (folder / "report.html").as_uri()],
-        check=True,
-        capture_output=True,
-        timeout=120,
-    )
+    command = [browser, *options.split(), f"--user-data-dir={tmp_path / 'profile'}", f"--screenshot={picture}"]
+    subprocess.run([*command, (folder / "report.html").as_uri()], check=True, capture_output=True, timeout=120)
     pixels = imread(picture)[..., :3]
     assert pixels.shape[:2] == (3000, 1000)
     for part in np.array_split(pixels, 6):  # text or figures all the way down

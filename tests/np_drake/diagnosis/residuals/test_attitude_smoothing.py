@@ -45,9 +45,7 @@ def test_white_noise_is_measured_and_mostly_removed(fly, deviation):
     assert noise == pytest.approx(deviation, rel=0.1)
     truth = fly().q
     assert error(log.q, truth) == pytest.approx(deviation, rel=0.05)
-    assert (
-        error(q, truth) < 0.35 * deviation
-    )  # white noise above 1 Hz of 50 Hz goes: sqrt(2 %) and the gyro's own
+    assert error(q, truth) < 0.35 * deviation  # white noise above 1 Hz of 50 Hz goes: sqrt(2 %) and the gyro's own
 
 
 def test_a_log_too_slow_for_the_crossover_is_left_alone():

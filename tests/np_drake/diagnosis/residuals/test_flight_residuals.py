@@ -31,9 +31,7 @@ def test_a_nominal_flight_has_no_residual(seen, accelerations):
     dut = seen(accelerations=accelerations)
     np.testing.assert_allclose(dut.y[:, ev.WRENCH], 0.0, atol=1e-9)  # [N, N·m]
     np.testing.assert_allclose(dut.y[:, 6:12], 0.0, atol=1e-9)  # [m/s, m/s²]
-    np.testing.assert_allclose(
-        dut.y[:, ev.ATTITUDE], 0.0, atol=3e-3
-    )  # rates between rows: second order [rad/s]
+    np.testing.assert_allclose(dut.y[:, ev.ATTITUDE], 0.0, atol=3e-3)  # rates between rows: second order [rad/s]
 
 
 def shaken(rows: int = 800, *, late: int = 0) -> FlightLog:
@@ -114,9 +112,7 @@ def test_a_log_begun_at_its_first_command_or_with_rotors_is_kept_whole(lagging):
 
 def test_a_wrench_on_the_body_is_the_residual():
     log = shaken()
-    pushed = dc.replace(
-        log, u=log.u - [3.0, 0.1, -0.2, 0.05]
-    )  # the rotors give less; the rest is from elsewhere
+    pushed = dc.replace(log, u=log.u - [3.0, 0.1, -0.2, 0.05])  # the rotors give less; the rest is from elsewhere
     found = make_flight_residuals(pushed, VEHICLE).y[:, ev.WRENCH]
     np.testing.assert_allclose(found, np.tile([0, 0, 3.0, 0.1, -0.2, 0.05], (len(found), 1)), atol=1e-9)
 
@@ -133,9 +129,7 @@ def test_noisy_attitude_is_seen_and_a_turned_acceleration_too(seen):
     assert not clean.turned
     assert dut.attitude_noise == pytest.approx(0.01, rel=0.1)
     assert dut.turned  # the made rig turns what it reads with the attitude that it reads
-    np.testing.assert_allclose(
-        dut.y[INSIDE, ev.FORCE].std(axis=0), clean.y[INSIDE, ev.FORCE].std(axis=0), rtol=0.3
-    )
+    np.testing.assert_allclose(dut.y[INSIDE, ev.FORCE].std(axis=0), clean.y[INSIDE, ev.FORCE].std(axis=0), rtol=0.3)
 
 
 def test_acceleration_is_turned_back_by_the_attitude_that_turned_it(fly):
@@ -179,11 +173,7 @@ def test_the_head_of_a_flight_is_as_the_whole_is_there(seen, shocked):
     dut = whole.head(150)
     assert 150 < len(dut.t) < 200
     terms = [Term(MotorLag(0.05), {whole.name: 1.0}), Term(LinearDrag(0.3, 0.2, 0.1))]
-    for of in (
-        lambda e: e.bridged(e.y),
-        lambda e: e.bridged(predicted_residual(e, terms)),
-        lambda e: e.begun(2.0),
-    ):
+    for of in (lambda e: e.bridged(e.y), lambda e: e.bridged(predicted_residual(e, terms)), lambda e: e.begun(2.0)):
         np.testing.assert_allclose(of(dut)[:150], of(whole)[:150], rtol=1e-12, atol=1e-12)
     np.testing.assert_allclose(dut.driving[:149], whole.driving[:149], atol=1e-12)
 
@@ -221,9 +211,7 @@ def test_gyro_noise_gives_torque_power_like_frequency_squared(tmp_path, jitter, 
         power = power + own
     slow, middle = ((frequency > a) & (frequency < b) for a, b in ((0.05, 1.0), (4.0, 8.0)))
     ratio = power[slow].sum(axis=0) / power[middle].sum(axis=0) / (1.0**3 / (8.0**3 - 4.0**3))
-    assert (
-        ratio.max() < 1.5
-    )  # of 120 periodogram bins a sixth by chance, and a tenth for the width of the window
+    assert ratio.max() < 1.5  # of 120 periodogram bins a sixth by chance, and a tenth for the width of the window
 
 
 def test_a_constant_torque_seen_through_gaps_keeps_its_mean(tmp_path):

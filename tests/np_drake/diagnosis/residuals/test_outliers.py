@@ -5,13 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from np_drake.diagnosis.residuals.outliers import (
-    LONGEST_BOUNCE,
-    MOST_OUTLIERS,
-    OUTLIERS_APART,
-    bridge,
-    find_outliers,
-)
+from np_drake.diagnosis.residuals.outliers import LONGEST_BOUNCE, MOST_OUTLIERS, OUTLIERS_APART, bridge, find_outliers
 
 STEP = 0.02
 

@@ -47,9 +47,7 @@ def test_what_the_grid_cannot_show_is_removed_and_not_folded():
     grid = make_grid(t)
     slow, fast = np.sin(2 * np.pi * 3 * t), np.sin(2 * np.pi * 48 * t)  # 48 Hz would fold to 2 Hz
     found = Resampler.of_instants(grid, t)(np.stack([slow, fast], axis=1))[INSIDE]
-    np.testing.assert_allclose(
-        found[:, 0], np.sin(2 * np.pi * 3 * grid.t)[INSIDE], atol=0.005
-    )  # of the pass band
+    np.testing.assert_allclose(found[:, 0], np.sin(2 * np.pi * 3 * grid.t)[INSIDE], atol=0.005)  # of the pass band
     assert np.abs(found[:, 1]).max() < 0.005
 
 

@@ -71,9 +71,7 @@ def test_a_collective_motion_lets_no_noise_into_torque():
     log = as_log(rotors @ VEHICLE.mixer.T)
     found, noise = read_thrust(log, VEHICLE)
     left = (found @ VEHICLE.mixer.T)[:, 1:].var(axis=0) / noise[1:] ** 2
-    assert (
-        left.max() < 0.05
-    )  # of the noise that was read; the share of the bands with thrust is about a third
+    assert left.max() < 0.05  # of the noise that was read; the share of the bands with thrust is about a third
     known = (found @ VEHICLE.mixer.T)[:, 0]
     assert np.std(known - 4 * (4.0 + thrust[:, 0])) < 0.7 * noise[0]
 
@@ -109,9 +107,7 @@ def test_how_the_most_likely_thrust_errs_does_not_go_with_what_it_is(fly):
     log = fly(noise=1.0, seconds=20.0, vigour=0.2)
     true, seen = (x.u @ VEHICLE.unmixer.T for x in (known(log), read(log)))
     found, _ = read_thrust(read(log), VEHICLE)
-    slopes = [
-        np.sum((x - true) * (x - x.mean(axis=0))) / np.sum((x - x.mean(axis=0)) ** 2) for x in (found, seen)
-    ]
+    slopes = [np.sum((x - true) * (x - x.mean(axis=0))) / np.sum((x - x.mean(axis=0)) ** 2) for x in (found, seen)]
     assert abs(slopes[0]) < 0.3 * slopes[1]
 
 
@@ -139,9 +135,7 @@ def test_the_channels_know_how_well_thrust_was_read(fly):
 
 
 def test_torque_that_was_read_with_noise_is_no_torque_that_comes_and_goes(fly):
-    flights = [
-        make_flight_residuals(read(fly(noise=1.0, seed=i, name=str(i)), seed=i), VEHICLE) for i in range(2)
-    ]
+    flights = [make_flight_residuals(read(fly(noise=1.0, seed=i, name=str(i)), seed=i), VEHICLE) for i in range(2)]
     ratio, _, _ = slow_torque(flights, {e.name: e.y for e in flights})
     assert ratio < REAL.thresholds.slow_torque_ratio
     deaf = [dc.replace(e, log=dc.replace(e.log, input="command")) for e in flights]
@@ -151,9 +145,7 @@ def test_torque_that_was_read_with_noise_is_no_torque_that_comes_and_goes(fly):
 @pytest.mark.parametrize("effects", [(), (LinearDrag(0.3, 0.3, 0.3),)])
 def test_noisy_readings_of_rotor_speed_are_no_cause_and_hide_none(fly, inferred, effects):
     flights = [
-        make_flight_residuals(
-            read(fly(*effects, noise=1.0, seed=i, name=str(i), seconds=8.0), seed=i), VEHICLE
-        )
+        make_flight_residuals(read(fly(*effects, noise=1.0, seed=i, name=str(i), seconds=8.0), seed=i), VEHICLE)
         for i in range(3)
     ]
     found = inferred(flights[:2], flights[2:])

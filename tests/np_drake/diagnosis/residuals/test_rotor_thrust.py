@@ -115,13 +115,7 @@ def test_the_vehicles_own_lag_acts_unless_an_effect_brings_one():
 def test_what_is_found_once_does_not_depend_on_what_was_asked_before():
     slow, log = dc.replace(VEHICLE, rotor_time_constant=0.05), log_of(commands())
     dut = Rotors(log, slow)
-    asked = [
-        ([ThrustScale(0.8)], 0.0),
-        ([], 0.01),
-        ([MotorLag(0.02)], 0.0),
-        ([], 0.0),
-        ([ThrustScale(0.8)], 0.0),
-    ]
+    asked = [([ThrustScale(0.8)], 0.0), ([], 0.01), ([MotorLag(0.02)], 0.0), ([], 0.0), ([ThrustScale(0.8)], 0.0)]
     for effects, shift in asked:
         alone = Rotors(log, slow).thrust(effects, shift=shift)
         for found, expected in zip(dut.thrust(effects, shift=shift), alone, strict=True):
@@ -129,12 +123,7 @@ def test_what_is_found_once_does_not_depend_on_what_was_asked_before():
 
 
 def test_measured_rotor_speed_is_between_rows_and_passes_propellers_only():
-    f = 5.0 + np.linspace(-1.0, 1.0, 60)[:, None] ** 3 * [
-        1.0,
-        -2.0,
-        0.5,
-        3.0,
-    ]  # no fourth difference, so no noise
+    f = 5.0 + np.linspace(-1.0, 1.0, 60)[:, None] ** 3 * [1.0, -2.0, 0.5, 3.0]  # no fourth difference, so no noise
     log = dc.replace(log_of(f), input="rotor_speed")
     chain = [MotorLag(0.05), CommandDelay(0.03), ThrustScale(0.9)]
     rows, mids = Rotors(log, VEHICLE).thrust(chain)

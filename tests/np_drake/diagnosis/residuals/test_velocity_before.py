@@ -35,9 +35,7 @@ class PointMass:
         for k in range(n):
             v[k + 1] = v[k] + STEP * (push[k] + (disturbance[k] - drag * v[k]) / VEHICLE.mass)
         self.v = 0.5 * (v[1:] + v[:-1])
-        self.force = VEHICLE.mass * (
-            np.diff(v, axis=0) / STEP - push
-        )  # that a diagnosis sees as residual [N]
+        self.force = VEHICLE.mass * (np.diff(v, axis=0) / STEP - push)  # that a diagnosis sees as residual [N]
 
     def known(self) -> np.ndarray:
         return velocity_before(self.t, self.dt, self.v, self.q, self.thrust, VEHICLE, STEP)
@@ -91,6 +89,4 @@ def test_a_flight_without_accelerations_feels_the_velocity_known_before(fly):
     x, _ = e.wrench_states
     assert np.abs(x[:, V] - e.mids.x[:, V]).max() < 5e-3
     assert np.abs(x[:, V] - e.mids.x[:, V]).max() > 0.0
-    np.testing.assert_array_equal(
-        np.delete(x, range(7, 10), axis=1), np.delete(e.mids.x, range(7, 10), axis=1)
-    )
+    np.testing.assert_array_equal(np.delete(x, range(7, 10), axis=1), np.delete(e.mids.x, range(7, 10), axis=1))

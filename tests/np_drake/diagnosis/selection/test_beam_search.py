@@ -22,9 +22,7 @@ SEEDS = (1, 2)
 
 def problem_of(seen, noise, *effects, nuisance=(), seconds=8.0) -> RegressionProblem:
     flights = [seen(*effects, name=str(i), seed=i, noise=1.0, seconds=seconds) for i in SEEDS]
-    return RegressionProblem(
-        flights, noise, list(nuisance), library_candidates(flights), temperature=1.0, options=REAL
-    )
+    return RegressionProblem(flights, noise, list(nuisance), library_candidates(flights), temperature=1.0, options=REAL)
 
 
 def names(problem: RegressionProblem, members) -> list[str]:

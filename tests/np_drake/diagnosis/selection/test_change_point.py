@@ -81,9 +81,7 @@ def test_each_flight_has_its_own_onset(seen, noise):
 def test_a_step_in_every_flight_is_no_drift_from_the_start(seen, noise):
     step = ThrustDrift(1.004, 0.0)
     whens = {"1": 5.0, "2": 5.0}
-    flights = [
-        seen(step, name=n, seed=int(n), noise=1.0, onset={"thrust_drift": when}) for n, when in whens.items()
-    ]
+    flights = [seen(step, name=n, seed=int(n), noise=1.0, onset={"thrust_drift": when}) for n, when in whens.items()]
     problem = problem_of(flights, noise, [step])
     dut = OnsetScan(problem).best(problem.candidates[0])
     assert dut.onset == pytest.approx(whens, abs=0.2)
@@ -115,9 +113,7 @@ def test_what_begins_nowhere_is_absent_from_none():
 def test_gain_is_over_all_from_the_start_however_many_begin(seen, noise):
     effect = MassError(0.2)
     whens = {"1": 4.0, "2": 6.0, "3": 8.0}
-    flights = [
-        seen(effect, name=n, seed=int(n), noise=1.0, onset={"mass_error": when}) for n, when in whens.items()
-    ]
+    flights = [seen(effect, name=n, seed=int(n), noise=1.0, onset={"mass_error": when}) for n, when in whens.items()]
     problem = problem_of(flights, noise, [effect])
     scan = OnsetScan(problem)
     dut = scan.best(problem.candidates[0])
@@ -149,9 +145,7 @@ def test_of_the_variants_that_begin_late_those_go_on_that_explain_most(seen, noi
 
 def test_noise_alone_begins_nowhere(seen, noise):
     flights = [seen(name=str(i), seed=i, noise=1.0, seconds=8.0) for i in (1, 2)]
-    problem = RegressionProblem(
-        flights, noise, [], library_candidates(flights), temperature=2.0, options=REAL
-    )
+    problem = RegressionProblem(flights, noise, [], library_candidates(flights), temperature=2.0, options=REAL)
     assert switched_candidates(problem) == []
 
 
@@ -167,8 +161,7 @@ def test_a_scan_beside_fewer_is_one_of_its_own_from_the_same_sums(seen, noise):
     drag, late = LinearDrag(0.6, 0.6, 0.6), MassError(0.2)
     whens = {"1": 5.3, "2": 7.0}
     flights = [
-        seen(drag, late, name=n, seed=int(n), noise=1.0, onset={"mass_error": when})
-        for n, when in whens.items()
+        seen(drag, late, name=n, seed=int(n), noise=1.0, onset={"mass_error": when}) for n, when in whens.items()
     ]
     turn, *candidates = problem_of(flights, noise, [CenterOfMassOffset(), drag, WeakRotor(), late]).candidates
     problem = RegressionProblem(flights, noise, [turn], candidates, temperature=1.0, options=REAL)
@@ -219,9 +212,7 @@ def test_what_begins_when_it_does_stands_for_it_and_is_not_beside_it(seen, noise
     drag = effect_candidates(LinearDrag, flights, {})[0]
     then, later = (switched(drag, flights, onset) for onset in (weight.onset, {"1": 7.0}))
     beside = []
-    monkeypatch.setattr(
-        PayloadSearch, "followed", lambda self, noise, nuisance, others: beside.extend(others) or []
-    )
+    monkeypatch.setattr(PayloadSearch, "followed", lambda self, noise, nuisance, others: beside.extend(others) or [])
     assert late_payloads(problem, [then, later]) == []
     assert any(c is later for c in beside)
     assert not any(c is then for c in beside)

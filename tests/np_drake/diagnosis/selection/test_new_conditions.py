@@ -38,9 +38,7 @@ def test_they_cost_one_absence_for_every_training_flight_without_them(windy, sea
         assert candidate.onset_prior == pytest.approx(2 * PRIORS.onset)
         effects = {name for name in candidate.identifiers if name != "linear_drag"}
         for name in "ab":
-            acting = (
-                candidate.columns[name][..., 3:] if "constant_wind" in effects else candidate.columns[name]
-            )
+            acting = candidate.columns[name][..., 3:] if "constant_wind" in effects else candidate.columns[name]
             assert not acting.any()
         assert candidate.columns["half"].any()
 
@@ -64,8 +62,7 @@ def test_a_mass_that_training_flights_did_not_have_is_found(seen, searched):
 
 def test_where_training_flights_are_known_to_be_calm_no_wind_acts_in_them(seen, searched):
     flights = [
-        seen(DRAG, ConstantWind(2.0, 0.0, 0.0), name=n, seed=i, noise=1.0, seconds=8.0)
-        for i, n in enumerate("ab")
+        seen(DRAG, ConstantWind(2.0, 0.0, 0.0), name=n, seed=i, noise=1.0, seconds=8.0) for i, n in enumerate("ab")
     ]
     flights[1] = dc.replace(flights[1], goes_on=True)
     found = searched(flights, still_air=True)

@@ -55,9 +55,7 @@ def test_what_more_mass_explains_is_no_evidence_for_a_payload(seen, noise):
 
 def test_before_its_onset_a_payload_hangs_on_nothing(seen):
     flights = [seen(name="1", seed=1, seconds=6.0)]
-    for candidate in payload_candidates(
-        flights, np.geomspace(*SEARCH_LENGTHS)[::24], onset={"1": 3.0}, priors=PRIORS
-    ):
+    for candidate in payload_candidates(flights, np.geomspace(*SEARCH_LENGTHS)[::24], onset={"1": 3.0}, priors=PRIORS):
         X = candidate.columns["1"]
         smear = TAPS * flights[0].grid.step
         np.testing.assert_allclose(X[flights[0].t < 3.0 - smear], 0.0, atol=1e-12)
@@ -75,9 +73,7 @@ def test_an_onset_that_is_known_roughly_is_sharpened_to_the_row(seen, noise, off
     flight = seen(payload, name="1", seed=1, noise=1.0, seconds=10.0, onset={"suspended_payload": 4.0})
     dut = PayloadSearch([flight], onset={"1": 4.0 + off}, options=REAL)
     assert dut.when(noise, [], Guess(0.5))["1"] == pytest.approx(4.0, abs=0.03)
-    assert (
-        PayloadSearch([flight], options=REAL).when(noise, [], Guess(0.5)) == {}
-    )  # what has no onset gets none
+    assert PayloadSearch([flight], options=REAL).when(noise, [], Guess(0.5)) == {}  # what has no onset gets none
 
 
 def test_one_pass_over_the_rows_gives_all_horizons_and_sets_of_others(seen, noise):
@@ -94,9 +90,7 @@ def test_one_pass_over_the_rows_gives_all_horizons_and_sets_of_others(seen, nois
 
 def test_a_head_of_the_flights_tells_up_to_its_horizon_what_all_of_them_do(seen, noise):
     flights = [seen(SuspendedPayload(0.15, 0.6), name=str(i), seed=i, noise=1.0, seconds=9.0) for i in (1, 2)]
-    outliers = [
-        np.isin(np.arange(len(e.t)), rows) for e, rows in zip(flights, ([150, 151], [300]), strict=True)
-    ]
+    outliers = [np.isin(np.arange(len(e.t)), rows) for e, rows in zip(flights, ([150, 151], [300]), strict=True)]
     flights = [dc.replace(e, outliers=s) for e, s in zip(flights, outliers, strict=True)]
     dut = OtherRegressors(flights, noise, others(flights), {"2": 1.0}, horizons=(4.0, np.inf))
     heads = dut.heads(4.0)

@@ -33,6 +33,4 @@ def test_bins_are_where_their_clock_says_at_every_rate(step):
 
 def test_the_force_of_a_drag_is_its_columns_times_its_figures(seen):
     e, d = seen(name="1", seed=1, seconds=8.0), (0.3, 0.2, 0.1)
-    np.testing.assert_allclose(
-        drags(e) @ d, forces(e, predicted_residual(e, [Term(LinearDrag(*d))])), atol=1e-9
-    )
+    np.testing.assert_allclose(drags(e) @ d, forces(e, predicted_residual(e, [Term(LinearDrag(*d))])), atol=1e-9)

@@ -36,9 +36,7 @@ def cause(effect, **parameters) -> Cause:
 def blown(seen):
     """Two flights in gusts about a mean, and what drag and wind leave in them."""
     winds = [GustyWind(1.0, -0.5, 0.0, 1.5, 0.5, seed=seed) for seed in (1, 2)]
-    flights = [
-        seen(DRAG, wind, name=str(i), seed=i, noise=1.0, seconds=30.0) for i, wind in enumerate(winds, 1)
-    ]
+    flights = [seen(DRAG, wind, name=str(i), seed=i, noise=1.0, seconds=30.0) for i, wind in enumerate(winds, 1)]
     return flights, felt_in(flights)
 
 
@@ -67,8 +65,7 @@ def test_through_a_drag_a_slow_force_is_a_wind_with_its_figures(blown):
 
 def test_a_steady_wind_that_was_found_becomes_the_mean(blown):
     alone, beside = (
-        as_gusts(*blown, [cause(DRAG), *winds], 0.9, IDEAL)
-        for winds in ([], [cause(ConstantWind(2.0, -1.0, 0.5))])
+        as_gusts(*blown, [cause(DRAG), *winds], 0.9, IDEAL) for winds in ([], [cause(ConstantWind(2.0, -1.0, 0.5))])
     )
     assert [c.identifier for c in beside] == ["linear_drag", "gusty_wind"]
     assert beside[-1].parameters == alone[-1].parameters
@@ -80,9 +77,7 @@ def test_a_mean_wind_is_level_as_far_as_the_flights_do_not_tell(blown):
     for y in upward.values():
         y[:, 2] += 0.3 * 2.0
     sharp, vague = cause(DRAG), cause(DRAG, d_x=0.3, d_y=0.3, d_z=0.01)
-    found = [
-        as_gusts(flights, upward, [drag], 0.9, IDEAL)[-1].parameters["mean_z"] for drag in (sharp, vague)
-    ]
+    found = [as_gusts(flights, upward, [drag], 0.9, IDEAL)[-1].parameters["mean_z"] for drag in (sharp, vague)]
     told = [e.value for e in found]
     assert 0.5 < told[0] < 2.0
     assert abs(told[1]) < 1.0  # through a drag as weak as this one it would be 60 m/s
@@ -133,8 +128,7 @@ def test_a_drag_that_begins_with_wind_once_does_so_where_nothing_tells(seen):
 def test_an_unseen_flight_moves_nothing_in_the_fitted_ones(seen, held_out):
     gusts = GustyWind(0.0, 0.0, 0.0, 2.0, 0.5, seed=4)
     *flights, third = (
-        seen(DRAG, gusts, name=n, seed=int(n), noise=1.0, seconds=16.0, onset={"gusty_wind": 8.0})
-        for n in "123"
+        seen(DRAG, gusts, name=n, seed=int(n), noise=1.0, seconds=16.0, onset={"gusty_wind": 8.0}) for n in "123"
     )
     found = dc.replace(cause(DRAG), onset={"1": None, "2": None, "3": held_out})
     drag, wind = as_gusts(flights, felt_in([*flights, third]), [found], 0.9, IDEAL, [third])
@@ -156,9 +150,7 @@ def test_a_drag_that_acts_from_the_start_does_so_before_gusts(seen):
     assert list(wind.onset.values()) == pytest.approx([8.0, 8.0], abs=0.15)
 
 
-def test_unseen_gusts_begin_with_their_power_and_have_the_others_figures(
-    seen,
-):
+def test_unseen_gusts_begin_with_their_power_and_have_the_others_figures(seen):
     gusts, late = GustyWind(0.0, 0.0, 0.0, 2.0, 0.5, seed=4), {"linear_drag": 8.0, "gusty_wind": 8.0}
     flights = flown(seen, DRAG, gusts, seconds=16.0, onset=late)
     held_out = seen(DRAG, gusts, name="3", seed=3, noise=1.0, seconds=16.0, onset=late)

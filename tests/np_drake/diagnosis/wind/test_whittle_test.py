@@ -38,9 +38,7 @@ def markov(flight, rms: float, time: float, seed: int) -> np.ndarray:
     return np.column_stack([level, np.zeros(len(level))])
 
 
-def pushed(
-    flights, residual, *, position: float = 0.0, accelerometer: float = 0.0, time: float, both: float = 0.0
-):
+def pushed(flights, residual, *, position: float = 0.0, accelerometer: float = 0.0, time: float, both: float = 0.0):
     """left, with forces [N RMS] that position alone, the accelerometer alone, or both show."""
     out = {}
     for i, e in enumerate(flights):
@@ -67,10 +65,7 @@ def test_gusts_are_a_force_in_the_air(seen, time):
 def test_noise_alone_is_none(seen, attitude_noise, accelerations):
     flights = flown(seen, DRAG, seconds=12.0, attitude_noise=attitude_noise, accelerations=accelerations)
     tolerance = REAL if attitude_noise else IDEAL
-    assert (
-        slow_force(flights, left_of(flights, DRAG), tolerance).probability(THRESHOLDS.slow_force_evidence)
-        < 0.05
-    )
+    assert slow_force(flights, left_of(flights, DRAG), tolerance).probability(THRESHOLDS.slow_force_evidence) < 0.05
 
 
 def test_a_steady_force_is_none(seen):

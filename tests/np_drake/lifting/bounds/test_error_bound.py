@@ -45,9 +45,7 @@ def random_model(seed: int, kind: str, K: int = 8) -> LiftedModel:
 
 def walk(seed: int, n: int, size: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
     """chi and zeta (n, 6) that wander."""
-    steps = (
-        size * np.random.default_rng(seed).standard_normal((n, 12)) * np.concatenate([CHI_SCALE, ZETA_SCALE])
-    )
+    steps = size * np.random.default_rng(seed).standard_normal((n, 12)) * np.concatenate([CHI_SCALE, ZETA_SCALE])
     return steps.cumsum(axis=0)[:, :6], steps.cumsum(axis=0)[:, 6:]
 
 
@@ -87,21 +85,14 @@ def test_the_papers_constant_bounds_neither_z_nor_later_steps():
     """Why the theorem is corrected: c in the units of chi, and for the first step only."""
     for L, n in ((10.0, 1), (1.0, 5)):  # z in other units; then chi running off
         a, alpha = 0.0, 0.1
-        papers = (
-            (a / L) * L + 1.0
-        ) * alpha  # (|CA| L + 1) alpha_chi, and chi = C Phi(chi) leaves nothing more
+        papers = ((a / L) * L + 1.0) * alpha  # (|CA| L + 1) alpha_chi, and chi = C Phi(chi) leaves nothing more
         error = n * alpha * L
         assert error > papers
         assert error <= bound(plain_model(a=a, L=L), alpha, 0.0, horizon=n).z[-1] * (1 + 1e-12)
 
 
 @settings(deadline=None)
-@given(
-    seeds,
-    st.sampled_from(["refit", "fixed", "delay"]),
-    st.sampled_from(["steps", "changes"]),
-    st.floats(0.01, 3.0),
-)
+@given(seeds, st.sampled_from(["refit", "fixed", "delay"]), st.sampled_from(["steps", "changes"]), st.floats(0.01, 3.0))
 def test_no_error_exceeds_its_bound(seed, kind, alphas, size):
     model = random_model(seed, kind)
     chi, zeta = walk(seed + 1, 60, size)

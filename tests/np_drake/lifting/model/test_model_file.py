@@ -198,9 +198,7 @@ def test_a_header_of_nonsense_is_refused_in_one_line(path, header):
 
 
 @pytest.mark.parametrize("junk", [None, [], "x", float("inf"), float("nan"), -1, 1e300, [1], {"a": 1}, True])
-@pytest.mark.parametrize(
-    "field", ["window", "step", "summary", "origin", "rotor_lag", "ridge", "configuration"]
-)
+@pytest.mark.parametrize("field", ["window", "step", "summary", "origin", "rotor_lag", "ridge", "configuration"])
 def test_no_value_of_the_header_is_more_than_a_refusal(path, field, junk):
     def change(tensors, header, metadata):
         where = header["summary"] if field in ("origin", "rotor_lag") else header

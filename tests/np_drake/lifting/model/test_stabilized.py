@@ -15,9 +15,7 @@ def test_modes_outside_are_pulled_onto_the_circle_and_keep_their_shape(seed, was
     eigenvalue, V = np.linalg.eig(A)
     factor = np.minimum(1.0, 0.99 / np.abs(eigenvalue))
     expected = (V * (eigenvalue * factor) @ np.linalg.inv(V)).real
-    np.testing.assert_allclose(
-        stabilized(A, 0.99), expected, atol=1e-8
-    )  # the margin is 1e-9 of an eigenvalue
+    np.testing.assert_allclose(stabilized(A, 0.99), expected, atol=1e-8)  # the margin is 1e-9 of an eigenvalue
 
 
 def test_a_defective_matrix_is_stabilized_too():

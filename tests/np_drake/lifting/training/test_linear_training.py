@@ -37,12 +37,7 @@ def test_the_ridge_flies_as_the_best_linear_map_of_every_horizon():
     scale, taps = sample_scale([made]), DelayTaps(20, 4, 3)
     samples = np.hstack([made.chi, made.zeta])
     moments = flight_moments(
-        samples / scale,
-        made.chi / scale[:6],
-        taps=taps,
-        horizons=np.arange(7),
-        max_origins=6000,
-        symmetry=0.0,
+        samples / scale, made.chi / scale[:6], taps=taps, horizons=np.arange(7), max_origins=6000, symmetry=0.0
     )
     features = np.append(taps.features(samples / scale, np.array([50]))[0], 1.0)
     course = np.einsum("p,phc->hc", features, horizon_ridge([moments], noise=config.noise)) * scale[:6]

@@ -26,9 +26,7 @@ def piece(n: int = 400, seed: int = 0):
 
 
 def block(regularisation: Regularisation = NOTHING, horizons: np.ndarray = HORIZONS) -> ModalBlock:
-    regression = compress(
-        [piece()], delay=DELAY, horizons=horizons, regularisation=regularisation, max_origins=10_000
-    )
+    regression = compress([piece()], delay=DELAY, horizons=horizons, regularisation=regularisation, max_origins=10_000)
     return ModalBlock(regression, size=4, pairs=1, step=0.02)
 
 
@@ -81,9 +79,7 @@ def test_the_gradient_is_that_of_the_loss():
 @given(st.integers(0, 10_000), st.floats(0.1, 30.0))
 @settings(max_examples=25)
 def test_a_is_stable_whatever_the_parameters(seed, size):
-    theta = size * np.random.default_rng(seed).standard_normal(
-        len(DUT.initial_theta(np.random.default_rng(0)))
-    )
+    theta = size * np.random.default_rng(seed).standard_normal(len(DUT.initial_theta(np.random.default_rng(0))))
     A = DUT.matrices(theta).A
     assert np.linalg.norm(A, 2) < 1.0  # not only the eigenvalues: no transient growth either
     assert np.all(np.isfinite(A))

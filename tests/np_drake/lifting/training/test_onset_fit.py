@@ -37,9 +37,7 @@ def test_it_is_the_best_linear_encoder_of_windows_with_such_a_jump(r):
     dut, J = fitted(), shown(AGES[r])
     moment = MOMENT + J @ J.T
     cross = CROSS + SIZE * np.linalg.matrix_power(A, AGES[r])[:, MODES] @ J.T
-    np.testing.assert_allclose(
-        M.E + dut.jump[r] @ dut.watch[r], np.linalg.solve(moment, cross.T).T, atol=1e-10
-    )
+    np.testing.assert_allclose(M.E + dut.jump[r] @ dut.watch[r], np.linalg.solve(moment, cross.T).T, atol=1e-10)
 
 
 @pytest.mark.parametrize("r", range(len(AGES)))

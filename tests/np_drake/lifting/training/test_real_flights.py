@@ -34,9 +34,7 @@ def trained(flights, names):
 def scores(dut, mean, flight, known):
     """(8 horizons, 5) force_ratio, torque_ratio, torque_skill, force_rmse, torque_rmse."""
     wanted = ("force_ratio", "torque_ratio", "torque_skill", "force_rmse", "torque_rmse")
-    rows = skill_table(
-        {"np": dut}, *flight, horizons=HORIZONS, mean=mean, zeta_known=known, warm_up=dut.model.window
-    )
+    rows = skill_table({"np": dut}, *flight, horizons=HORIZONS, mean=mean, zeta_known=known, warm_up=dut.model.window)
     return np.array([[getattr(row, key) for key in wanted] for row in rows if row.model == "np"])
 
 

@@ -34,13 +34,9 @@ def test_on_an_unseen_path_it_predicts_far_better_than_holding(trained, lemnisca
 
 
 def test_a_tenfold_run_is_no_better(trained, dithered, lemniscate):
-    config = DelayModalConfig(
-        iterations=10 * DelayModalConfig().iterations, starts=10
-    )  # each stops when converged
+    config = DelayModalConfig(iterations=10 * DelayModalConfig().iterations, starts=10)  # each stops when converged
     longer = train([dithered.segment], config).model
-    for short, long in zip(
-        force_rows(trained.model, lemniscate), force_rows(longer, lemniscate), strict=True
-    ):
+    for short, long in zip(force_rows(trained.model, lemniscate), force_rows(longer, lemniscate), strict=True):
         assert short.force_rmse < 1.05 * long.force_rmse
 
 

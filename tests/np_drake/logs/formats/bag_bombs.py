@@ -47,8 +47,7 @@ def message2(data: bytes) -> bytes:
 def record1(fields: dict[str, bytes], data: bytes, size: int | None = None) -> bytes:
     """Return a record of a ROS 1 bag. size: that it claims its data to have."""
     header = b"".join(
-        struct.pack("<I", len(name) + 1 + len(value)) + name.encode() + b"=" + value
-        for name, value in fields.items()
+        struct.pack("<I", len(name) + 1 + len(value)) + name.encode() + b"=" + value for name, value in fields.items()
     )
     length = len(data) if size is None else size
     return struct.pack("<I", len(header)) + header + struct.pack("<I", length) + data
@@ -73,12 +72,7 @@ def bag1(
 
     size: that the chunk claims.   cut: without the index.   chunk_infos, entries: how often the index names them.
     """
-    about = {
-        "topic": b"/a",
-        "type": b"made/Bytes",
-        "md5sum": b"0" * 32,
-        "message_definition": b"uint8[] data",
-    }
+    about = {"topic": b"/a", "type": b"made/Bytes", "md5sum": b"0" * 32, "message_definition": b"uint8[] data"}
     fields = record1(about, b"")[4:-4]
     connection = record1({"op": b"\x07", "conn": number(0), "topic": b"/a"}, fields)
     stamp = struct.pack("<II", 1, 0)
@@ -95,8 +89,7 @@ def bag1(
     )
     position = len(before) + 4096
     index = record1(
-        {"op": b"\x04", "ver": number(1), "conn": number(0), "count": number(entries)},
-        (stamp + number(0)) * entries,
+        {"op": b"\x04", "ver": number(1), "conn": number(0), "count": number(entries)}, (stamp + number(0)) * entries
     )
     info = record1(
         {
@@ -168,11 +161,7 @@ def mcap(
     if end == "index":
         places = b"".join(struct.pack("<HQ", k + 1, len(opening) + len(chunk)) for k in range(channels))
         place = struct.pack("<QQQQ", TIME, TIME, len(opening), len(chunk)) + text(places)
-        place += (
-            struct.pack("<Q", 31 * channels)
-            + text(kind)
-            + struct.pack("<QQ", len(chunk) - 49 - len(kind), size)
-        )
+        place += struct.pack("<Q", 31 * channels) + text(kind) + struct.pack("<QQ", len(chunk) - 49 - len(kind), size)
         counts = b"".join(struct.pack("<HQ", k + 1, 1) for k in range(channels))
         facts = struct.pack("<QHIIIIQQ", channels, 1, channels, 0, 0, 1, TIME, TIME) + text(counts)
         summary = known + record2(8, place) + record2(11, facts)
@@ -185,11 +174,7 @@ def mcap_zeros(path: Path, kind: str, *, size: int | None = None, end: str = "in
     """Write an MCAP file whose chunk holds a small message and one of zeros. size: that the chunk claims."""
     zeros = MANY * len(PIECE)
     small = schema2() + channel2() + row2(message2(b"abc"))
-    large = (
-        struct.pack("<BQHIQQ", 5, 22 + 8 + zeros, 1, 0, TIME, TIME)
-        + message2(b"")[:4]
-        + struct.pack("<I", zeros)
-    )
+    large = struct.pack("<BQHIQQ", 5, 22 + 8 + zeros, 1, 0, TIME, TIME) + message2(b"")[:4] + struct.pack("<I", zeros)
     claimed = len(small) + len(large) + zeros if size is None else size
     return mcap(path, chunk2(kind, pack(kind, small + large, MANY), claimed), claimed, kind, end=end)
 
@@ -197,9 +182,7 @@ def mcap_zeros(path: Path, kind: str, *, size: int | None = None, end: str = "in
 def mcap_content(path: Path, content: bytes, *, known: bytes = schema2() + channel2(), **options) -> Path:
     """Write an MCAP file of one chunk of zstd with this content after its schemas and channels."""
     whole = known + content
-    return mcap(
-        path, chunk2("zstd", zstd.compress(whole), len(whole)), len(whole), "zstd", known=known, **options
-    )
+    return mcap(path, chunk2("zstd", zstd.compress(whole), len(whole)), len(whole), "zstd", known=known, **options)
 
 
 def bag_rows(path: Path) -> Path:
@@ -267,9 +250,7 @@ def database(
             " encoded_message_definition TEXT, type_description_hash TEXT)"
         )
         file.execute("INSERT INTO message_definitions VALUES (1, ?, 'ros2msg', ?, '')", (TYPE, DEFINITION))
-        file.execute(
-            f"CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER, timestamp INTEGER, {data})"
-        )
+        file.execute(f"CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER, timestamp INTEGER, {data})")
         for _ in range(rows):
             if "GENERATED" in data:
                 file.execute("INSERT INTO messages(topic_id, timestamp) VALUES (1, ?)", (TIME,))

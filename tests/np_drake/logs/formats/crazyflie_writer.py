@@ -23,9 +23,7 @@ def write(
     path.write_bytes(encode(streams, version=version, kinds=kinds))
 
 
-def encode(
-    streams: Mapping[str, Stream], *, version: int = 2, kinds: Mapping[str, str] | None = None
-) -> bytes:
+def encode(streams: Mapping[str, Stream], *, version: int = 2, kinds: Mapping[str, str] | None = None) -> bytes:
     """Return the bytes of a whole log."""
     content = header(streams, version=version, kinds=kinds)
     records = [r for i, s in enumerate(streams.values()) for r in _records(i, s, version, kinds or {})]
@@ -34,9 +32,7 @@ def encode(
     return content + struct.pack("<I", zlib.crc32(content))
 
 
-def header(
-    streams: Mapping[str, Stream], *, version: int = 2, kinds: Mapping[str, str] | None = None
-) -> bytes:
+def header(streams: Mapping[str, Stream], *, version: int = 2, kinds: Mapping[str, str] | None = None) -> bytes:
     """Return the bytes before the first record."""
     content = struct.pack("<BHH", 0xBC, version, len(streams))
     for i, (name, stream) in enumerate(streams.items()):
@@ -53,9 +49,7 @@ def _records(index: int, stream: Stream, version: int, kinds: Mapping[str, str])
     letters = [kinds.get(column, "f") for column in stream.columns]
     layout = struct.Struct(f"<H{letter}{''.join(letters)}")
     columns = [
-        c.tolist()
-        if k in "fde"
-        else c.astype(bool if k == "?" else np.int64 if k != "Q" else np.uint64).tolist()
+        c.tolist() if k in "fde" else c.astype(bool if k == "?" else np.int64 if k != "Q" else np.uint64).tolist()
         for k, c in zip(letters, stream.columns.values(), strict=True)
     ]
     ticks = np.round(stream.t * units).astype(np.int64).tolist()

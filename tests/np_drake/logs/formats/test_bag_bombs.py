@@ -25,13 +25,7 @@ def read(path):
     except LogError as error:
         print(error)
 """
-HARMLESS = {
-    "bag_index",
-    "mcap_columns",
-    "mcap_qos",
-    "sqlite_metadata",
-    "sqlite_qos",
-}  # read for what they are
+HARMLESS = {"bag_index", "mcap_columns", "mcap_qos", "sqlite_metadata", "sqlite_qos"}  # read for what they are
 UNPACKS = "must hold chunks and messages that unpack to at most"
 WORDS = {
     "mcap_rows": "million numbers for its size",
@@ -92,9 +86,7 @@ def test_a_bag_within_its_budget_is_read_though_it_packs_well(tmp_path, ros_writ
     """A vehicle that stands still packs 50 to 1."""
     t = np.arange(6000) * 0.01
     path = tmp_path / "bag"
-    ros_writer.write(
-        path, {"/odom": Stream(t, {c: np.zeros(len(t)) for c in ODOMETRY})}, compression="storage"
-    )
+    ros_writer.write(path, {"/odom": Stream(t, {c: np.zeros(len(t)) for c in ODOMETRY})}, compression="storage")
     recording = ROS.read(path, {"/odom": list(ODOMETRY)}, lambda share: None)
     assert len(recording.streams["/odom"]) == len(t)
 
@@ -102,8 +94,7 @@ def test_a_bag_within_its_budget_is_read_though_it_packs_well(tmp_path, ros_writ
 def test_messages_come_in_the_order_of_their_receipt(tmp_path):
     rows = [(3, b"c"), (1, b"a"), (2, b"b"), (1, b"d")]
     content = b"".join(
-        BOMBS.record2(5, BOMBS.struct.pack("<HIQQ", 1, 0, time, time) + BOMBS.message2(data))
-        for time, data in rows
+        BOMBS.record2(5, BOMBS.struct.pack("<HIQQ", 1, 0, time, time) + BOMBS.message2(data)) for time, data in rows
     )
     path = BOMBS.mcap_content(tmp_path / "a.mcap", content)
     dut = ROS.read(path, {"/a": ["data[0]"]}, lambda share: None).streams["/a"]

@@ -84,9 +84,7 @@ for letter, bits in zip("bhilq", (8, 16, 32, 32, 64), strict=True):
 @pytest.mark.parametrize("letter", EXTREMES)
 def test_every_struct_type_keeps_its_value(log, writer, letter):
     values = np.array([0.0, 1.0, *EXTREMES[letter]])
-    writer.write(
-        log, {"a": Stream(np.arange(4.0), {"v": values, "w": values})}, kinds={"v": letter, "w": letter}
-    )
+    writer.write(log, {"a": Stream(np.arange(4.0), {"v": values, "w": values})}, kinds={"v": letter, "w": letter})
     assert np.array_equal(everything(log).streams["a"].columns["v"], values)
     assert np.array_equal(everything(log).streams["a"].columns["w"], values)
 
@@ -150,10 +148,7 @@ def test_of_a_log_that_was_cut_the_whole_records_are_kept(log, writer, made):
     begin, record = len(writer.header(made)), struct.calcsize("<HQff")
     log.write_bytes(content[: begin + record + 10 + record + record // 2])  # 'startup' has no variables
     dut = everything(log)
-    assert len(dut.streams["fixedFrequency"]) + len(dut.streams["startup"]) + len(dut.streams["estPose"]) in (
-        2,
-        3,
-    )
+    assert len(dut.streams["fixedFrequency"]) + len(dut.streams["startup"]) + len(dut.streams["estPose"]) in (2, 3)
     assert "cut" in dut.notes[0]
     log.write_bytes(content[:-4])
     assert len(everything(log).streams["fixedFrequency"]) == 400
@@ -217,9 +212,7 @@ def ends_well(path: Path) -> None:
 
 
 @settings(max_examples=200, deadline=None)
-@given(
-    content=st.binary(max_size=200), begin=st.sampled_from([b"", b"\xbc", b"\xbc\1\0\1\0\0\0e\0\1\0a(f)\0"])
-)
+@given(content=st.binary(max_size=200), begin=st.sampled_from([b"", b"\xbc", b"\xbc\1\0\1\0\0\0e\0\1\0a(f)\0"]))
 def test_arbitrary_bytes_are_read_or_refused(log, content, begin):
     log.write_bytes(begin + content)
     CRAZYFLIE.recognises(log, begin + content)

@@ -94,9 +94,7 @@ def test_a_text_log_may_number_its_instances(tmp_path: Path):
 
 def test_times_that_are_no_numbers_make_no_stream(tmp_path: Path):
     path = tmp_path / "3.log"
-    path.write_text(
-        "FMT, 140, 71, ATT, Zf, TimeUS,Roll\nFMT, 141, 15, POS, Qf, TimeUS,Alt\nATT, a, 1\nPOS, 1, 2\n"
-    )
+    path.write_text("FMT, 140, 71, ATT, Zf, TimeUS,Roll\nFMT, 141, 15, POS, Qf, TimeUS,Alt\nATT, a, 1\nPOS, 1, 2\n")
     assert DATAFLASH.contents(path) == {"POS": ("Alt",)}
 
 
@@ -123,9 +121,7 @@ def test_values_are_those_of_pymavlink(tmp_path: Path, dataflash_writer):
 def test_only_what_is_wanted_is_read(log: Path):
     recording = read(log, ["IMU.1/GyrX", "ATT/Yaw"])
     assert recording.contents == {"IMU.1": ("GyrX",), "ATT": ("Yaw",)}
-    np.testing.assert_array_equal(
-        recording.streams["IMU.1"].columns["GyrX"], copter()["IMU.1"].columns["GyrX"]
-    )
+    np.testing.assert_array_equal(recording.streams["IMU.1"].columns["GyrX"], copter()["IMU.1"].columns["GyrX"])
 
 
 def test_the_names_of_ardupilot_make_the_map(log: Path):
@@ -202,9 +198,7 @@ def test_progress_ends_at_one(log: Path):
     assert shares[-1] == 1.0
 
 
-@pytest.mark.parametrize(
-    "content", [b"", b"\xa3\x95\x80", b"FMT, 128, 89, FMT, BBnNZ, Type\n", b"\xa3" * 1000]
-)
+@pytest.mark.parametrize("content", [b"", b"\xa3\x95\x80", b"FMT, 128, 89, FMT, BBnNZ, Type\n", b"\xa3" * 1000])
 def test_a_file_without_messages_is_refused(tmp_path: Path, content: bytes):
     path = tmp_path / "bad.bin"
     path.write_bytes(content)

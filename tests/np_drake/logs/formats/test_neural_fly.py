@@ -26,10 +26,7 @@ def read_mapped(path, *more):
     log_map = NEURAL_FLY.default_map(contents)
     wanted = by_stream(contents, [*log_map.names(), *more])
     stream = NEURAL_FLY.read(path, wanted, lambda _: None).streams["table"]
-    fields = {
-        name: np.stack([stream.columns[c] for c in source.columns], axis=1)
-        for name, source in log_map.sources()
-    }
+    fields = {name: np.stack([stream.columns[c] for c in source.columns], axis=1) for name, source in log_map.sources()}
     return stream, fields, log_map
 
 
@@ -59,9 +56,7 @@ def test_a_file_without_its_columns_has_no_default_map():
 @given(share=st.floats(0, 1), at=st.integers(0, 3000), byte=st.integers(0, 255))
 @settings(max_examples=60, deadline=None)
 @pytest.mark.parametrize("suffix", [".csv", ".csv.gz"])
-def test_a_damaged_file_ends_in_a_recording_or_one_line(
-    tmp_path_factory, write_neural_fly, suffix, share, at, byte
-):
+def test_a_damaged_file_ends_in_a_recording_or_one_line(tmp_path_factory, write_neural_fly, suffix, share, at, byte):
     path = tmp_path_factory.mktemp("neural_fly") / f"made{suffix}"
     write_neural_fly(path, {"table": Stream(np.arange(6.0), {"p[0]": np.arange(6.0)})})
     content = bytearray(path.read_bytes())

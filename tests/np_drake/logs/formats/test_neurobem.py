@@ -9,14 +9,7 @@ import pytest
 
 from np_drake import attitude, labels
 from np_drake.logs.errors import LogError
-from np_drake.logs.formats.neurobem import (
-    RACE_TRACK,
-    TESTS,
-    TRAINING,
-    published_vehicle,
-    read_array,
-    read_wrenches,
-)
+from np_drake.logs.formats.neurobem import RACE_TRACK, TESTS, TRAINING, published_vehicle, read_array, read_wrenches
 from np_drake.logs.opening import open_flights
 
 MELON = "merged_2021-02-23-11-41-38_seg_3"
@@ -46,9 +39,7 @@ def test_the_attitude_turns_with_the_body_rates(agile):
 
 
 def test_body_rates_change_with_the_angular_acceleration(agile):
-    assert (
-        relative(np.gradient(agile.w, agile.t, axis=0), agile.al) < 0.25
-    )  # 1.2 of 9.8, 0.55 of 2.6 rad/s² seen
+    assert relative(np.gradient(agile.w, agile.t, axis=0), agile.al) < 0.25  # 1.2 of 9.8, 0.55 of 2.6 rad/s² seen
 
 
 def test_rotor_speed_carries_the_weight_and_turns_as_the_vehicle_does(agile):

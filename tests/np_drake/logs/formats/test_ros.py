@@ -74,8 +74,7 @@ def test_only_what_is_wanted_is_read(tmp_path: Path, ros_writer):
     recording = read(tmp_path / "bag", ["/odom/pose.pose.position.z", "/rpm/data[3]"])
     assert recording.contents == {"/odom": ("pose.pose.position.z",), "/rpm": ("data[3]",)}
     np.testing.assert_array_equal(
-        recording.streams["/odom"].columns["pose.pose.position.z"],
-        flight()["/odom"].columns["pose.pose.position.z"],
+        recording.streams["/odom"].columns["pose.pose.position.z"], flight()["/odom"].columns["pose.pose.position.z"]
     )
 
 
@@ -241,10 +240,7 @@ def test_fields_are_found_behind_strings_and_sequences_of_any_length(order: str)
 
 def test_messages_of_one_size_and_other_lengths_are_told_apart():
     types = {
-        "a/msg/Two": (
-            [],
-            [("a", (BASE, ("string", 0))), ("x", (BASE, ("uint8", 0))), ("b", (BASE, ("string", 0)))],
-        )
+        "a/msg/Two": ([], [("a", (BASE, ("string", 0))), ("x", (BASE, ("uint8", 0))), ("b", (BASE, ("string", 0)))])
     }
     dut = Decoder(types, "a/msg/Two", ["x"], ros1=True)
     first = struct.pack("<I3sBI1s", 3, b"aaa", 5, 1, b"b")
@@ -265,9 +261,7 @@ def test_columns_are_those_of_the_library(ros_writer):
     fields = find_fields(raw, store.fielddefs, "sensor_msgs/msg/BatteryState", ros1=False)
     for path in fields.columns:
         at, code = fields.numbers[path]
-        assert struct.unpack_from(f"<{code}", raw, at)[0] == pytest.approx(
-            getattr(message, path), nan_ok=True
-        )
+        assert struct.unpack_from(f"<{code}", raw, at)[0] == pytest.approx(getattr(message, path), nan_ok=True)
 
 
 def test_a_type_that_is_not_defined_is_named():

@@ -89,9 +89,7 @@ def test_a_list_may_be_written_in_several_ways(tmp_path, first, second):
     (tmp_path / "made.csv").write_text(f"t,p\n0,{first}\n1,{second}\n")
     dut = read(tmp_path / "made.csv", "p[0]", "p[1]").streams["table"]
     last = [np.nan, np.nan] if not second else [3.0, np.nan if "nan" in second else 4.0]
-    np.testing.assert_array_equal(
-        np.stack([dut.columns["p[0]"], dut.columns["p[1]"]], axis=1), [[1, 2], last]
-    )
+    np.testing.assert_array_equal(np.stack([dut.columns["p[0]"], dut.columns["p[1]"]], axis=1), [[1, 2], last])
 
 
 def test_empty_cells_are_nan_and_truth_values_are_one_and_zero(tmp_path):
@@ -153,9 +151,7 @@ def test_a_last_row_that_is_cut_off_is_left_out_with_a_note(tmp_path):
     assert dut.notes == ("line 4, the last, is cut off: it has 2 of 3 cells; left out",)
 
 
-@pytest.mark.parametrize(
-    "name, unit", [("t", 1.0), ("time_ms", 1e-3), ("TimeUS", 1e-6), ("timestamp_ns", 1e-9)]
-)
+@pytest.mark.parametrize("name, unit", [("t", 1.0), ("time_ms", 1e-3), ("TimeUS", 1e-6), ("timestamp_ns", 1e-9)])
 def test_a_known_time_column_is_in_its_unit(tmp_path, name, unit):
     (tmp_path / "made.csv").write_text(f"x,{name}\n1,3\n2,4\n3,2\n")
     dut = read(tmp_path / "made.csv", "x").streams["table"]
@@ -209,9 +205,7 @@ def test_what_fills_the_memory_is_refused(tmp_path, monkeypatch):
     with pytest.raises(LogError, match="at most 0 MB of text"):
         read(tmp_path / "bomb.csv.gz", "x")
     require, more = text_lines.require_rows_within_limit, text_lines.MAX_ROWS - 10  # than there are
-    monkeypatch.setattr(
-        text_lines, "require_rows_within_limit", lambda path, rows: require(path, rows + more)
-    )
+    monkeypatch.setattr(text_lines, "require_rows_within_limit", lambda path, rows: require(path, rows + more))
     (tmp_path / "rows.csv").write_text("t,x\n" + "1,2\n" * 11)
     with pytest.raises(LogError, match=r"at most .* rows"):
         read(tmp_path / "rows.csv", "x")
@@ -246,9 +240,7 @@ def test_any_text_ends_in_a_recording_or_one_line(tmp_path_factory, text):
 @pytest.mark.parametrize("suffix", SUFFIXES)
 @given(share=st.floats(0, 1))
 @settings(max_examples=40, deadline=None)
-def test_any_beginning_of_a_table_ends_in_a_recording_or_one_line(
-    tmp_path_factory, write_table, suffix, share
-):
+def test_any_beginning_of_a_table_ends_in_a_recording_or_one_line(tmp_path_factory, write_table, suffix, share):
     if suffix == ".parquet":
         pytest.importorskip("pyarrow", reason="Parquet needs pyarrow")
     path = tmp_path_factory.mktemp("table") / f"made{suffix}"

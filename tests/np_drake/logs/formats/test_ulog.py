@@ -104,9 +104,7 @@ def sampled(writer, name, delay) -> dict[str, Stream]:
     """Return a stream whose samples are older than its messages by a delay (n,) [s]."""
     t = 0.1 + np.arange(20) * 0.02
     us = writer.START + np.round((t - delay) * 1e6)
-    return {
-        name: Stream(t, {"xyz[0]": t, "timestamp_sample": np.where(np.isnan(delay), 0, np.nan_to_num(us))})
-    }
+    return {name: Stream(t, {"xyz[0]": t, "timestamp_sample": np.where(np.isnan(delay), 0, np.nan_to_num(us))})}
 
 
 def test_times_are_those_of_the_sample_where_it_has_one(log, writer):
@@ -166,9 +164,7 @@ def test_estimates_that_are_not_valid_or_jump_are_noted(log, writer):
     position = stream(["x"], rows=n)
     flags = {"xy_valid": np.arange(n) >= 5, "z_valid": np.ones(n), "xy_reset_counter": (np.arange(n) > 8) * 3}
     kinds = dict.fromkeys(flags, "uint8_t")
-    writer.write(
-        log, {"vehicle_local_position": Stream(position.t, {**position.columns, **flags})}, kinds=kinds
-    )
+    writer.write(log, {"vehicle_local_position": Stream(position.t, {**position.columns, **flags})}, kinds=kinds)
     dut = ULOG.read(log, {"vehicle_local_position": ["x"]}, lambda share: None)
     assert dut.notes == (
         "vehicle_local_position: xy_valid is 0 in 25 % of the rows; first valid at 0.10 s.",
@@ -219,10 +215,7 @@ def framed(kind: str, payload: bytes) -> bytes:
         (b"x" * 16, "Failed to parse header"),
         (HEADER + framed("B", bytes(8) + b"\2" + bytes(31)), "incompatible flag"),
         (HEADER + framed("F", b"a:a[2] b;") + framed("A", b"\0\0\0a"), "holds itself"),
-        (
-            HEADER + framed("F", b"a:b[60000] x;") + framed("F", b"b:int8_t[60000] x;"),
-            "larger than a message",
-        ),
+        (HEADER + framed("F", b"a:b[60000] x;") + framed("F", b"b:int8_t[60000] x;"), "larger than a message"),
     ],
 )
 def test_what_is_no_ulog_file_is_refused_in_one_line(log, content, said):
@@ -311,17 +304,14 @@ print(int(status["VmHWM"].split()[0]) // 1000)
 
 @pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="needs the peak memory of a process")
 @pytest.mark.parametrize(
-    ("offsets", "said"),
-    [((), "dropouts of the logger: 500000"), ((60, 90, 90), "its appended data lead back")],
+    ("offsets", "said"), [((), "dropouts of the logger: 500000"), ((60, 90, 90), "its appended data lead back")]
 )
 def test_millions_of_dropouts_take_little_memory(tmp_path: Path, ulog_writer, offsets, said):
     """A dropout has 5 bytes; an object for each, of data that are read four times, took 750 MB for 10 MB."""
     flags = bytes(8) + bytes([bool(offsets)]) + bytes(7) + struct.pack("<QQQ", *(offsets or (0, 0, 0)))
     content = ulog_writer.MAGIC + b"\x01" + bytes(8) + ulog_writer.message("B", flags)
     content += ulog_writer.message("F", b"a:uint64_t timestamp;float x;")
-    content += ulog_writer.message("A", bytes(3) + b"a") + ulog_writer.message(
-        "D", struct.pack("<HQf", 0, 5, 1.0)
-    )
+    content += ulog_writer.message("A", bytes(3) + b"a") + ulog_writer.message("D", struct.pack("<HQf", 0, 5, 1.0))
     path = tmp_path / "a.ulg"
     path.write_bytes(content + ulog_writer.message("O", struct.pack("<H", 1000)) * 500_000)
     done = subprocess.run([sys.executable, "-c", PEAK, str(path)], capture_output=True, text=True)

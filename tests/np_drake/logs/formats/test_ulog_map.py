@@ -65,9 +65,7 @@ def test_the_map_takes_the_first_message_that_a_log_has():
 
 
 @pytest.mark.parametrize("indexed", [True, False])
-@pytest.mark.parametrize(
-    ("name", "axes"), [("vehicle_odometry", "world"), ("vehicle_visual_odometry", "body")]
-)
+@pytest.mark.parametrize(("name", "axes"), [("vehicle_odometry", "world"), ("vehicle_visual_odometry", "body")])
 def test_without_a_local_position_odometry_gives_the_state(name, axes, indexed):
     old = ("x", "y", "z", "vx", "vy", "vz")
     new = (*(f"position[{i}]" for i in range(3)), *(f"velocity[{i}]" for i in range(3)))

@@ -34,9 +34,7 @@ def write(
     """
     kinds = {"timestamp_sample": "uint64_t", **(kinds or {})}
     content = MAGIC + b"\x01" + struct.pack("<Q", START) + message("B", bytes(40))
-    content += b"".join(
-        message("I", _pair(f"char[{len(v)}] {k}") + v.encode()) for k, v in (facts or {}).items()
-    )
+    content += b"".join(message("I", _pair(f"char[{len(v)}] {k}") + v.encode()) for k, v in (facts or {}).items())
     content += b"".join(message("P", _parameter(k, v)) for k, v in (parameters or {}).items())
     formats: dict[str, str] = {}
     for name, stream in streams.items():

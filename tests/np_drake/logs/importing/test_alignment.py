@@ -100,9 +100,7 @@ def test_accelerations_of_a_row_are_those_under_its_command():
     a = draw[k][:, None] * attitude.body_z(q) - [0.0, 0.0, 9.81]
     signals = signals_at({}, 4.0) | {"acceleration": Signal(fast, a), "thrust": Signal(rows, draw[:, None])}
     dut = align(signals, dc.replace(PLAIN, rate=100.0))
-    lift = np.sum(
-        (dut.values["acceleration"] + [0.0, 0.0, 9.81]) * attitude.body_z(dut.values["attitude"]), axis=1
-    )
+    lift = np.sum((dut.values["acceleration"] + [0.0, 0.0, 9.81]) * attitude.body_z(dut.values["attitude"]), axis=1)
     assert np.corrcoef(lift[:-2], dut.values["thrust"][:-2, 0])[0, 1] > 0.99
 
 

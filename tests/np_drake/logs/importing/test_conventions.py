@@ -17,14 +17,7 @@ from np_drake.effects.motor_lag import MotorLag
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.effects.velocity_bias import VelocityBias
 from np_drake.logs.importing.consistency import misfits
-from np_drake.logs.importing.conventions import (
-    Trial,
-    as_text,
-    changed,
-    check_conventions,
-    fitting_time_unit,
-    liveliest,
-)
+from np_drake.logs.importing.conventions import Trial, as_text, changed, check_conventions, fitting_time_unit, liveliest
 from np_drake.logs.importing.convert import convert
 from np_drake.logs.importing.log_map import SIZES, LogMap, Source
 
@@ -102,11 +95,7 @@ FLIGHTS = {
     "wind": (LinearDrag(0.5, 0.5, 0.3), ConstantWind(4.0, -2.0, 0.3)),
     "heavy drag": (LinearDrag(0.8, 0.8, 0.4),),
     "payload": (SuspendedPayload(mass=0.4, length=0.8),),
-    "biases": (
-        AccelerometerBias(0.3, -0.3, 0.4),
-        AttitudeBias(0.05, -0.04, 0.06),
-        VelocityBias(0.2, -0.2, 0.1),
-    ),
+    "biases": (AccelerometerBias(0.3, -0.3, 0.4), AttitudeBias(0.05, -0.04, 0.06), VelocityBias(0.2, -0.2, 0.1)),
     "late": (MotorLag(0.08), ClockOffset(0.05)),
     "off centre": (CenterOfMassOffset(0.02, 0.02, 0.0), MassError(0.4)),
 }
@@ -156,14 +145,7 @@ def test_a_log_without_accelerometer_in_ned_is_named_by_its_lift(sampled, conven
 
 @pytest.mark.parametrize(
     "step, declared, unit",
-    [
-        (10.0, "s", "ms"),
-        (1e4, "s", "us"),
-        (1e7, "s", "ns"),
-        (1e-5, "ms", "s"),
-        (0.01, "s", ""),
-        (0.2, "", ""),
-    ],
+    [(10.0, "s", "ms"), (1e4, "s", "us"), (1e7, "s", "ns"), (1e-5, "ms", "s"), (0.01, "s", ""), (0.2, "", "")],
 )
 def test_rows_that_come_too_fast_or_slowly_name_their_unit_of_time(step, declared, unit):
     fit = fitting_time_unit(step, LogMap(time=Source(["t"], unit=declared)))
@@ -194,12 +176,7 @@ def test_a_reversed_attitude_is_named_where_wind_meets_the_tail(fly):
     turn = np.array([np.cos(half), 0.0, 0.0, np.sin(half)])
     q = attitude.multiply(np.tile(turn, (len(log), 1)), log.q)
     R = attitude.rotation_matrix(turn)
-    turned = {
-        "position": log.p @ R.T,
-        "velocity": log.v @ R.T,
-        "attitude": attitude.conjugate(q),
-        "rates": log.w,
-    }
+    turned = {"position": log.p @ R.T, "velocity": log.v @ R.T, "attitude": attitude.conjugate(q), "rates": log.w}
     declared = LogMap(**{name: Source([f"{name}{i}" for i in range(SIZES[name][0])]) for name in turned})
     raw = {name: value[::2] for name, value in turned.items()}
     verdict = check_conventions(log.t[::2], raw, declared)

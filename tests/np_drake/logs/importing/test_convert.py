@@ -82,9 +82,7 @@ def test_roll_pitch_yaw_turn_about_z_then_y_then_x():
 @st.composite
 def maps(draw):
     """Draw conventions of every quantity by themselves."""
-    attitude = draw(
-        st.sampled_from([("wxyz", 4, ""), ("xyzw", 4, ""), ("wxyz", 3, "rad"), ("wxyz", 3, "deg")])
-    )
+    attitude = draw(st.sampled_from([("wxyz", 4, ""), ("xyzw", 4, ""), ("wxyz", 3, "rad"), ("wxyz", 3, "deg")]))
     frames = st.sampled_from(list(itertools.product(("", *WORLDS), ("", *BODIES))))
     sources = {}
     for name in (*VECTORS, "torque"):
@@ -94,9 +92,7 @@ def maps(draw):
             unit=draw(st.sampled_from(["", *UNITS[name]])),
             scale=draw(st.sampled_from([1.0, -1.0, 0.5])),
             axes=draw(st.sampled_from(["", "world", "body"])) if name != "position" else "",
-            kind=draw(st.sampled_from(["", "specific_force", "acceleration"]))
-            if name == "acceleration"
-            else "",
+            kind=draw(st.sampled_from(["", "specific_force", "acceleration"])) if name == "acceleration" else "",
             world=world,
             body=body,
         )

@@ -23,9 +23,7 @@ def written(excited, conventions, tmp_path):
         table = {"t": log.t if t is None else t}
         for name, source in log_map.sources():
             table |= dict(zip(source.columns, columns[name].T, strict=True))
-        lines = [",".join(table)] + [
-            ",".join(map(repr, map(float, row))) for row in zip(*table.values(), strict=True)
-        ]
+        lines = [",".join(table)] + [",".join(map(repr, map(float, row))) for row in zip(*table.values(), strict=True)]
         path = tmp_path / "flight.csv"
         path.write_text("\n".join(lines) + "\n")
         return import_log(path, changed(conventions.plain_map(command="held_after"), declared), **options)
@@ -35,13 +33,7 @@ def written(excited, conventions, tmp_path):
 
 def same(flight, log):
     q = flight.q * np.sign(np.sum(flight.q * log.q, axis=1, keepdims=True))
-    for ours, theirs in (
-        (flight.p, log.p),
-        (flight.v, log.v),
-        (q, log.q),
-        (flight.w, log.w),
-        (flight.u, log.u),
-    ):
+    for ours, theirs in ((flight.p, log.p), (flight.v, log.v), (q, log.q), (flight.w, log.w), (flight.u, log.u)):
         assert np.allclose(ours, theirs, rtol=0, atol=1e-9)
 
 
@@ -58,12 +50,7 @@ NED_FRD = (("world", "ned"), ("body", "frd"))
 
 @pytest.mark.parametrize(
     "own",
-    [
-        NED_FRD,
-        (("attitude.order", "xyzw"),),
-        (("rates.unit", "deg/s"), ("thrust.scale", -1.0)),
-        (("time.unit", "ms"),),
-    ],
+    [NED_FRD, (("attitude.order", "xyzw"),), (("rates.unit", "deg/s"), ("thrust.scale", -1.0)), (("time.unit", "ms"),)],
     ids=["NED/FRD", "xyzw", "deg/s and -f", "ms"],
 )
 def test_a_log_is_the_flight_in_its_conventions_and_refused_in_others(written, excited, own):

@@ -32,9 +32,7 @@ def test_attitude_follows_a_growing_rate_between_its_samples():
     dut = Signal(HALF_SECONDS, q).turned(Signal(fine, 0.4 * fine[:, None] * AXIS), BETWEEN)
     true = attitude.from_rotation_vector(0.2 * BETWEEN[:, None] ** 2 * AXIS)
     assert angle_between(dut, true).max() < 1e-10
-    assert (
-        angle_between(Signal(HALF_SECONDS, q).turned(None, BETWEEN), true).max() > 1e-3
-    )  # the rate is needed
+    assert angle_between(Signal(HALF_SECONDS, q).turned(None, BETWEEN), true).max() > 1e-3  # the rate is needed
 
 
 def test_a_gyro_bias_does_not_move_the_attitude_at_its_samples():
@@ -58,9 +56,7 @@ def test_the_mean_of_a_line_is_its_middle_and_that_of_a_wave_is_less():
     width = 0.1
     share = np.sin(np.pi * 5 * width) / (np.pi * 5 * width)  # of a 5 Hz wave, by a window
     wave = np.sin(2 * np.pi * 5 * t[:, None])
-    assert np.allclose(
-        Signal(t, wave).averaged(at, width)[:, 0], share * np.sin(2 * np.pi * 5 * at), atol=1e-4
-    )
+    assert np.allclose(Signal(t, wave).averaged(at, width)[:, 0], share * np.sin(2 * np.pi * 5 * at), atol=1e-4)
 
 
 def test_readings_no_denser_than_rows_are_not_averaged():

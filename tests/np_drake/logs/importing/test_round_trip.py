@@ -157,9 +157,7 @@ def test_ulog(flight, specific, throttle, writer, tmp_path):
 def test_dataflash(flight, specific, throttle, writer, tmp_path):
     pytest.importorskip("pymavlink", reason="DataFlash needs pymavlink")
     columns = {
-        "XKF1.0": named(
-            ["PN", "PE", "PD", "VN", "VE", "VD"], np.column_stack([ned(flight.p), ned(flight.v)])
-        ),
+        "XKF1.0": named(["PN", "PE", "PD", "VN", "VE", "VD"], np.column_stack([ned(flight.p), ned(flight.v)])),
         "XKQ.0": named(["Q1", "Q2", "Q3", "Q4"], q_ned_frd(flight.q)),
         "IMU.0": named(
             ["GyrX", "GyrY", "GyrZ", "AccX", "AccY", "AccZ"], np.column_stack([frd(flight.w), frd(specific)])
@@ -196,9 +194,7 @@ def test_neural_fly(flight, writer, tmp_path):
     collective = flight.u[:, :1] / 40.0
     columns = named(
         [f"{n}[{i}]" for n, k in (("p", 3), ("v", 3), ("q", 4), ("w", 3)) for i in range(k)],
-        np.column_stack(
-            [flight.p, flight.v, np.roll(flight.q, -1, axis=1), attitude.rotate(flight.q, flight.w)]
-        ),
+        np.column_stack([flight.p, flight.v, np.roll(flight.q, -1, axis=1), attitude.rotate(flight.q, flight.w)]),
     )
     columns |= {"T_sp[0]": collective[:, 0], "hover_throttle[0]": 0 * flight.t + 0.5}
     writer("neural_fly").write(tmp_path / "flight.csv", {"table": Stream(flight.t, columns)})
@@ -213,13 +209,7 @@ def test_a_table_in_ned_frd_by_its_map(flight, specific, writer, tmp_path, suffi
     if suffix == "parquet":
         pytest.importorskip("pyarrow", reason="Parquet needs pyarrow")
     names = [*("x", "y", "z", "vx", "vy", "vz", "qw", "qx", "qy", "qz", "p", "q", "r", "ax", "ay", "az")]
-    values = [
-        ned(flight.p),
-        ned(flight.v),
-        q_ned_frd(flight.q),
-        np.rad2deg(frd(flight.w)),
-        frd(specific) / 9.80665,
-    ]
+    values = [ned(flight.p), ned(flight.v), q_ned_frd(flight.q), np.rad2deg(frd(flight.w)), frd(specific) / 9.80665]
     columns = named(names, np.column_stack(values))
     columns |= named(["fz", "mx", "my", "mz"], np.column_stack([-flight.u[:, 0], frd(flight.u[:, 1:])]))
     columns["stamp"] = 1e6 * flight.t

@@ -112,9 +112,7 @@ def test_times_that_do_not_increase_are_named_where_no_samples_are_left():
 
 def test_two_logs_in_one_file_are_refused_where_the_clock_starts_again():
     t = np.concatenate([0.01 * np.arange(100), 0.01 * np.arange(30)])
-    with pytest.raises(
-        LogError, match=r"30 of 130 samples run back, the first from 0.99 to 0 s. Split the file"
-    ):
+    with pytest.raises(LogError, match=r"30 of 130 samples run back, the first from 0.99 to 0 s. Split the file"):
         gather(recording(t, **moving(0.01 * np.arange(130))), MAP)
 
 
@@ -150,8 +148,7 @@ def test_a_clock_that_is_set_in_flight_is_refused():
 
 
 RECORDING = Recording(
-    "made.log",
-    {"a": Stream(np.arange(3.0), {"clock": np.array([0.0, 2.0, 4.0])}), "b": Stream(np.arange(2.0), {})},
+    "made.log", {"a": Stream(np.arange(3.0), {"clock": np.array([0.0, 2.0, 4.0])}), "b": Stream(np.arange(2.0), {})}
 )
 
 

@@ -6,8 +6,7 @@ from diagrams.cli.main import run
 
 
 @pytest.mark.parametrize(
-    "arguments, word",
-    [([], "NP_DRAKE_REAL"), (["nowhere"], "not there"), (["nowhere", "--only", "x"], "--only")],
+    "arguments, word", [([], "NP_DRAKE_REAL"), (["nowhere"], "not there"), (["nowhere", "--only", "x"], "--only")]
 )
 def test_bad_input_is_one_line(capfd, monkeypatch, arguments, word):
     monkeypatch.delenv("NP_DRAKE_REAL", raising=False)

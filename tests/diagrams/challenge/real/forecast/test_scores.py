@@ -21,11 +21,7 @@ def both(row, flight, square):
 def test_a_ratio_is_that_of_the_pooled_errors():
     scores = both(PERSISTENCE, "a", 4.0) + both(PERSISTENCE, "b", 12.0)
     scores += both("mine", "a", 4.0) + both("mine", "b", 5.0)
-    (line,) = [
-        x
-        for x in pooled(scores, [5], 0.02)
-        if (x["row"], x["motion"], x["kind"]) == ("mine", "known", "force")
-    ]
+    (line,) = [x for x in pooled(scores, [5], 0.02) if (x["row"], x["motion"], x["kind"]) == ("mine", "known", "force")]
     assert line["ratio"] == pytest.approx(np.sqrt(9 / 16))
     assert line["rmse"] == pytest.approx(np.sqrt(9 / 8))
     assert line["horizon"] == pytest.approx(0.1)
@@ -33,11 +29,7 @@ def test_a_ratio_is_that_of_the_pooled_errors():
 
 
 def test_a_flight_diverges_by_its_longest_forecast():
-    scores = [
-        made("mine", "a", 1.0, peak=9.0),
-        made("mine", "b", 1.0, peak=11.0),
-        made("mine", "c", 1.0, peak=np.inf),
-    ]
+    scores = [made("mine", "a", 1.0, peak=9.0), made("mine", "b", 1.0, peak=11.0), made("mine", "c", 1.0, peak=np.inf)]
     assert diverged(scores, "mine", "known") == ["b", "c"]
     assert diverged(scores, "mine", "held") == []
 

@@ -56,9 +56,7 @@ def test_no_row_is_trained_on_the_manoeuvre_that_it_is_scored_on(cones, monkeypa
 def test_the_filters_tell_the_payload_at_the_end_of_a_flight(cones, payload):
     flight = cones[-1]
     arm = scales(flight.vehicle).length
-    model = PayloadFilterModel(
-        0.02, flight.vehicle.mass, 9.81, 0.0, 0.0, 0.01, 0.0, 0.02, np.zeros(3), arm=arm
-    )
+    model = PayloadFilterModel(0.02, flight.vehicle.mass, 9.81, 0.0, 0.0, 0.01, 0.0, 0.02, np.zeros(3), arm=arm)
     found = estimate_at_end(PayloadFilter(model), flight)
     assert found.mass.low < payload.mass / flight.vehicle.mass < found.mass.high
     assert found.length.low < payload.length < found.length.high

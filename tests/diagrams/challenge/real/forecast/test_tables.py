@@ -34,15 +34,7 @@ def test_a_cell_tells_what_it_is():
     title, header, rows = ratio_tables(LINES)[0]
     assert "known" in title
     assert header == ["ahead", "0.02 s", "0.1 s", "0.2 s", "0.4 s", "0.6 s", "0.8 s", "1 s"]
-    assert rows[0][1:] == (
-        "12.3±1.3",
-        "0.50±1.30",
-        "9.99±1.30",
-        "1.0e+05",
-        "diverges",
-        "0.12±1.30",
-        "1.00±1.30",
-    )
+    assert rows[0][1:] == ("12.3±1.3", "0.50±1.30", "9.99±1.30", "1.0e+05", "diverges", "0.12±1.30", "1.00±1.30")
     assert rows[-1] == ("asked", "", "0.50", "0.42", "0.45", "", "0.48", "")
     assert ratio_tables(LINES)[1][2][-1][0] == "told + drag*"
 

@@ -10,14 +10,7 @@ from diagrams.challenge.generate.trajectories import draw_plan
 from diagrams.challenge.generate.vehicles import VEHICLES
 from diagrams.challenge.simulators.drake import simulator
 from np_drake import attitude
-from np_drake.effects.base import (
-    ActuatorEffect,
-    MassEffect,
-    MassProperties,
-    Measurement,
-    Motion,
-    SensorEffect,
-)
+from np_drake.effects.base import ActuatorEffect, MassEffect, MassProperties, Measurement, Motion, SensorEffect
 from np_drake.effects.combine import split_effects, total_wrench
 from np_drake.effects.library import LIBRARY
 from np_drake.labels import raw_labels

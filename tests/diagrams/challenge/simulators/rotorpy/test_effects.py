@@ -28,9 +28,7 @@ PURE = [n for n, e in LIBRARY.items() if e.place == "wrench" and n not in ("susp
 MEMORYLESS = ["thrust_scale", "thrust_drift", "weak_rotor"]
 SENSORS = [n for n, e in LIBRARY.items() if e.place == "measurement" and n != "clock_offset"]
 # Delays have a test of their own, against commands; the others here act through no log of commands or of a swing.
-SIGNED = [
-    n for n, e in LIBRARY.items() if n in PURE or n in MEMORYLESS or e.place == "mass" or n == "motor_lag"
-]
+SIGNED = [n for n, e in LIBRARY.items() if n in PURE or n in MEMORYLESS or e.place == "mass" or n == "motor_lag"]
 
 
 def drawn(name, vehicle):
@@ -109,9 +107,7 @@ def test_another_body_moves_as_its_mass_properties_say(name, vehicle, plan, t):
 def test_a_sensor_reads_the_effects_own_error_of_an_untouched_flight(name, vehicle, plan, t):
     (effect,), clean = drawn(name, vehicle), fly(vehicle, plan, t=t)
     log = fly(vehicle, plan, [effect], t=t)
-    read = effect.measure(
-        vehicle, Measurement(clean.x, clean.a, clean.al, clean.rotor), np.zeros((len(t), 0))
-    )
+    read = effect.measure(vehicle, Measurement(clean.x, clean.a, clean.al, clean.rotor), np.zeros((len(t), 0)))
     np.testing.assert_allclose(log.x, read.x, atol=1e-12)
     np.testing.assert_allclose(log.a, read.a, atol=1e-12)
     np.testing.assert_array_equal(log.u, clean.u)

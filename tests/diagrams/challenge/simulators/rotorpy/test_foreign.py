@@ -87,9 +87,7 @@ def test_the_oracle_knows_the_foreign_vehicle_with_payload_and_lag():
 
 
 def test_the_fields_of_a_reality_act_as_its_effects_do():
-    own = dc.replace(
-        RealityConfig().nominal(), rotor_drag=0.2, motor_lag=0.03, thrust_scale=0.9, command_delay=0.02
-    )
+    own = dc.replace(RealityConfig().nominal(), rotor_drag=0.2, motor_lag=0.03, thrust_scale=0.9, command_delay=0.02)
     own = dc.replace(own, thrust_loss=0.01, wind=[1.0, 0.0, 0.0], payload=PayloadConfig(mass=0.2))
     found = {effect.identifier: effect.values for effect in foreign_effects(own)}
     assert found["linear_drag"] == {"d_x": 0.2, "d_y": 0.2, "d_z": 0.2}

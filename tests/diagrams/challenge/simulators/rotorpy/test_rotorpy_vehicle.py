@@ -7,11 +7,7 @@ pytest.importorskip("rotorpy", reason="rotorpy is not installed: pip install 'np
 
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 
-from diagrams.challenge.simulators.rotorpy.rotorpy_vehicle import (
-    OUTPUTS,
-    RotorPyVehicle,
-    make_rotorpy_vehicle,
-)
+from diagrams.challenge.simulators.rotorpy.rotorpy_vehicle import OUTPUTS, RotorPyVehicle, make_rotorpy_vehicle
 from diagrams.challenge.simulators.rotorpy.vehicle import own_physics
 from diagrams.loop.real_vehicle import make_real_vehicle
 from diagrams.loop.reality import RealityConfig

@@ -38,9 +38,7 @@ def clean(vehicle, plan, t):
 def drawn(name, vehicle):
     rng = np.random.default_rng(4)
     return (
-        [draw_out_of_library(name, rng, vehicle)]
-        if name in OUT_OF_LIBRARY
-        else draw_effect(name, rng, vehicle, 20.0)
+        [draw_out_of_library(name, rng, vehicle)] if name in OUT_OF_LIBRARY else draw_effect(name, rng, vehicle, 20.0)
     )
 
 
@@ -53,9 +51,7 @@ def test_without_effect_nothing_is_left(nominal, t):
     plan = draw_plan(np.random.default_rng(0), nominal, 5.0, "sprints")
     log = fly(nominal, plan, t=t)
     u = nominal.thrust_coefficient * log.rotor**2 @ nominal.mixer.T
-    np.testing.assert_allclose(
-        residual_wrench(nominal, q=log.q, w=log.w, a=log.a, al=log.al, u=u), 0.0, atol=1e-10
-    )
+    np.testing.assert_allclose(residual_wrench(nominal, q=log.q, w=log.w, a=log.a, al=log.al, u=u), 0.0, atol=1e-10)
     chi = raw_labels(log, nominal)[60:]  # of the command, through the vehicle file's lag
     assert np.abs(chi[:, :3]).max() < 5e-3  # [N]
     assert np.abs(chi[:, 3:]).max() < 5e-4  # [N·m]
@@ -101,9 +97,7 @@ IN_THESE_SECONDS = {  # what acts now and then, as it acts in these few
 }
 
 
-@pytest.mark.parametrize(
-    "name", [n for n in (*LIBRARY, *OUT_OF_LIBRARY) if n in OUT_OF_LIBRARY or LIBRARY[n].begins]
-)
+@pytest.mark.parametrize("name", [n for n in (*LIBRARY, *OUT_OF_LIBRARY) if n in OUT_OF_LIBRARY or LIBRARY[n].begins])
 def test_before_its_onset_an_effect_does_nothing(name, vehicle, plan, t, clean):
     effects = [IN_THESE_SECONDS[name](vehicle)] if name in IN_THESE_SECONDS else drawn(name, vehicle)
     log = fly(vehicle, plan, effects, t=t, onset=1.2)
