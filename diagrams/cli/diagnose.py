@@ -50,7 +50,7 @@ def diagnose(
     repair: options.Repair = False,
 ) -> Report:
     """Diagnose the gap between the nominal simulator and flights; with --out: report, replay, figures, JSON."""
-    files = choose_files(case, vehicle, list(train or ()), list(held_out or ()))
+    files = _choose_files(case, vehicle, list(train or ()), list(held_out or ()))
     nominal = nominal_vehicle(files)
     logs = files.open(nominal, repair=repair)
     say(*(f"{log.name}: {note}" for flights in logs for log in flights for note in log.notes))
@@ -62,10 +62,10 @@ def diagnose(
         from np_drake.diagnosis.report.page import write_report
 
         beside = {}
-        if page := write_ghosts(found, nominal, logs[1] if not no_replay else [], folder):
+        if page := _write_overlay(found, nominal, logs[1] if not no_replay else [], folder):
             beside[page.name] = "Watch the flight beside its simulators"
         if not found.cannot_tell:
-            simulator = write_simulator(found, nominal, folder)
+            simulator = _write_simulator(found, nominal, folder)
             say(f"corrected simulator: {simulator}")
             beside[simulator.name] = "Corrected simulator, to fly"
         say(f"report: {write_report(found, folder, seed=run.seed, config=config, beside=beside)}")
@@ -79,7 +79,7 @@ def diagnose(
     )
 
 
-def write_simulator(found: "Diagnosis", vehicle: "Vehicle", folder: Path) -> Path:
+def _write_simulator(found: "Diagnosis", vehicle: "Vehicle", folder: Path) -> Path:
     """Write `corrected.yaml` to a folder, and return its path.
 
     Raises: ValueError: if no vehicle can fly so; OSError: if it cannot be written.
@@ -90,7 +90,7 @@ def write_simulator(found: "Diagnosis", vehicle: "Vehicle", folder: Path) -> Pat
     return folder / FILE
 
 
-def write_ghosts(found: "Diagnosis", vehicle: "Vehicle", held_out: "list[FlightLog]", folder: Path) -> Path | None:
+def _write_overlay(found: "Diagnosis", vehicle: "Vehicle", held_out: "list[FlightLog]", folder: Path) -> Path | None:
     """Write `replay.html` to a folder and print where it is, or why there is none; without flights say nothing.
 
     Raises: OSError: if it cannot be written.
@@ -114,7 +114,7 @@ def write_ghosts(found: "Diagnosis", vehicle: "Vehicle", held_out: "list[FlightL
     return path
 
 
-def choose_files(case: Path | None, vehicle: Path | None, train: list[Path], held_out: list[Path]) -> "CaseFiles":
+def _choose_files(case: Path | None, vehicle: Path | None, train: list[Path], held_out: list[Path]) -> "CaseFiles":
     """Return the files of a case folder, or those given one by one.
 
     Raises: ValueError: if both or neither are given, or the folder is no case.

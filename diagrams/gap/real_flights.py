@@ -145,7 +145,12 @@ class Options:
 
 
 def run(run: Run, options: Options) -> Report:
-    """The diagnosis on agile real flights. Each is held out in turn."""
+    """The diagnosis on agile real flights. Each is held out in turn.
+
+    Args:
+        run: seed, folders, workers and progress.
+        options: of the study.
+    """
     folder = neurobem_folder("gap", options.neurobem)
     with run.counting("real flights") as on_progress:
         folds = leave_one_out(folder, workers=run.workers, on_progress=on_progress)

@@ -224,9 +224,9 @@ class ActuatorEffect(Effect):
             command: (..., 4) commanded rotor thrusts [N].
             t: (...,) time since the flight began [s].
         """
-        return self.gain(t) * command
+        return self.thrust_gain(t) * command
 
-    def gain(self, t: np.ndarray | float) -> np.ndarray | float:
+    def thrust_gain(self, t: np.ndarray | float) -> np.ndarray | float:
         """Return actual over commanded thrust at t (...,) [s], (4,), (..., 1) or of all rotors [1].
 
         Only an effect with its own `thrust` has none.
@@ -298,8 +298,8 @@ class MeasurementEffect(Protocol):
     white_size: number of standard normal draws that it takes for a sample.
     """
 
-    identifier: ClassVar[str]
-    white_size: ClassVar[int]
+    identifier: str
+    white_size: int
 
     def measure(self, vehicle: Vehicle, truth: Measurement, white: np.ndarray) -> Measurement:
         """Return the reading of the sensors.

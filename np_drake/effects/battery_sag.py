@@ -22,6 +22,6 @@ class BatterySag(ActuatorEffect):
     bench_check = "log the battery's voltage"
     parameters = (Parameter("rate", "1/s", 0.0, -0.1, 0.1, 0.002),)
 
-    def gain(self, t: np.ndarray | float) -> np.ndarray | float:
+    def thrust_gain(self, t: np.ndarray | float) -> np.ndarray | float:
         """Return the actual over the commanded thrust."""
         return (1.0 + self.rate * np.asarray(t, float))[..., None]

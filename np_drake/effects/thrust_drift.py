@@ -33,6 +33,6 @@ class ThrustDrift(ActuatorEffect):
         """Return random parameters of a simulated case."""
         return {"start": 1 + rng.uniform(-0.03, 0.03), "rate": signed(rng, 0.01, 0.15) / seconds}
 
-    def gain(self, t: np.ndarray | float) -> np.ndarray | float:
+    def thrust_gain(self, t: np.ndarray | float) -> np.ndarray | float:
         """Return the actual over the commanded thrust."""
         return (self.start + self.rate * np.asarray(t, float))[..., None]

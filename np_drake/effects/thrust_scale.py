@@ -28,6 +28,6 @@ class ThrustScale(ActuatorEffect):
     tolerance = "thrust"
     parameters = (Parameter("scale", "1", 1.0, 0.4, 1.6, 0.1),)
 
-    def gain(self, t: np.ndarray | float) -> np.ndarray | float:
+    def thrust_gain(self, t: np.ndarray | float) -> np.ndarray | float:
         """Return the actual over the commanded thrust."""
         return self.scale

@@ -36,7 +36,7 @@ class WeakRotor(ActuatorEffect):
         """Return random parameters of a simulated case."""
         return {"rotor": float(rng.integers(1, 5)), "efficiency": 1 - log_uniform(rng, 0.01, 0.25)}
 
-    def gain(self, t: np.ndarray | float) -> np.ndarray | float:
+    def thrust_gain(self, t: np.ndarray | float) -> np.ndarray | float:
         """Return the actual over the commanded thrust."""
         gain = np.ones(4)
         gain[round(self.rotor) - 1] = self.efficiency

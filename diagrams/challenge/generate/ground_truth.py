@@ -157,9 +157,9 @@ class GroundTruth:
     def residual_of_true_parameters(self, file: str) -> np.ndarray:
         """Return the RMS (15,) that the true parameters leave: noise, and gusts, of which they give the strength."""
         case, pair = self.case, self.flights[file]
-        if self.out_of_library or all(effect.foreseen is effect for effect in case.effects):
+        if self.out_of_library or all(effect.predicted is effect for effect in case.effects):
             return pair.noise
-        known = [*case.quality.background(case.vehicle), *(e.foreseen for e in case.effects)]
+        known = [*case.quality.background(case.vehicle), *(e.predicted for e in case.effects)]
         left = pair.true.y - left_by(pair.true, self._terms(known))
         return np.sqrt(pair.noise**2 + np.mean(left**2, axis=0))
 

@@ -16,11 +16,12 @@ from diagrams.challenge.out_of_library.base import (
     any_rotor,
     chi_of_rotors,
     hover_thrust,
+    level_offset,
     weight,
 )
 from np_drake.effects.air_speed import chi_from_body
 from np_drake.effects.base import Motion
-from np_drake.effects.random_sizes import arm, direction, log_uniform, signed
+from np_drake.effects.random_sizes import arm, log_uniform, signed
 from np_drake.vehicle import Vehicle
 
 
@@ -229,7 +230,7 @@ DRAWS: dict[str, Draw] = {
         time=rng.uniform(0.2, 0.6),
     ),
     "thrust_rate_torque": lambda rng, v: ThrustRateTorque(
-        *(log_uniform(rng, 0.03, 0.2) * arm(v) * direction(rng, 0.0)[:2]).tolist(), rng.uniform(0.08, 0.3)
+        *level_offset(rng, log_uniform(rng, 0.03, 0.2) * arm(v)), rng.uniform(0.08, 0.3)
     ),
     "yaw_backlash": lambda rng, v: YawBacklash(log_uniform(rng, 0.3, 2.0) * v.J[2, 2]),
     "soft_arms": lambda rng, v: SoftArms(signed(rng, 0.06, 0.5), rng.uniform(0.03, 0.2)),

@@ -18,11 +18,12 @@ from diagrams.challenge.out_of_library.base import (
     chi_of_rotors,
     chi_of_torque,
     hover_thrust,
+    level_offset,
     weight,
 )
 from np_drake.effects.air_speed import air_velocity_B, chi_from_body
 from np_drake.effects.base import Motion
-from np_drake.effects.random_sizes import arm, direction, log_uniform, signed
+from np_drake.effects.random_sizes import arm, log_uniform, signed
 from np_drake.rigid_body import V, W
 from np_drake.vehicle import Vehicle
 
@@ -186,7 +187,7 @@ DRAWS: dict[str, Draw] = {
     "weathervane": lambda rng, v: Weathervane(log_uniform(rng, 0.3, 3.0) * v.J[2, 2]),
     "panel_flutter": lambda rng, v: PanelFlutter(
         log_uniform(rng, 0.02, 0.2) * weight(v),
-        *(rng.uniform(0.1, 0.4) * arm(v) * direction(rng, 0.0)[:2]).tolist(),
+        *level_offset(rng, rng.uniform(0.1, 0.4) * arm(v)),
         rng.uniform(0.3, 1.0),
         log_uniform(rng, 1.0, 6.0),
         rng.uniform(0, 2 * np.pi),

@@ -8,6 +8,7 @@ import numpy as np
 
 from np_drake.effects.air_speed import chi_from_body
 from np_drake.effects.base import ActuatorEffect, Effect, Motion, Parameter, WrenchEffect
+from np_drake.effects.random_sizes import direction
 from np_drake.vehicle import Vehicle
 
 Draw = Callable[[np.random.Generator, Vehicle], Effect]
@@ -148,6 +149,17 @@ def level_direction(rng: np.random.Generator) -> tuple[float, float, float]:
     """Draw a level unit vector."""
     course = any_course(rng)
     return float(np.cos(course)), float(np.sin(course)), 0.0
+
+
+def level_offset(rng: np.random.Generator, size: float) -> tuple[float, float]:
+    """Return a level vector (x, y) of a size and any direction.
+
+    Args:
+        rng: draws.
+        size: in the unit of the result.
+    """
+    x, y, _ = size * direction(rng, 0.0)
+    return float(x), float(y)
 
 
 def ground_place(rng: np.random.Generator) -> tuple[float, float, float]:

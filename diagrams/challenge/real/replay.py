@@ -103,7 +103,12 @@ class Options:
 
 
 def run(run: Run, options: Options) -> Report:
-    """Real flights replayed open loop, nominal and corrected simulator. --out DIR: cases to resume from."""
+    """Real flights replayed open loop, nominal and corrected simulator. --out DIR: cases to resume from.
+
+    Args:
+        run: seed, folders, workers and progress.
+        options: of the study.
+    """
     folder = required(options.folder, "replay: give the folder of the real flights as DIR or NP_DRAKE_REAL.")
     chosen = make_cases(folder, options.neurobem, options.only or ())
     require_logs(run, chosen)

@@ -25,7 +25,12 @@ class Options:
 
 
 def run(run: Run, options: Options) -> Report:
-    """The diagnosis on real flights with known causes, beside least squares."""
+    """The diagnosis on real flights with known causes, beside least squares.
+
+    Args:
+        run: seed, folders, workers and progress.
+        options: of the study.
+    """
     folder = required(options.folder, "real: give the folder of the real flights as DIR or NP_DRAKE_REAL.")
     cases = make_cases(folder, options.neurobem, options.only or ())
     require_logs(run, cases)

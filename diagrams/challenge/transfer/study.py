@@ -207,6 +207,10 @@ def run(run: Run, options: Options) -> Report:
     one, and in draws from its posterior, predictors are trained, and of all controllers the one that flies the circle
     best there is flown on the vehicle. With rotorpy the vehicle has that simulator's rigid body, rotors, drag, lift and
     motor lag, and there is no oracle. --out DIR: cases to resume from.
+
+    Args:
+        run: seed, folders, workers and progress.
+        options: of the study.
     """
     run = FlownRun.of(run, options)
     require_solver(run.solver)

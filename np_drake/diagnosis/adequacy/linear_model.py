@@ -1,7 +1,9 @@
 """The best model, linear about its fit, with generic structure beside it: evidence of any part of either."""
 
 from collections.abc import Collection, Sequence
+from functools import reduce
 from itertools import pairwise
+from operator import add
 
 import numpy as np
 
@@ -26,7 +28,7 @@ class LinearModel:
         drifting = [c for c in ranking.problem.nuisance if c.variant == "sensor drift"]
         now, free = self.fit.everything, self.fit.free
         self._root = np.linalg.inv(prior_whitening(now, free))
-        total: Gram = sum(self._gram(e, ranking, drifting) for e in self.flights)
+        total = reduce(add, (self._gram(e, ranking, drifting) for e in self.flights))
         self._total = total.tempered(ranking.problem.temperature)
         self._own = {i: [k for k, f in enumerate(free) if f.term == i] for i in range(len(now))}
         first = len(free) + sum(c.size for c in drifting)

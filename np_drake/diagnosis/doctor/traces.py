@@ -3,10 +3,12 @@
 import dataclasses as dc
 import math
 from collections.abc import Sequence
+from functools import reduce
+from operator import add
 
 import numpy as np
 
-from np_drake.diagnosis.numerics import Gram, NoiseModel, scale_only
+from np_drake.diagnosis.numerics import NoiseModel, scale_only
 from np_drake.diagnosis.options import Options, Priors
 from np_drake.diagnosis.regressors import (
     DRAG,
@@ -160,7 +162,7 @@ def _fitted(
     flights: Sequence[FlightResiduals], blocks: Sequence[dict[str, np.ndarray]], noise: NoiseModel
 ) -> tuple[np.ndarray, np.ndarray, list[np.ndarray]]:
     """Return coefficients (k,), their deviations, and by flight the residual (m, 15) without outliers."""
-    total: Gram = sum(e.gram(noise, [b[e.name] for b in blocks]) for e in flights)
+    total = reduce(add, (e.gram(noise, [b[e.name] for b in blocks]) for e in flights))
     mean, covariance = total.posterior(np.arange(len(total.Xy)))
     sizes = [next(iter(b.values())).shape[-1] for b in blocks]
     parts = np.split(mean, np.cumsum(sizes)[:-1])

@@ -27,9 +27,6 @@ class Gram:
     def __add__(self, other: "Gram") -> "Gram":
         return Gram(self.XX + other.XX, self.Xy + other.Xy, self.yy + other.yy, self.samples + other.samples)
 
-    def __radd__(self, zero: int) -> "Gram":
-        return self  # so that `sum`, which begins with zero, adds statistics
-
     def tempered(self, temperature: float) -> "Gram":
         """Return the statistics as if the noise had `temperature` times its variance."""
         return Gram(self.XX / temperature, self.Xy / temperature, self.yy / temperature, self.samples)

@@ -2,8 +2,9 @@
 
 import dataclasses as dc
 from collections.abc import Iterable, Sequence
-from functools import cached_property
+from functools import cached_property, reduce
 from itertools import pairwise
+from operator import add
 
 import numpy as np
 
@@ -69,7 +70,7 @@ class RegressionProblem:
     @cached_property
     def total(self) -> Gram:
         """Gram matrix of nuisance and candidates over all flights."""
-        total: Gram = sum(self._gram(e) for e in self.flights)
+        total = reduce(add, (self._gram(e) for e in self.flights))
         return total.tempered(self.temperature)
 
     @cached_property

@@ -3,6 +3,8 @@
 import dataclasses as dc
 import math
 from collections.abc import Sequence
+from functools import reduce
+from operator import add
 
 import numpy as np
 
@@ -92,7 +94,7 @@ class OtherRegressors:
         for e, (X, y) in zip(self._flights, self._white, strict=True):
             n = self._rows(e, horizon)
             parts.append(Gram(X[:n].T @ X[:n], X[:n].T @ y[:n], 0.0, n))
-        total: Gram = sum(parts)
+        total = reduce(add, parts)
         return total, total.log_evidence(np.arange(len(total.Xy)))
 
     def white(self, payload: PayloadColumns) -> WhitenedPayload:

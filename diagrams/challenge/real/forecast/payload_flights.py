@@ -28,7 +28,12 @@ class Options:
 
 
 def run(run: Run, options: Options) -> Report:
-    """Forecast of force and torque on real flights with a payload, one manoeuvre left out. --out DIR: figure."""
+    """Forecast of force and torque on real flights with a payload, one manoeuvre left out. --out DIR: figure.
+
+    Args:
+        run: seed, folders, workers and progress.
+        options: of the study.
+    """
     missing = "payload-flights: give the folder of the real flights as DIR or NP_DRAKE_REAL."
     folder = required(options.folder, missing)
     names, flights = choose(options.only or ()), open_campaign(folder)
