@@ -191,6 +191,11 @@ class FlightResult:
         """Delay of commands that the controller believed at the end; 0 where it looks not ahead [s]."""
         return float(self.signals["delay"][-1, 0]) if "delay" in self.signals else 0.0
 
+    @property
+    def wrench_label(self) -> np.ndarray | None:
+        """Wrench measured from the motion, (n, 6) [N, N·m]; None of a controller that takes none."""
+        return self.signals.get("label")
+
     @cached_property
     def chi_foreseen(self) -> np.ndarray | None:
         """Wrench that the controller foresaw for each row, (n, 6) [N, N·m]; None without a prediction.

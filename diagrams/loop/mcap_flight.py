@@ -56,7 +56,8 @@ def _signals(flight: FlightResult) -> Iterator[tuple[str, Sequence[str], np.ndar
     yield "/error", (*XYZ, "norm"), np.column_stack([error, np.linalg.norm(error, axis=1)])
     yield "/command", INPUT, flight.config.vehicle.saturate(s["u"])
     yield "/wrench/true", WRENCH, flight.chi_true
-    yield "/wrench/label", WRENCH, s["label"]
+    if flight.wrench_label is not None:
+        yield "/wrench/label", WRENCH, flight.wrench_label
     if flight.chi_foreseen is not None:
         yield "/wrench/foreseen", WRENCH, flight.chi_foreseen
     yield "/rotor_thrust", ("f_1", "f_2", "f_3", "f_4"), s["rotor_thrust"]

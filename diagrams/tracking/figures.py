@@ -73,7 +73,8 @@ def wrench(flight: FlightResult, span: float = 8.0) -> Figure:
         ax = axes[c % 3, c // 3]
         t = s["t"][rows]
         ax.plot(t, flight.chi_true[rows, c], color="0.55", linewidth=2.0, label="truth")
-        ax.plot(t, s["label"][rows, c], color=PALETTE[4], linestyle=":", linewidth=1.2, label="label")
+        if (label := flight.wrench_label) is not None:
+            ax.plot(t, label[rows, c], color=PALETTE[4], linestyle=":", linewidth=1.2, label="label")
         if flight.chi_foreseen is not None:
             ax.plot(t, flight.chi_foreseen[rows, c], color=PALETTE[0], linewidth=1.1, label="prediction")
         name, unit = ("f", "N") if c < 3 else ("\\tau", "N·m")

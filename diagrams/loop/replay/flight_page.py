@@ -44,6 +44,7 @@ def write_replay(flight: FlightResult, path: str | Path) -> None:
     add_arrow(meshcat, "thrust", 0.04 * size, DARK)
     add_arrow(meshcat, "force", 0.07 * size, PINK)
     thrust, force, factor = _arrows(flight)
+    told = "true" if flight.wrench_label is None else "estimated"
     hung = flight.payload_position
     if hung is not None:
         add_payload(meshcat, flight.config.reality.hung.radius, size)
@@ -69,7 +70,7 @@ def write_replay(flight: FlightResult, path: str | Path) -> None:
             (GREEN, "flown path"),
             (BLUE, "reference, and the front rotors"),
             (DARK, "thrust"),
-            (PINK, f"estimated external force × {factor:g}"),
+            (PINK, f"{told} external force × {factor:g}"),
         ),
         follow=follow,
     )
@@ -86,7 +87,7 @@ def _arrows(flight: FlightResult) -> tuple[np.ndarray, np.ndarray, float]:
     s, vehicle = flight.signals, flight.config.vehicle
     scale = _THRUST * arm_length(vehicle) / (vehicle.mass * vehicle.gravity)  # [m/N]
     thrust = s["rotor_thrust"].sum(axis=1, keepdims=True) * attitude.body_z(s["x_true"][:, 3:7])
-    chi = s["label"] if flight.chi_foreseen is None else flight.chi_foreseen
+    chi = next(c for c in (flight.chi_foreseen, flight.wrench_label, flight.chi_true) if c is not None)
     force = np.nan_to_num(chi[:, :3])
     usual = float(np.quantile(np.linalg.norm(force[flight.scored], axis=1), 0.9))
     room = 0.9 * vehicle.mass * vehicle.gravity / max(usual, 1e-9)

@@ -12,20 +12,21 @@ from diagrams.loop.experiments import EXPERIMENTS
 from np_drake.logs.opening import open_flights
 
 
-def test_a_flight_leaves_log_figures_replay_and_metrics(tmp_path, capsys):
+@pytest.mark.parametrize("kind", ["hold", "cascade"])  # with labels of the wrench, and without
+def test_a_flight_leaves_log_figures_replay_and_metrics(kind, tmp_path, capsys):
     out, metrics = tmp_path / "out", tmp_path / "fly.json"
-    arguments = ["fly", "circle", "--controller", "hold", "--solver", "sqp", "--duration", "1", "--seed", "7"]
+    arguments = ["fly", "circle", "--controller", kind, "--solver", "sqp", "--duration", "1", "--seed", "7"]
     assert run([*arguments, "--out", str(out), "--json", str(metrics)]) == 0, capsys.readouterr().err
     names = {path.name for path in out.iterdir()}
     kinds = ("track.png", "errors.png", "wrench.png", "replay.html")
-    assert names == {"circle_hold.csv", *(f"circle_hold_{kind}" for kind in kinds)}
+    assert names == {f"circle_{kind}.csv", *(f"circle_{kind}_{file}" for file in kinds)}
     content = json.loads(metrics.read_text())
     assert content["schema"] == "np_drake.fly/1"
-    assert (content["experiment"], content["controller"], content["seed"]) == ("circle", "hold", 7)
+    assert (content["experiment"], content["controller"], content["seed"]) == ("circle", kind, 7)
     assert content["metrics"]["solve_failures"] == 0
-    log = open_flights(out / "circle_hold.csv")[0][0]
+    log = open_flights(out / f"circle_{kind}.csv")[0][0]
     np.testing.assert_allclose(np.diff(log.t), 0.02, atol=1e-6)
-    assert "<html" in (out / "circle_hold_replay.html").read_text()[:2000].lower()
+    assert "<html" in (out / f"circle_{kind}_replay.html").read_text()[:2000].lower()
 
 
 def test_a_live_flight_says_where_it_is_seen_and_leaves_its_files(tmp_path, capsys):
