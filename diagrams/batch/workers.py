@@ -49,7 +49,10 @@ class Workers:
         Args:
             work: case -> result.
             cases: plain data that differ from each other.
+            config: all else that results depend on.
             part: folder inside the folder, for a campaign of another configuration.
+            keep: takes every new result and returns what its record holds.
+            on_progress: called with cases done and all.
         """
         records = run_campaign(
             work,

@@ -172,7 +172,13 @@ def diagnose_logs(
 ) -> "Diagnosis":
     """Run the five steps behind a progress bar.
 
-    Args: rig: whether sensors are real or ideal; None: as the logs look.
+    Args:
+        vehicle: nominal vehicle.
+        train: flights to which effects are fitted.
+        held_out: flights that judge the fit.
+        replay: whether Drake replays flights too.
+        second_look: whether held-out flights may give a second answer.
+        rig: whether sensors are real or ideal; None: as the logs look.
     """
     from diagrams.gap.drake_replay import DrakeReplay
     from np_drake.diagnosis.diagnose import diagnose as five_steps

@@ -27,6 +27,7 @@ def write_index(demo: Demo, pictures: Mapping[str, bytes], links: Mapping[str, s
         demo: the results.
         pictures: PNG bytes by name: of the held-out track its errors and track, and "foretold".
         links: texts of links by the names of files in the same folder.
+        folder: takes the page.
     Raises: OSError: if it cannot be written.
     """
     template = Environment(autoescape=True, undefined=StrictUndefined).from_string(TEMPLATE.read_text("utf-8"))

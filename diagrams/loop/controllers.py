@@ -203,7 +203,8 @@ def add_controller(
         vehicle: nominal vehicle.
         reference: motion to follow.
         rig: has the measured `x` and `acceleration`.
-        truth, true_model: the real vehicle and all that acts on it; for the oracle alone.
+        truth: the real vehicle; for the oracle alone.
+        true_model: what the nominal vehicle leaves out; likewise.
         model: used in place of the one that `config` names.
         solver_faults: while which solves have no answer.
     Raises: ValueError: if an oracle lacks the real vehicle.

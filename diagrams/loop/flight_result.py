@@ -249,6 +249,10 @@ def fly(
     """Simulate the experiment and return its result.
 
     Args:
-        config, seed, monitor, watch, real: as of `simulate`.
+        config: of the experiment.
+        seed: of the noise.
+        monitor: called with the flight's time [s], see `simulate`.
+        watch: looks at the flight, sets its pace and may end it early.
+        real: makes the vehicle that flies.
     """
     return FlightResult(config, seed, simulate(config, seed=seed, monitor=monitor, watch=watch, real=real))

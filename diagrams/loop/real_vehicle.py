@@ -64,7 +64,11 @@ class DrakeVehicle(RealVehicle):
         """Return the plant with the effects that `reality` switches on.
 
         Args:
-            vehicle, reality, command_period, pushed, events: as of `RealVehicle.make`.
+            vehicle: as its file says.
+            reality: what acts on it besides.
+            command_period: at whose multiples alone the command changes [s].
+            pushed: whether forces from outside may act.
+            events: of the payload in flight.
         """
         return make_tethered_quadrotor(
             vehicle,
@@ -83,7 +87,10 @@ class DrakeVehicle(RealVehicle):
         """Set the vehicle level and at rest, with the payload at its static stretch.
 
         Args:
-            system, root, reality, p_WB: as of `RealVehicle.hover`.
+            system: that `make` returned.
+            root: context of the whole flight.
+            reality: of `make`.
+            p_WB: (3,) in W [m].
         """
         plant = system.GetSubsystemByName("plant")
         set_hover(plant, plant.GetMyMutableContextFromRoot(root), reality.hung, p_WB)

@@ -75,7 +75,8 @@ def load(vehicle: Vehicle, config: MpcConfig, K: int, options: Mapping[str, Any]
     """Return the compiled solver for lifted states of K entries, from the cache where it is there.
 
     Args:
-        vehicle, config: of the MPC.
+        vehicle: nominal vehicle.
+        config: of the MPC.
         K: size of the lifted state.
         options: of acados' solver, as `acados_model.solver_options` gives them.
     Raises: ImportError: without acados or CasADi.   FileNotFoundError: without a C compiler.   RuntimeError: if code

@@ -45,7 +45,8 @@ def make_ocp(template: Any, vehicle: Vehicle, config: MpcConfig, K: int, options
 
     Args:
         template: the module `acados_template`.
-        vehicle, config: of the MPC.
+        vehicle: nominal vehicle.
+        config: of the MPC.
         K: size of the lifted state.
         options: of acados' solver.
     """

@@ -54,7 +54,8 @@ class AcadosSolver:
         """Find acados and a compiler; a problem is compiled when the first of its size comes.
 
         Args:
-            vehicle, config: of the MPC.
+            vehicle: nominal vehicle.
+            config: of the MPC.
             steps: real-time iterations from a warm start [1].
             options: of acados' solver, instead of those of `acados_model.solver_options`.
         Raises: ImportError: if acados is missing.   FileNotFoundError: if there is no C compiler.

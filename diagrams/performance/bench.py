@@ -30,7 +30,8 @@ class RecordingSolver:
         """Keep the problem and return the wrapped solver's solution.
 
         Args:
-            problem, warm_start: of the wrapped solver.
+            problem: of this instant.
+            warm_start: an earlier plan, shifted to now; None: there is none.
         """
         self.problems.append(problem)
         return self._solver.solve(problem, warm_start)

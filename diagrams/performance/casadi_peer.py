@@ -44,7 +44,8 @@ class CasadiSolver:
         """Load CasADi; a problem is built when the first of its size comes.
 
         Args:
-            vehicle, config: of the MPC.
+            vehicle: nominal vehicle.
+            config: of the MPC.
         Raises: ImportError: without CasADi, or without its IPOPT.
         """
         try:
@@ -180,8 +181,9 @@ class ProblemInCasadi:
         """Return the state (13,) after one step of classical Runge-Kutta.
 
         Args:
-            x: (13,).
-            u, chi: (4,), (6,) [N, N·m].
+            x: (13,) state.
+            u: (4,) input [N, N·m].
+            chi: (6,) wrench [N, N·m].
         """
         h = self._config.step
         k1 = self.derivative(x, u, chi)
@@ -195,7 +197,8 @@ class ProblemInCasadi:
 
         Args:
             state: (13,).
-            u, chi: (4,), (6,) [N, N·m].
+            u: (4,) input [N, N·m].
+            chi: (6,) wrench [N, N·m].
         """
         ca, vehicle = self._casadi, self._vehicle
         w, x, y, z = (state[3 + i] for i in range(4))

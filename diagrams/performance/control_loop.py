@@ -73,7 +73,8 @@ def replayed(
         loop: of the flight.
         first: number of the first period.
         clock: that measures [s].
-        before, after: called with the number of each period; not measured.
+        before: called with the number of each period that begins; not measured.
+        after: likewise at its end.
     Returns: when each began, had its forecast and had its plan, (n, 3) [s], and the status of its solver (n,).
     """
     times, status = np.zeros((loop.periods, 3)), np.zeros(loop.periods)

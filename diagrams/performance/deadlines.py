@@ -87,7 +87,8 @@ def paced(
     Args:
         flight: that was recorded.
         collector: one of `COLLECTORS`.
-        clock, sleep: of the real time [s].
+        clock: of the real time [s].
+        sleep: waits for so long [s].
         on_progress: called with periods done and all, once a second.
     """
     loop, period = ControlLoop(flight), flight.config.controller.period

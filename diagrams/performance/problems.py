@@ -24,7 +24,8 @@ def tracking_problems(
     stable A, B, C (K = `lifted`), whose forecast starts at the true wrench.
 
     Args:
-        vehicle, config: of the MPC.
+        vehicle: nominal vehicle.
+        config: of the MPC.
         count: number of problems.
         period: time between them [s].
         lifted: size K of the lifted state.
@@ -53,7 +54,8 @@ def cold_problems(vehicle: Vehicle, config: MpcConfig, count: int) -> list[MpcPr
     """Return scattered starts within the sets: about 0.3 m, 0.5 m/s, 15 deg, 0.5 rad/s from the circle.
 
     Args:
-        vehicle, config: of the MPC.
+        vehicle: nominal vehicle.
+        config: of the MPC.
         count: number of problems.
     """
     rng = np.random.default_rng(1)
@@ -65,7 +67,8 @@ def infeasible_problems(vehicle: Vehicle, config: MpcConfig, count: int) -> list
     """Return starts far outside every soft set: 9 m/s, 80 deg of tilt, metres away, tumbling.
 
     Args:
-        vehicle, config: of the MPC.
+        vehicle: nominal vehicle.
+        config: of the MPC.
         count: number of problems.
     """
     rng = np.random.default_rng(2)

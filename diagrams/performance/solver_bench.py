@@ -57,7 +57,8 @@ def make_solvers(vehicle: Vehicle, config: MpcConfig, *, time_limit: float = np.
     """Return IPOPT, SQP with one and two steps and in two phases, and the peers that can run on this machine.
 
     Args:
-        vehicle, config: of the MPC.
+        vehicle: nominal vehicle.
+        config: of the MPC.
         time_limit: of a solve, but not of the peers' [s].
     """
     two = SqpSolver(vehicle, config, steps=2, time_limit=time_limit)
@@ -149,7 +150,8 @@ def suite(
     starts.
 
     Args:
-        vehicle, config: of the MPC.
+        vehicle: nominal vehicle.
+        config: of the MPC.
         recorded: name -> problems of a recorded flight.
         period: between problems [s].
         count: problems of a set.

@@ -31,7 +31,8 @@ class SplitSqpSolver:
         """Make the SQP of both phases.
 
         Args:
-            vehicle, config: of the MPC.
+            vehicle: nominal vehicle.
+            config: of the MPC.
             time_limit: of a solve [s].
         """
         self._sqp = SqpSolver(vehicle, config, time_limit=time_limit)

@@ -87,7 +87,8 @@ def compare(mine: Sequence[Record], theirs: Sequence[Record]) -> int:
     take precedence. One seed shows nothing but a loss.
 
     Args:
-        mine, theirs: records of two cells.
+        mine: records of a cell.
+        theirs: those of another.
     """
     lost_mine, lost_theirs = sum(map(lost, mine)), sum(map(lost, theirs))
     if lost_mine != lost_theirs or lost_mine:

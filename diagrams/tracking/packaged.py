@@ -69,7 +69,8 @@ def tensor_difference(a: dict[str, np.ndarray], b: dict[str, np.ndarray]) -> Dif
     """Return the largest difference of tensors; NaN differs without bound.
 
     Args:
-        a, b: tensors of the same names and shapes; those of the packaged file are `b`.
+        a: tensors by name.
+        b: those of the packaged file, of the same names and shapes.
     """
     relative, from_zero = [0.0], [0.0]
     for name, value in b.items():

@@ -115,7 +115,8 @@ def training_flight(
         experiment: its name.
         seed: of the noise.
         solver: of the MPC.
-        vehicle, reality: as of `configure`.
+        vehicle: to which it is scaled; None: the paper's.
+        reality: scenario file that it is flown in, see `load_experiment`.
     """
     config = training_config(experiment, solver=solver, vehicle=vehicle, reality=reality)
     return fly(config, seed=seed)
@@ -129,7 +130,8 @@ def training_config(
     Args:
         experiment: its name.
         solver: of the MPC.
-        vehicle, reality: as of `configure`.
+        vehicle: to which it is scaled; None: the paper's.
+        reality: scenario file that it is flown in, see `load_experiment`.
     """
     config = load_experiment(experiment, vehicle, reality)
     config.duration = load_experiment(experiment).duration
@@ -153,7 +155,8 @@ def train_models(
         folder: takes the model files.
         seed: of training flights and trainings.
         solver: of the training flights' controller.
-        vehicle, reality: of the training flights, as of `configure`.
+        vehicle: to which they are scaled; None: the paper's.
+        reality: scenario file that they are flown in, see `load_experiment`.
     """
     files: dict[tuple[str, str], str] = {}
     flights: dict[str, FlightResult] = {}

@@ -84,7 +84,9 @@ class Collinearity:
     def is_calibration(self, trace: Trace, within: float = DISTANCE) -> bool:
         """Return whether what vehicle file and input may be off by is the same as a residual.
 
-        Args: as of `effects_of`.
+        Args:
+            trace: the residual.
+            within: largest squared whitened distance.
         Returns: False where noise alone hides the residual.
         """
         target = self._whitened(trace)

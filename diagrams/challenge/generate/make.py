@@ -227,7 +227,14 @@ def _whole_folder(path: Path) -> Iterator[Path]:
 def check_request(out: Path, truth: Path, simulator: str, quality: str, cases: int, seconds: float, seed: int) -> None:
     """Raise ValueError where `make` would, before any work.
 
-    Args: as of `make`; `cases` with an effect and without.
+    Args:
+        out: folder for the case folders.
+        truth: folder for the truths.
+        simulator: drake | rotorpy.
+        quality: of the sensors: clean | real | wild.
+        cases: how many, with an effect and without.
+        seconds: length of every flight [s].
+        seed: of every draw.
     """
     here, there = out.resolve(), truth.resolve()
     if here == there or here in there.parents or there in here.parents:

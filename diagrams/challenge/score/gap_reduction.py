@@ -42,7 +42,9 @@ def before_and_after(case: AnsweredCase, true: str = ALL) -> tuple[float, float]
 def relative_gap_reduction(case: AnsweredCase, true: str = ALL) -> float | None:
     """Return 1 - (after² - 1) / (before² - 1), clipped to [-1, 1]: the true model has 1; None where there is no gap.
 
-    Args: as `before_and_after`.
+    Args:
+        case: with or without an answer.
+        true: which true model, as of `before_and_after`.
     """
     values = before_and_after(case, true)
     if case.kind == CLEAN or values is None or values[0] < NO_GAP:

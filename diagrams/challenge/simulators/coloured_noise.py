@@ -24,7 +24,11 @@ def gauss_markov(rng: np.random.Generator, t: np.ndarray, channels: int, *, rms:
 def flicker(rng: np.random.Generator, t: np.ndarray, channels: int, *, rms: float) -> np.ndarray:
     """Draw noise (n, channels) of about 1/f from 0.02 to 10 Hz: Gauss-Markov processes of equal power a decade.
 
-    Args: as of `gauss_markov`.
+    Args:
+        rng: source of the draw.
+        t: (n,) times [s], as of `gauss_markov`.
+        channels: independent ones.
+        rms: of each.
     """
     taus = (0.016, 0.16, 1.6, 8.0)  # [s]
     parts = [gauss_markov(rng, t, channels, rms=rms / np.sqrt(len(taus)), tau=tau) for tau in taus]

@@ -78,7 +78,8 @@ def flight_cases(
         rows: of the table.
         seeds: of the flights.
         models: content of the model files by vehicle and configuration.
-        vehicles, tracks: names of those that are flown.
+        vehicles: names of those that fly.
+        tracks: names of those that are flown.
     """
     cases = []
     for seed, vehicle, track, row in itertools.product(seeds, vehicles, tracks, rows):
@@ -97,7 +98,8 @@ def run_vehicles(
     Args:
         sweep: seeds, workers and progress.
         rows: of the table.
-        vehicles, tracks: names of those that are flown.
+        vehicles: names of those that fly.
+        tracks: names of those that are flown.
     Returns: the records of the trainings and of the flights. Rows whose training failed do not fly.
     """
     config = campaign_config(sweep.seed, sweep.solver, sweep.duration)

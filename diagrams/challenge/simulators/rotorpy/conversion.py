@@ -13,7 +13,9 @@ SIZE = 20
 def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Return the cross product in a tenth of the time of NumPy's.
 
-    Args: a, b: (3,).
+    Args:
+        a: (3,) left factor.
+        b: (3,) right one.
     """
     (a0, a1, a2), (b0, b1, b2) = a, b
     return np.array([a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0])

@@ -15,7 +15,9 @@ def require_rotorpy() -> None:
 def fly(*arguments, **options) -> FlightLog:
     """Fly in rotorpy.
 
-    Args: as of `diagrams.challenge.simulators.rotorpy.simulator.fly`.
+    Args:
+        *arguments: of `diagrams.challenge.simulators.rotorpy.simulator.fly`.
+        **options: likewise.
     Raises: ValueError: where rotorpy is not installed.
     """
     require_rotorpy()

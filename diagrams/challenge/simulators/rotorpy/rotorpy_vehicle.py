@@ -53,7 +53,10 @@ class RotorPyVehicle(LeafSystem):
     Continuous state: rotorpy's (20,) [of Bcm; wind, which is a function of time; rotor speeds], hidden states of
     effects, payload (6,). It starts in hover over the world origin, under rotors that nominally carry all weight.
 
-    Args: own: whether rotorpy's own drag, lift and motor lag act beside the effects (`RealMultirotor`).
+    Args:
+        vehicle: nominal vehicle.
+        effects: that act; errors of sensors do nothing here.
+        own: whether rotorpy's own drag, lift and motor lag act beside the effects (`RealMultirotor`).
     """
 
     def __init__(self, vehicle: Vehicle, effects: Sequence[Effect | MeasurementEffect], *, own: bool = False):
