@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from diagrams.challenge.real.calibration import bins, calibration_figure
 from diagrams.challenge.real.score import BIC, THIS, TOLD, verdict
+from diagrams.challenge.real.study import bins, calibration_figure
 from diagrams.challenge.real.summary import asked_figures
 from diagrams.challenge.real.tables import tables
 from diagrams.challenge.real.truth import TRUTHS

@@ -7,9 +7,8 @@ import pytest
 
 from diagrams.challenge.real.cases import make_cases
 from diagrams.challenge.real.flights import open_case
-from diagrams.challenge.real.score import held_out_cut, says_new_condition, score_case, scored
+from diagrams.challenge.real.score import angle, held_out_cut, says_new_condition, score_case, scored, wind_figures
 from diagrams.challenge.real.truth import TRUTHS
-from diagrams.challenge.real.wind_force import angle, wind_figures
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.effects.constant_wind import ConstantWind
 from np_drake.effects.linear_drag import LinearDrag
