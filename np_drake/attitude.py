@@ -50,7 +50,8 @@ def multiply(p: np.ndarray, q: np.ndarray) -> np.ndarray:
     """Return the Hamilton product p q, (..., 4).
 
     Args:
-        p, q: (..., 4) quaternions; q turns first.
+        p: (..., 4) quaternion that turns last.
+        q: (..., 4) the one that turns first.
     """
     pw, px, py, pz = _components(p)
     qw, qx, qy, qz = _components(q)

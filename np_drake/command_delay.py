@@ -42,9 +42,6 @@ class DelayFilter:
     Memory, of l lags and d delays: sent (KEPT, 4) commands, the newest first; rotor (l, 4) lagged rotor speed; acting
     (l, d, 4) what acts by each delay; error (l, d, 3) measured less acting; squares (l, d, 3) mean squares of its
     steps; seen (1,) steps; delay (1,) that is believed [periods / FINE]. Samples with NaN leave the estimate.
-
-    Args: vehicle: with the rotors' lag, 0 where it is not known.   step: between samples and commands [s].   known:
-    delay that training has shown, or that is given [s].   track: whether other delays are looked for.
     """
 
     def __init__(self, vehicle: Vehicle, *, step: float, known: float = 0.0, track: bool = True):

@@ -56,8 +56,13 @@ def turned(w, x, y, z, a, b, c):
     """Return a vector in B turned to W; the conjugate quaternion turns back.
 
     Args:
-        w, x, y, z: unit quaternion.
-        a, b, c: vector.
+        w: scalar part of a unit quaternion.
+        x: its first vector part.
+        y: second.
+        z: third.
+        a: first component of the vector in B.
+        b: second.
+        c: third.
     """
     i, j, k = y * c - z * b, z * a - x * c, x * b - y * a
     return (a + 2 * (w * i + y * k - z * j), b + 2 * (w * j + z * i - x * k), c + 2 * (w * k + x * j - y * i))

@@ -55,7 +55,8 @@ class FlightLog:
         """Return a part of the flight as a separate log.
 
         Args:
-            start, stop: its first row, and the one after its last.
+            start: first row.
+            stop: the one after the last.
         """
         cut: dict[str, Any] = {
             name: value[start:stop] for name, value in vars(self).items() if isinstance(value, np.ndarray)

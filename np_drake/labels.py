@@ -205,7 +205,10 @@ def smooth_labels(log: FlightLog, vehicle: Vehicle, config: LabelConfig | None =
 
     The low-pass runs forward and backward (-6 dB at the bandwidth). NaN rows are bridged by a line, and stay NaN.
 
-    Args: as `labels`.
+    Args:
+        log: with accelerations.
+        vehicle: nominal vehicle.
+        config: low-pass; default: that of the vehicle.
     """
 
     def both_ways(sos: np.ndarray, raw: np.ndarray, good: np.ndarray) -> np.ndarray:

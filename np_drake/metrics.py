@@ -10,7 +10,8 @@ def tracking_errors(p: np.ndarray, p_ref: np.ndarray) -> dict[str, float]:
     E_xy = sqrt(mean(ex² + ey²)), E_z = sqrt(mean(ez²)).
 
     Args:
-        p, p_ref: (n, 3) positions flown and wanted [m].
+        p: (n, 3) positions flown [m].
+        p_ref: (n, 3) wanted [m].
     """
     square = np.mean((p - p_ref) ** 2, axis=0)
     return {
@@ -23,7 +24,9 @@ def tracking_errors(p: np.ndarray, p_ref: np.ndarray) -> dict[str, float]:
 def error_growth(p: np.ndarray, p_ref: np.ndarray) -> float:
     """Return E_xy of the last third of a flight over that of its first third [1]; above 1 where a swing grows.
 
-    Args: as `tracking_errors`.
+    Args:
+        p: (n, 3) positions flown [m].
+        p_ref: (n, 3) wanted [m].
     """
     third = max(len(p) // 3, 1)
     first = tracking_errors(p[:third], p_ref[:third])["E_xy"]
@@ -34,7 +37,8 @@ def wrench_rmse(chi_hat: np.ndarray, chi: np.ndarray) -> dict[str, float]:
     """Return the RMS of the norm of the error, for force [N] and torque [N·m].
 
     Args:
-        chi_hat, chi: (n, 6) predicted and true wrench [N, N·m].
+        chi_hat: (n, 6) predicted wrench [N, N·m].
+        chi: (n, 6) true one.
     """
     error = chi_hat - chi
     return {
@@ -72,7 +76,9 @@ def peaks(t: np.ndarray, distance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def decay_rate(t: np.ndarray, distance: np.ndarray) -> float:
     """Return the slope of the logarithm of the peaks, negative for a decaying swing [1/s]; NaN with fewer than three.
 
-    Args: as `peaks`.
+    Args:
+        t: (n,) at even steps [s].
+        distance: (n,) horizontal distance [m].
     """
     when, height = peaks(t, distance)
     return float(np.polyfit(when, np.log(height), 1)[0]) if len(when) > 2 else float("nan")
@@ -81,7 +87,9 @@ def decay_rate(t: np.ndarray, distance: np.ndarray) -> float:
 def settling_time(t: np.ndarray, distance: np.ndarray) -> float:
     """Return the time from t[0] until the distance stays below `SETTLED` [s]; inf if above it in the last second.
 
-    Args: as `peaks`.
+    Args:
+        t: (n,) at even steps [s].
+        distance: (n,) horizontal distance [m].
     """
     above = np.flatnonzero(distance >= SETTLED)
     if len(above) == 0:

@@ -95,7 +95,9 @@ CORNERS = ((1, 1), (1, -1), (-1, -1), (-1, 1))  # front left, front right, rear 
 def commented_file(measured: Measured, name: str = "mine") -> str:
     """Return the vehicle file (YAML) of `estimate`, with unit and origin of every value in comments.
 
-    Args: as `estimate`.
+    Args:
+        measured: what the owner knows.
+        name: of the vehicle.
     """
     v, m = estimate(measured, name), measured
     power, lever = {1: "", 2: "²"}[CURVES[m.curve]], v.torque_coefficient / v.thrust_coefficient

@@ -50,9 +50,12 @@ class ActuatorEffects(LeafSystem):
     ):
         """Declare ports and state.
 
-        Args: effects: first to last.   hover_thrust: (4,) command at which the states start at rest [N].
-        spans: begin and end of effects that do not act all the time [s]; an idle one hands the thrust on, and its state
-        follows.
+        Args:
+            vehicle: nominal.
+            effects: first to last.
+            hover_thrust: (4,) command at which the states start at rest [N].
+            spans: begin and end of effects that do not act all the time [s]; an idle one hands the thrust on, and its
+                state follows.
         """
         super().__init__()
         self._vehicle = vehicle

@@ -85,7 +85,13 @@ class Cable(LeafSystem):
 def cable_force(s, hook, length, stiffness, damping, out):
     """Write the generalized force of a taut cable to out (12,), which comes zeroed.
 
-    Args: s: (26,) state of the plant.   hook: (3,) p_BoTo_B [m].   length [m], stiffness [N/m], damping [N·s/m].
+    Args:
+        s: (26,) state of the plant.
+        hook: (3,) p_BoTo_B [m].
+        length: unstretched [m].
+        stiffness: [N/m].
+        damping: [N·s/m].
+        out: (12,) to be written [N·m, N].
     """
     r_x, r_y, r_z = turned(s[0], s[1], s[2], s[3], hook[0], hook[1], hook[2])
     d_x, d_y, d_z = s[11] - s[4] - r_x, s[12] - s[5] - r_y, s[13] - s[6] - r_z

@@ -22,7 +22,12 @@ class CascadeTarget(LeafSystem):
     | target | 16 | p, v, a in W, w, dw/dt in B, heading | m … rad |
 
     Between two multiples of the period the target is that of the earlier one, after the end that of the end.
-    Args: period: at whose multiples the controller reads its target [s].   end: of the motion [s].
+
+    Args:
+        vehicle: nominal.
+        reference: the motion.
+        period: at whose multiples the controller reads its target [s].
+        end: of the motion [s].
     """
 
     def __init__(self, vehicle: Vehicle, reference: Reference, *, period: float, end: float):

@@ -36,7 +36,11 @@ class CommandBuffer(LeafSystem):
     def __init__(self, resting: np.ndarray, *, dead_time: float, period: float, onset: float = -math.inf):
         """Declare ports and state.
 
-        Args: resting: (n,).   dead_time, period: [s].   onset: before which commands pass at once [s].
+        Args:
+            resting: (n,) command before the first [N].
+            dead_time: [s].
+            period: between readings [s].
+            onset: before which commands pass at once [s].
         """
         super().__init__()
         self._onset = onset

@@ -156,7 +156,11 @@ def _make_one(
 def pair_state(plant: MultibodyPlant, body: str) -> np.ndarray:
     """Return the matrix that selects the input of `Cable` from the plant's state, (26, nq + nv).
 
-    The input is [q_WB, p_WB, q_WP, p_WP, V_WB, V_WP].   Args: body: name of the vehicle's body.
+    The input is [q_WB, p_WB, q_WP, p_WP, V_WB, V_WP].
+
+    Args:
+        plant: with the vehicle and the payload.
+        body: name of the vehicle's body.
     """
     rows = np.zeros((14, plant.num_multibody_states()))
     for k, name in enumerate((body, "payload")):

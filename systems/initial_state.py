@@ -17,7 +17,11 @@ from systems.payload_config import PayloadConfig
 def set_hover(plant: MultibodyPlant, context: Context, payload: PayloadConfig, p_WB) -> None:
     """Set the quadrotor level and at rest, with the payload hanging still at its static stretch.
 
-    Args: context: the plant's own.   p_WB: (3,) position [m].
+    Args:
+        plant: with quadrotor and payload.
+        context: the plant's own.
+        payload: that hangs, if by a cable.
+        p_WB: (3,) position [m].
     """
     p_WB = np.asarray(p_WB, float)
     plant.SetFreeBodyPose(context, plant.GetBodyByName("quadrotor"), RigidTransform(p_WB))
@@ -31,7 +35,11 @@ def set_hover(plant: MultibodyPlant, context: Context, payload: PayloadConfig, p
 def set_formation(plant: MultibodyPlant, context: Context, payload: PayloadConfig, p_WB) -> None:
     """Set the quadrotors level and at rest on a regular polygon, with the payload at rest on equally taut cables.
 
-    Args: context: the plant's own.   p_WB: (n, 3) positions [m].
+    Args:
+        plant: with quadrotors and payload.
+        context: the plant's own.
+        payload: that they carry.
+        p_WB: (n, 3) positions [m].
     Raises: ValueError: if the cables do not reach the middle.
     """
     p_WB = np.asarray(p_WB, float)
@@ -67,7 +75,10 @@ def apply_impulse(plant: MultibodyPlant, context: Context, impulse) -> None:
 def set_vehicle_mass(plant: MultibodyPlant, context: Context, properties: MassProperties) -> None:
     """Replace mass, centre of mass and inertia of the quadrotor in a context.
 
-    Args: context: the plant's own.
+    Args:
+        plant: with the quadrotor.
+        context: the plant's own.
+        properties: the new ones.
     """
     plant.GetBodyByName("quadrotor").SetSpatialInertiaInBodyFrame(context, spatial_inertia(properties))
 
@@ -75,7 +86,11 @@ def set_vehicle_mass(plant: MultibodyPlant, context: Context, properties: MassPr
 def set_payload_mass(plant: MultibodyPlant, context: Context, payload: PayloadConfig, mass: float) -> None:
     """Replace the payload's mass [kg] in a context.
 
-    Args: context: the plant's own.
+    Args:
+        plant: with the payload.
+        context: the plant's own.
+        payload: gives its shape.
+        mass: the new one [kg].
     Raises: ValueError: if the mass is not positive.
     """
     if not mass > 0:

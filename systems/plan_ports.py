@@ -10,7 +10,11 @@ from np_drake.residual_model import Plan
 class PlanPorts:
     """Ports plan_u (4 N) and plan_x (13 (N+1)) of a LeafSystem.
 
-    Args: horizon: N.   step: of the plan [s].   age: of the plan when it is read [s].
+    Args:
+        system: that gets the ports.
+        horizon: N.
+        step: of the plan [s].
+        age: of the plan when it is read [s].
     """
 
     def __init__(self, system, *, horizon: int, step: float, age: float):

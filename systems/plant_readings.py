@@ -36,7 +36,9 @@ class VehicleState(LeafSystem):
     | plant_state | nq + nv | Drake's order: quaternion, position, w_WB, v_WB (both in W) |
     | x | 13 | [p_WB, q_WB, v_WB, w_WB_B] |
 
-    Args: body: which floating body B is; its joint has the same name.
+    Args:
+        plant: whose state is read.
+        body: which floating body B is; its joint has the same name.
     """
 
     def __init__(self, plant: MultibodyPlant, body: str = "quadrotor"):
@@ -79,7 +81,9 @@ class BodyAcceleration(LeafSystem):
     | generalized_acceleration | nv | time derivative of the plant's velocities | rad/s², m/s² |
     | acceleration | 6 | [dv_WB/dt in W, dw_WB_B/dt in B] | m/s², rad/s² |
 
-    Args: body: which floating body B is; its joint has the same name.
+    Args:
+        plant: whose state is read.
+        body: which floating body B is; its joint has the same name.
     """
 
     def __init__(self, plant: MultibodyPlant, body: str = "quadrotor"):

@@ -23,7 +23,9 @@ class Push(LeafSystem):
     def __init__(self, num_velocities: int, *, payload: bool):
         """Declare port and parameter.
 
-        Args: num_velocities: nv of the plant [1].   payload: whether velocities 6 to 11 are those of a payload.
+        Args:
+            num_velocities: nv of the plant [1].
+            payload: whether velocities 6 to 11 are those of a payload.
         """
         super().__init__()
         self._size, self._payload = num_velocities, payload

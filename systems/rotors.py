@@ -37,8 +37,16 @@ def add_rotors(
 ) -> RotorPorts:
     """Add mixer, saturation, dead time, actuator effects and propellers on the plant's body `quadrotor`.
 
-    Exports the input `u`.   Args: hover_thrust: (4,) at which delayed commands and lagging rotors start [N].
-    command_period: see `CommandBuffer` [s].   onsets: of effects that begin in flight [s].
+    Exports the input `u`.
+
+    Args:
+        builder: of the diagram.
+        plant: with the body.
+        vehicle: nominal.
+        effects: of the actuators, first to last.
+        hover_thrust: (4,) at which delayed commands and lagging rotors start [N].
+        command_period: see `CommandBuffer` [s].
+        onsets: of effects that begin in flight [s].
     """
     ports = add_rotor_chain(
         builder, vehicle, effects, hover_thrust=hover_thrust, command_period=command_period, onsets=onsets
@@ -60,7 +68,13 @@ def add_rotor_chain(
 ) -> RotorPorts:
     """Add what lies between the command `u`, which is exported, and rotor thrust.
 
-    Args: as `add_rotors`.
+    Args:
+        builder: of the diagram.
+        vehicle: nominal.
+        effects: of the actuators, first to last.
+        hover_thrust: (4,) at which delayed commands and lagging rotors start [N].
+        command_period: see `CommandBuffer` [s].
+        onsets: of effects that begin in flight [s].
     """
     mixer = builder.AddNamedSystem("mixer", MatrixGain(vehicle.unmixer))
     limit = builder.AddNamedSystem("saturation", Saturation(np.zeros(4), np.full(4, vehicle.max_rotor_thrust)))

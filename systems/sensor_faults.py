@@ -34,7 +34,9 @@ class SensorFaults(LeafSystem):
     State: the last readings (depth, 23), the newest first, and the number of the newest (1), -1 before any.
     Event: periodic, every `period`. Between two events the input of now passes for the sample of the last.
 
-    Args: period: between samples [s].
+    Args:
+        faults: first to last.
+        period: between samples [s].
     """
 
     def __init__(self, faults: Sequence[MeasurementFault], *, period: float):
@@ -100,7 +102,11 @@ def add_sensor_faults(
 ) -> SensorFaults:
     """Add the faults behind the sensors (`make_sensor_model`), whose ports they have.
 
-    Args: period: between samples [s].
+    Args:
+        builder: of the diagram.
+        sensors: which measure.
+        faults: first to last.
+        period: between samples [s].
     """
     system = builder.AddNamedSystem("sensor_faults", SensorFaults(faults, period=period))
     for name in READING:

@@ -39,7 +39,11 @@ class WrenchEffects(LeafSystem):
     ):
         """Declare ports.
 
-        Args: num_velocities: nv of the plant [1].   onsets: of effects that begin in flight [s].
+        Args:
+            vehicle: nominal.
+            effects: that push on it.
+            num_velocities: nv of the plant [1].
+            onsets: of effects that begin in flight [s].
         """
         super().__init__()
         self._vehicle, self._effects, self._onsets = vehicle, list(effects), onsets

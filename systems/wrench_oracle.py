@@ -43,7 +43,12 @@ class WrenchOracle(LeafSystem):
     | delay | 1 | after which the next command acts; unconnected: 0 | s |
     | forecast | WrenchForecast | the true chi along the plan, from `delay` on | |
 
-    No state. Args: period: age of the plan [s].
+    No state.
+
+    Args:
+        model: gives the wrench.
+        config: horizon of the plan.
+        period: age of the plan [s].
     """
 
     def __init__(self, model: TrueModel, config: MpcConfig, *, period: float):

@@ -94,7 +94,9 @@ class Size:
         """Return whether the size is material.
 
         Args:
-            calibration: whether the term is what a vehicle file may be off by.   sensor: whether it is a sensor error.
+            materiality: bounds below which a size does not matter.
+            calibration: whether the term is what a vehicle file may be off by.
+            sensor: whether it is a sensor error.
         """
         if calibration:
             return self.force >= materiality.calibration_force

@@ -37,7 +37,8 @@ def tether_force(
 
     Args:
         payload: that pulls.
-        r, r_rate: (..., 3) payload from hook, and its rate [m, m/s].
+        r: (..., 3) payload from hook [m].
+        r_rate: (..., 3) its rate [m/s].
         a_hook: (..., 3) acceleration of the hook [m/s²].
         gravity: [m/s²].
         v_hook: (..., 3) velocity of the hook [m/s]; default: at rest.
@@ -71,7 +72,8 @@ def swing_many(
 
     Args:
         lengths: (m,) [m].
-        r, r_rate: (m, 3) p_ToPo_W and its rate at the start [m, m/s].
+        r: (m, 3) p_ToPo_W at the start [m].
+        r_rate: (m, 3) its rate [m/s].
         a_hook: (n, 3) of the one hook, or (n, m, 3), held over each step [m/s²].
         step: [s].
         gravity: [m/s²].
@@ -117,7 +119,15 @@ def path_many(
 
     The position at the end of a step is the mean of those in the middle of the steps around it: second order too.
 
-    Args: as `swing_many`.
+    Args:
+        lengths: (m,) of the tethers [m].
+        r: (m, 3) p_ToPo_W at first [m].
+        r_rate: (m, 3) its rate [m/s].
+        a_hook: as of `swing_many` [m/s²].
+        step: [s].
+        gravity: [m/s²].
+        damping: one, or (m,) [1/s].
+        v_hook: like `a_hook`, in the middle of each step [m/s]; default: at rest.
     """
     now, move = _start(lengths, np.transpose(r), np.transpose(r_rate), step)
     swings = _Swings(lengths, a_hook, step, gravity, damping, v_hook)
@@ -190,8 +200,10 @@ def leapfrog(limit, half, now, move, kicks, drift, pulls, at):
     Args:
         limit: (m,) squares of the lengths [m²].
         half: (m,) half the damping of a step [1].
-        now, move: (3, m) position and displacement per step, which are moved on [m].
-        kicks, drift: (n, 3, m or 1) by acceleration and velocity of the hook [m].
+        now: (3, m) position, which is moved on [m].
+        move: (3, m) displacement per step, moved on as well [m].
+        kicks: (n, 3, m or 1) by acceleration of the hook [m].
+        drift: (n, 3, m or 1) by its velocity [m].
         pulls: (n, 3, m) to be written [m].
         at: (n, 3, m) for the positions, or (0, 3, 0) [m].
     """
@@ -226,7 +238,8 @@ def hanging(offset: np.ndarray, rate: np.ndarray, length: float | np.ndarray) ->
     """Return p_ToPo_W and its rate (m, 3) of taut tethers [m, m/s].
 
     Args:
-        offset, rate: (m, 2) to the side, and its rate [m, m/s].
+        offset: (m, 2) to the side [m].
+        rate: (m, 2) of that [m/s].
         length: (m,) or of all [m].
     """
     length = np.broadcast_to(length, offset.shape[:1])[:, None]
@@ -250,7 +263,8 @@ def swing(
 
     Args:
         payload: that swings.
-        r, r_rate: (3,) at the start [m, m/s].
+        r: (3,) p_ToPo_W at the start [m].
+        r_rate: (3,) its rate [m/s].
         a_hook: (n, 3) [m/s²].
         step: [s].
         gravity: [m/s²].

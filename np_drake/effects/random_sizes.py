@@ -10,7 +10,8 @@ def log_uniform(rng: np.random.Generator, low: float, high: float) -> float:
 
     Args:
         rng: source of the draw.
-        low, high: positive bounds.
+        low: least, positive.
+        high: largest.
     """
     return float(np.exp(rng.uniform(np.log(low), np.log(high))))
 
@@ -18,7 +19,10 @@ def log_uniform(rng: np.random.Generator, low: float, high: float) -> float:
 def signed(rng: np.random.Generator, low: float, high: float) -> float:
     """Draw a log-uniform number of either sign.
 
-    Args: as `log_uniform`.
+    Args:
+        rng: source of the draw.
+        low: least magnitude, positive.
+        high: largest.
     """
     return float(rng.choice([-1.0, 1.0])) * log_uniform(rng, low, high)
 
@@ -47,7 +51,8 @@ def drag_coefficients(rng: np.random.Generator, vehicle: Vehicle, low: float, hi
     Args:
         rng: source of the draw.
         vehicle: whose mass scales them.
-        low, high: range of the lateral coefficient over mass.
+        low: least lateral coefficient over mass.
+        high: largest.
     """
     lateral = log_uniform(rng, low, high) * vehicle.mass
     return lateral * rng.uniform([0.8, 0.8, 0.3], [1.2, 1.2, 1.2])

@@ -73,7 +73,8 @@ def induced_velocity(at_rest: np.ndarray, lateral: np.ndarray, axial: np.ndarray
 
     Args:
         at_rest: (...) induced velocity of the same thrust without flow [m/s].
-        lateral, axial: (...) flow in the disc, and along its axis; positive in climb [m/s].
+        lateral: (...) flow in the disc [m/s].
+        axial: (...) along its axis, positive in climb [m/s].
     """
     # Newton's method on v through(v) = at_rest², from above, where it converges monotonically.
     v = at_rest + np.maximum(-axial, 0.0)

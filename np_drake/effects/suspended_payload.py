@@ -94,7 +94,8 @@ class SuspendedPayload(WrenchEffect):
             a: (n, 3) in W [m/s²].
             al: (n, 3) in B [rad/s²].
             step: between rows [s].
-            r, r_rate: (3,) payload from hook in W at the first row, and its rate [m, m/s].
+            r: (3,) payload from hook in W at the first row [m].
+            r_rate: (3,) its rate [m/s].
         """
         payload = self.payload
         a_hook = hook_acceleration(payload.hook, x, a, al)

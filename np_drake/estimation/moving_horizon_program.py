@@ -18,7 +18,9 @@ class ProgramWindow:
     Clarabel works on the sparse rows: 0.2 ms for 192 variables, OSQP twice as much and far less exact, Drake's
     dense equality-constrained solver 7 ms.
 
-    Args: as `LeastSquaresWindow`.
+    Args:
+        config: horizon and weights.
+        step: between samples [s].
     """
 
     def __init__(self, config: MheConfig, step: float):

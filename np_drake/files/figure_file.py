@@ -18,8 +18,10 @@ def new_figure(rows: int, columns: int, *, width: float, height: float, **layout
     """Return a Figure and its (rows, columns) axes, without global state or display.
 
     Args:
-        rows, columns: of axes.
-        width, height: [inch].
+        rows: of axes.
+        columns: beside each other.
+        width: of the figure [inch].
+        height: likewise [inch].
         layout: passed to `Figure.subplots`.
     """
     figure = Figure(figsize=(width, height), layout="constrained")

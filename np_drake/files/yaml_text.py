@@ -37,7 +37,9 @@ def read_yaml_text(path: str | Path, *, longest: int = MAX_SCALAR) -> str:
 def read_yaml(path: str | Path, *, longest: int = MAX_SCALAR) -> Any:
     """Return the plain content of a YAML file.
 
-    Args: as `read_yaml_text`, whose errors it raises.
+    Args:
+        path: of the file; errors are those of `read_yaml_text`.
+        longest: characters that a value may have.
     """
     return yaml.safe_load(read_yaml_text(path, longest=longest))
 

@@ -147,7 +147,10 @@ class Condensed:
     def sensitivities(self, h: Horizon, t: Trajectory, out: np.ndarray | None = None) -> np.ndarray:
         """Return dx_i/dT for i = 1 … N, (N, 13, 4N), with the reaction of the wrench to the predicted motion.
 
-        Args: out: earlier result to overwrite.
+        Args:
+            h: the problem, made ready.
+            t: trajectory of the linearisation.
+            out: earlier result to overwrite.
         """
         n = self.config.horizon
         model = self.dynamics.linearise(t.x[:-1], t.u, t.chi)

@@ -11,8 +11,11 @@ def sensitivities(Fx, Fu, markov, own, S, chi):
     """Write dx_(i+1)/dT, S (N, 13, 4N); the columns of later inputs stay as they are.
 
     Args:
-        Fx: (N, 13, 19) over [x, chi].   Fu: (N, 13, 4) over the rotor thrusts.
-        markov: (6, 6(N-1)) of `Horizon`, or (6, 0).   own: (N, 6, 6) of the reaction of the wrench, or (0, 6, 6).
+        Fx: (N, 13, 19) over [x, chi].
+        Fu: (N, 13, 4) over the rotor thrusts.
+        markov: (6, 6(N-1)) of `Horizon`, or (6, 0).
+        own: (N, 6, 6) of the reaction of the wrench, or (0, 6, 6).
+        S: (N, 13, 4N) to be written.
         chi: (6, 4N) workspace.
     """
     known, reacts = markov.shape[1], len(own) > 0
@@ -99,7 +102,11 @@ def _push(F, chi, S, size):
 def weigh(S, root, first, out):
     """Write root (13,) times the sensitivities S (N, 13, 4N) of m stages from `first` on.
 
-    Args: out: (13 m, 4 (first + m)); later inputs do not act on these stages.
+    Args:
+        S: (N, 13, 4N).
+        root: (13,) roots of the weights.
+        first: of the m stages.
+        out: (13 m, 4 (first + m)); later inputs do not act on these stages.
     """
     size = out.shape[1]
     for i in range(len(out) // 13):
@@ -132,7 +139,17 @@ def weigh_end(S, root, out):
 def gradient(x, x_ref, u, u_ref, Q, R, P, mixer, S, out):
     """Write the gradient of the tracking cost over the rotor thrusts to out (4N,) [1/N].
 
-    Args: x, x_ref: (N+1, 13).   u, u_ref: (N, 4).   Q: (13,).   R: (4,).   P: (13, 13).   S: (N, 13, 4N).
+    Args:
+        x: (N+1, 13) states.
+        x_ref: (N+1, 13) wanted.
+        u: (N, 4) inputs [N, N·m].
+        u_ref: (N, 4) wanted.
+        Q: (13,) weights of the states.
+        R: (4,) of the inputs.
+        P: (13, 13) of the last state.
+        mixer: (4, 4) rotor thrusts to inputs.
+        S: (N, 13, 4N) sensitivities.
+        out: (4N,) to be written.
     """
     n = len(u)
     for i in range(n):

@@ -52,8 +52,12 @@ class MpcController:
 
         References follow the wrench that the reference motion itself would meet. Where commands are on their way, the
         problem begins where the forecast does.
-        Args: x: (13,) measured; flat: (5, N+1, 3) reference motion from the problem's beginning; forecast: None for the
-        nominal MPC; t: of the measurement [s].
+
+        Args:
+            x: (13,) measured.
+            flat: (5, N+1, 3) reference motion from the problem's beginning.
+            forecast: None for the nominal MPC.
+            t: of the measurement [s].
         """
         N = self.config.horizon
         forecast = forecast or no_forecast(N)
@@ -77,8 +81,13 @@ class MpcController:
         """Return the memory after one period.
 
         Its solve time is the time spent, whether the answer is used or not.
-        Args: x: (13,) measured.   flat: (5, N+1, 3) reference motion.   forecast: None for the nominal MPC.
-        t: of the measurement [s].
+
+        Args:
+            memory: of the last period.
+            x: (13,) measured.
+            flat: (5, N+1, 3) reference motion.
+            forecast: None for the nominal MPC.
+            t: of the measurement [s].
         """
         last = self._last_plan(memory)
         start = time.perf_counter()

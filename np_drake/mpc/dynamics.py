@@ -46,7 +46,10 @@ class DiscreteDynamics:
     def linearise(self, x: np.ndarray, u: np.ndarray, chi: np.ndarray) -> Linearisation:
         """Return value and Jacobians at N stages.
 
-        Args:    x: (N, 13) states.   u: (N, 4) inputs [N, N·m].   chi: (N, 6) wrenches [N, N·m].
+        Args:
+            x: (N, 13) states.
+            u: (N, 4) inputs [N, N·m].
+            chi: (N, 6) wrenches [N, N·m].
         """
         n = len(x)
         result = Linearisation(np.empty((n, STATE_SIZE)), np.zeros((n, STATE_SIZE, 19)), np.zeros((n, STATE_SIZE, 4)))
@@ -57,7 +60,10 @@ class DiscreteDynamics:
     def advance(self, x: ArrayLike, u: ArrayLike, chi: ArrayLike) -> np.ndarray:
         """Return the state (13,) after one step.
 
-        Args: x: (13,).   u: (4,) [N, N·m].   chi: (6,) [N, N·m].
+        Args:
+            x: (13,) state.
+            u: (4,) input [N, N·m].
+            chi: (6,) wrench [N, N·m].
         """
         after = np.empty(STATE_SIZE)
         _advance(*(np.asarray(value, float) for value in (x, u, chi)), *self._body, after)
@@ -66,7 +72,11 @@ class DiscreteDynamics:
     def rollout(self, x: np.ndarray, u: np.ndarray, chi: np.ndarray, markov: np.ndarray) -> None:
         """Write the states after x_0 to x (N+1, 13), and add to chi (N, 6) what the motion drives [N, N·m].
 
-        Args: u: (N, 4) [N, N·m].   markov: (6, 6(N-1)) of `Horizon`, or (6, 0).
+        Args:
+            x: (N+1, 13), whose first row is given.
+            u: (N, 4) [N, N·m].
+            chi: (N, 6) wrench without the motion's part [N, N·m].
+            markov: (6, 6(N-1)) of `Horizon`, or (6, 0).
         """
         _rollout(x, u, chi, markov, *self._body)
 

@@ -115,7 +115,9 @@ class Preparation:
     def __call__(self, problem: MpcProblem, markov: np.ndarray | None = None) -> Horizon:
         """Return the problem made ready for a solver.
 
-        Args: markov: of an earlier horizon, kept instead of that of this problem's A, B and C.
+        Args:
+            problem: as measured.
+            markov: of an earlier horizon, kept instead of that of this problem's A, B and C.
         Raises: SolverFailure: if an entry is NaN, infinite or of the wrong shape.
         """
         f = problem.forecast
@@ -138,7 +140,10 @@ def eliminate(f: WrenchForecast, markov: np.ndarray | None = None) -> tuple[np.n
     """Return (free, markov) of `Horizon`.
 
     Only C A^j [B z] is needed, so K leaves the problem; the reaction stays.
-    Args: markov: as of `Preparation`.
+
+    Args:
+        f: the forecast.
+        markov: as of `Preparation`.
     Raises: SolverFailure: if an entry is NaN, infinite or of the wrong shape.
     """
     n, K = len(f.offset), np.size(f.z)

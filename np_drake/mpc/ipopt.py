@@ -147,7 +147,11 @@ class Preconditioned:
     def solve(self, ipopt: Any, time_limit: float) -> tuple[bool, Trajectory]:
         """Return whether IPOPT converged, and the trajectory at which it ended.
 
-        The rows left out may be violated there.   Args: time_limit: [s].
+        The rows left out may be violated there.
+
+        Args:
+            ipopt: Drake's solver.
+            time_limit: [s].
         """
         prog = new_program()
         w = prog.NewContinuousVariables(len(self._w), "w")

@@ -18,7 +18,9 @@ class LookAhead:
     alone, so that the model's memory is up to 3 / `FINE` of a period older.
     Source: Smith 1957, the predictor for dead time.
 
-    Args: model: forecasts the wrench; its step is the period.   vehicle: nominal.
+    Args:
+        model: forecasts the wrench; its step is the period.
+        vehicle: nominal.
     """
 
     def __init__(self, model: ResidualModel, vehicle: Vehicle):
@@ -28,8 +30,11 @@ class LookAhead:
     def __call__(self, memory: Memory, x: np.ndarray, sent: np.ndarray, delay: float) -> tuple[Memory, np.ndarray]:
         """Return the model's memory and the state (13,) `delay` later.
 
-        Args: memory: of the model, with the sample of now.   x: (13,) measured now.   sent: (KEPT, 4) commands, the
-        newest first [N, N·m].   delay: [s].
+        Args:
+            memory: of the model, with the sample of now.
+            x: (13,) measured now.
+            sent: (KEPT, 4) commands, the newest first [N, N·m].
+            delay: [s].
         """
         under_way = commands_under_way(sent, round(delay / self._fine))
         for start in range(0, len(under_way), FINE):

@@ -38,7 +38,9 @@ def swing_cost(chi: np.ndarray, weight: float) -> float:
 def lateral_response(h: Horizon, S: np.ndarray) -> np.ndarray:
     """Return d(f_x, f_y)_i over the rotor thrusts, (N, 2, 4N) [1].
 
-    Args: S: (N, 13, 4N) as `Condensed.sensitivities` gives it.
+    Args:
+        h: the problem, made ready.
+        S: (N, 13, 4N) as `Condensed.sensitivities` gives it.
     """
     n, size = len(h.u_ref), S.shape[-1]
     response = np.zeros((n, 2, size))
@@ -85,7 +87,11 @@ class Objective:
     def cost(self, h: Horizon, x: np.ndarray, u: np.ndarray, chi: np.ndarray) -> float:
         """Return the quadratic cost of tracking and swing, first stage included [1].
 
-        Args: x: (N+1, 13).   u: (N, 4) [N, N·m].   chi: (N, 6) [N, N·m].
+        Args:
+            h: the problem, made ready.
+            x: (N+1, 13).
+            u: (N, 4) [N, N·m].
+            chi: (N, 6) [N, N·m].
         """
         tracking = _tracking_cost(x, h.x_ref, u, h.u_ref, self._Q, self._R, h.P)
         return float(tracking) + swing_cost(chi, self.config.weight_swing)

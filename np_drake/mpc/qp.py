@@ -67,7 +67,12 @@ class QpSolver:
         """Return the minimising step.
 
         Where `time_limit` [s] is too short for the soft sets, it is the minimiser in the box alone.
-        Args: lower, upper: (n,) bounds of the step [N].
+
+        Args:
+            model: quadratic, with the soft sets.
+            lower: (n,) least step [N].
+            upper: (n,) largest [N].
+            time_limit: [s].
         """
         deadline = time.perf_counter() + time_limit
         rows, curvature = model.rows, model.curvature
@@ -118,7 +123,12 @@ def active_set(curvature: Curvature, g: np.ndarray, lower: np.ndarray, upper: np
 
     Starts from the Newton step, hence ends in one round where no bound is active.
     Source: Hintermüller, Ito, Kunisch 2002, SIAM J. Optim. 13(3).
-    Args: curvature: H (n, n).   g: (n,).   lower, upper: (n,) bounds of the box.
+
+    Args:
+        curvature: H (n, n).
+        g: (n,) gradient.
+        lower: (n,) least d.
+        upper: (n,) largest.
     """
     if curvature.factor is None:
         return None
@@ -159,7 +169,8 @@ class BoxProgram:
         Args:
             H: (n, n).
             g: (n,).
-            lower, upper: (n,) bounds of d [N].
+            lower: (n,) least d [N].
+            upper: (n,) largest [N].
         """
         self._cost.UpdateCoefficients(H, g, 0.0, is_convex=True)
         self._box.set_bounds(lower, upper)
@@ -191,7 +202,10 @@ class SoftProgram(BoxProgram):
         """Replace the data and keep the structure.
 
         Args:
-            H, g, lower, upper: as of `BoxProgram`.
+            H: (n, n).
+            g: (n,).
+            lower: (n,) least d [N].
+            upper: (n,) largest [N].
             rows: as many as the program was built for.
         """
         super().update(H, g, lower, upper)

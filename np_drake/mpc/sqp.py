@@ -73,7 +73,9 @@ class SqpSolver:
     def prepare(self, problem: MpcProblem, warm_start: MpcSolution | None = None) -> Prepared:
         """Linearise a problem around the warm start, or where there is none around a cold start.
 
-        Args: problem: as it is expected at the next measurement.
+        Args:
+            problem: as it is expected at the next measurement.
+            warm_start: last solution, None for none.
         Raises: SolverFailure: on NaN, wrong shapes or a forecast that overflows.
         """
         with np.errstate(all="ignore"):
@@ -112,8 +114,13 @@ class SqpSolver:
         """Take SQP steps from t and return (trajectory, status, number of steps).
 
         It stops where settled or stuck, or where the next step would be late.
-        Args: steps: its start is the number of steps that are taken unless settled before, its last the limit while the
-        local model misses.   deadline: as of time.perf_counter [s].
+
+        Args:
+            h: the problem, made ready.
+            t: trajectory to start from.
+            steps: its start is the number of steps that are taken unless settled before, its last the limit while the
+                local model misses.
+            deadline: as of time.perf_counter [s].
         """
         longest, begin, count = 0.0, time.perf_counter(), 0
         while True:

@@ -98,7 +98,10 @@ def _times(value: Any, factor: float) -> Any:
 class PendulumBank:
     """Filter of all members; arrays of `memory` are the caller's.
 
-    Args: step: between samples [s].   gravity: [m/s²].
+    Args:
+        options: of the members.
+        step: between samples [s].
+        gravity: [m/s²].
     """
 
     def __init__(self, options: BankOptions, *, step: float, gravity: float):
@@ -191,8 +194,12 @@ class PendulumBank:
     ) -> Memory:
         """Return the memory after one step and one label; it starts anew where numbers overflow.
 
-        Args: drive, now: (9,) as of `kernel.filter_bank`.   label: (3,) force per mass, NaN where there is
-        none [m/s²].   variance: (3,) of its noise [m²/s⁴].
+        Args:
+            memory: of the samples before.
+            drive: (9,) as of `kernel.filter_bank`.
+            now: (9,) likewise.
+            label: (3,) force per mass, NaN where there is none [m/s²].
+            variance: (3,) of its noise [m²/s⁴].
         """
         mean, covariance, weight = (np.empty_like(memory[name]) for name in ("mean", "covariance", "weight"))
         mix_bank(

@@ -13,8 +13,15 @@ from np_drake.payload_filter.kernel import DAMPING, DRAG, LOG_LENGTH, MASS, PUSH
 def drives(before, x, hook, over_step, now, step, drive, end):
     """Write what moves a pendulum over a step (9,) and at its end (9,), as of `kernel.filter_bank`.
 
-    Args: before, x: (13,) states at both ends.   hook: (3,) p_BoTo_B [m].   over_step, now: mean collective thrust of
-    the step and that at its end, per mass [m/s²].   step: [s].
+    Args:
+        before: (13,) state at the step's start.
+        x: (13,) at its end.
+        hook: (3,) p_BoTo_B [m].
+        over_step: mean collective thrust of the step, per mass [m/s²].
+        now: that at its end [m/s²].
+        step: [s].
+        drive: (9,) to be written.
+        end: (9,) as well.
     """
     first, last, z, z_last = np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3)
     _turning(before, hook, first)
@@ -35,11 +42,23 @@ def along_plan(
 ):  # fmt: skip
     """Write the wrench (N, 6) along a plan, the mean of all members over each of its steps [N, N·m].
 
-    Args: points: (k, POINT), weight: (k,) of the members.   x: (N+1, 13), u: (N, 4) of the plan.   acting: (4,) wrench
-    of the rotors now [N, N·m].   steady: (3,) torque [N·m].   rate_torque: (3,) [N·m·s].   speed_torque: (2,) [N·s].
-    hook: (3,) [m].   mass: of the vehicle [kg].   gravity: [m/s²].   step: of the plan [s].   stride: of the pendulum's
-    steps in it [1].   mean_decay, decay: share of a difference that the rotors' lag leaves over a step, and at its end
-    [1].
+    Args:
+        points: (k, POINT) of the members.
+        weight: (k,) of each [1].
+        x: (N+1, 13) of the plan.
+        u: (N, 4) of the plan [N, N·m].
+        acting: (4,) wrench of the rotors now [N, N·m].
+        steady: (3,) torque [N·m].
+        rate_torque: (3,) [N·m·s].
+        speed_torque: (2,) [N·s].
+        hook: (3,) p_BoTo_B [m].
+        mass: of the vehicle [kg].
+        gravity: [m/s²].
+        step: of the plan [s].
+        stride: of the pendulum's steps in it [1].
+        mean_decay: share of a difference that the rotors' lag leaves over a step [1].
+        decay: at its end [1].
+        wrench: (N, 6) to be written.
     """
     n, members = len(u), len(points)
     mean = np.zeros(points.shape[1])
@@ -163,7 +182,18 @@ def beside_plan(mean, x, hook, mass, gravity, step, A_out, B_out, C, out):
     """Write A (4, 4), B (4, 6) and C (6, 4), which come zeroed, of the pendulum for what departs from the plan.
 
     From `out` (N, 6), the wrench along the plan [N, N·m], it takes what the pendulum makes of the planned velocity.
-    Args: mean: (POINT,) of the members; others as of `along_plan`.
+
+    Args:
+        mean: (POINT,) of the members.
+        x: (N+1, 13) of the plan.
+        hook: (3,) p_BoTo_B [m].
+        mass: of the vehicle [kg].
+        gravity: [m/s²].
+        step: of the plan [s].
+        A_out: (4, 4) for A.
+        B_out: (4, 6) for B.
+        C: (6, 4).
+        out: (N, 6) wrench, which is changed [N, N·m].
     """
     stiffness = gravity / math.exp(mean[LOG_LENGTH])
     A, B, gain = linear_pendulum(stiffness, max(mean[DAMPING], 0.0), step)
@@ -188,7 +218,11 @@ def linear_pendulum(stiffness, damping, step):
     """Return A (4, 4), B (4, 6) and its gain (4,) of v, of z = [r_x, r_y, s_x, s_y] under a velocity held over `step`.
 
     r' = s - v, s' = -stiffness r - damping s.   Closed form of the matrix exponential.
-    Args: stiffness: g / L [1/s²].   damping: [1/s]; no more than the critical one counts.   step: [s].
+
+    Args:
+        stiffness: g / L [1/s²].
+        damping: [1/s]; no more than the critical one counts.
+        step: [s].
     """
     half = min(0.5 * damping, 0.99 * math.sqrt(stiffness))
     rate = math.sqrt(stiffness - half**2)

@@ -93,7 +93,28 @@ def _regress(
 ):  # fmt: skip
     """Write the arrays `READ`, shift and steady of the memory after one more rest.
 
-    Args: column: (3, 3) torque over the shift [N].   finest: least variance of a torque over its column squared [m²].
+    Args:
+        gains: (g,) of the filters [1].
+        levels: (g, 3) as of `initial_shift`, like the next five [N·m].
+        errors: (g, 3) [N²·m²].
+        torques: (1,) seen.
+        columns: (g, 3, 3) [N].
+        gram: (3, 3) [1/m²].
+        right: (3,) [1/m].
+        rest: (3,) torque that the trained hook leaves [N·m].
+        column: (3, 3) torque over the shift [N].
+        doubt: (3,) variance of the rest by the pull [N²·m²].
+        step: between samples [s].
+        deviation: prior one of the shift [m].
+        finest: least variance of a torque over its column squared [m²].
+        levels_out: of the memory after, like all that follow.
+        errors_out: mean squares.
+        torques_out: count.
+        columns_out: followed columns.
+        gram_out: moments.
+        right_out: right side.
+        shift: (3,) of the hook [m].
+        steady: (3,) what it leaves [N·m].
     """
     keep = math.exp(-step / MEMORY)
     gram, right = keep * gram, keep * right

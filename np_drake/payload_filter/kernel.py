@@ -42,14 +42,23 @@ def filter_bank(
     """Predict k pendulums over a step and take in one label.
 
     Args:
-        mean: (k, POINT).   covariance: (k, SIZE, SIZE).
-        drive, now: (9,) lift along body z over the last step (mean) and at its end, velocity of the hook, and its
-            acceleration by turning, in W [m/s², m/s, m/s²].
-        prior, keep: (k, 8) to which the parameters return and the share that they keep in a step.
-        noise: (k, SIZE) variance added in a step.   label: (3,) measured force [m/s²].   label_variance: (3,).
-        predicted, …: (k, POINT), (k, SIZE, SIZE) are written; updated: with the label.
-        likelihood, distance: (k,) are written, the logarithm of that of the label and its squared normalised
-            innovation.
+        mean: (k, POINT).
+        covariance: (k, SIZE, SIZE).
+        drive: (9,) mean over the last step, in W: lift along body z, velocity of the hook, and its acceleration by
+            turning [m/s², m/s, m/s²].
+        now: (9,) the same at its end.
+        step: [s].
+        prior: (k, 8) to which the parameters return.
+        keep: (k, 8) share that they keep in a step [1].
+        noise: (k, SIZE) variance added in a step.
+        label: (3,) measured force [m/s²].
+        label_variance: (3,) of its noise [m²/s⁴].
+        predicted: (k, POINT) to be written, as is all below.
+        predicted_covariance: (k, SIZE, SIZE).
+        updated: (k, POINT) with the label.
+        updated_covariance: (k, SIZE, SIZE).
+        likelihood: (k,) logarithm of that of the label.
+        distance: (k,) its squared normalised innovation [1].
     """
     for i in range(len(mean)):
         _predict(
@@ -66,7 +75,12 @@ def filter_bank(
 def pull_moments(mean, weight, now, centre, covariance):
     """Write mean (3,) and covariance (3, 3) over the members of the pull on the vehicle, in W [m/s², m²/s⁴].
 
-    Args: mean: (k, POINT).   weight: (k,).   now: (9,) as of `filter_bank`.
+    Args:
+        mean: (k, POINT) of the members.
+        weight: (k,) of each [1].
+        now: (9,) as of `filter_bank`.
+        centre: (3,) to be written [m/s²].
+        covariance: (3, 3) as well [m²/s⁴].
     """
     pulls = np.empty((len(mean), 3))
     for i in range(len(mean)):

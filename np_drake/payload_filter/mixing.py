@@ -18,9 +18,15 @@ def mix_bank(mean, covariance, weight, transition, rise, mixed, mixed_covariance
     A steady wind is level: a slow force upwards that a condition does not know keeps a member from changing to it, so
     that such a force has under every condition the prior of that condition.
 
-    Args: mean: (k, POINT), ordered by condition, then by length.   weight: (k,).   transition: (c, c) probability of a
-    change from one condition to another in a step.   rise: (c,) variance of the slow force upwards [m²/s⁴].
-    mixed, …: the same shapes, are written.
+    Args:
+        mean: (k, POINT), ordered by condition, then by length.
+        covariance: (k, SIZE, SIZE).
+        weight: (k,) [1].
+        transition: (c, c) probability of a change from one condition to another in a step.
+        rise: (c,) variance of the slow force upwards [m²/s⁴].
+        mixed: (k, POINT) to be written.
+        mixed_covariance: (k, SIZE, SIZE) as well.
+        mixed_weight: (k,) as well.
     Source: Blom, Bar-Shalom 1988 (interacting multiple models); the changes balance as of Metropolis et al. 1953.
     """
     kinds = len(transition)

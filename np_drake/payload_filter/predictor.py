@@ -168,7 +168,16 @@ class PayloadFilter:
 def _take_noise(labels, variance, seen, force, share, least, labels_out, variance_out, seen_out):
     """Write labels, variance and seen of the memory after one more force (3,) [m/s²].
 
-    Args: share: of a sample in the variance.   least: deviation of the noise [m/s²].
+    Args:
+        labels: (2, 3) last forces, older first [m/s²].
+        variance: (3,) of their noise [m²/s⁴].
+        seen: (1,) samples so far.
+        force: (3,) new [m/s²].
+        share: of a sample in the variance.
+        least: deviation of the noise [m/s²].
+        labels_out: after the new one, like the others.
+        variance_out: (3,).
+        seen_out: (1,).
     """
     square = (force - 2 * labels[1] + labels[0]) ** 2 / 6
     labels_out[0], labels_out[1] = labels[1], force

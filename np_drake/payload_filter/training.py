@@ -36,7 +36,11 @@ def train_payload_filter(
     """Return the model of the vehicle that flew `flights`.
 
     The filter runs over them with wide priors, twice: the second time it knows the hook.
-    Args: flights: logs that tell the rotors' torque.   step: between samples [s].   on_pass: called with (done, total).
+
+    Args:
+        flights: logs that tell the rotors' torque.
+        step: between samples [s].
+        on_pass: called with (done, total).
     Raises: ValueError: if the logs are of different vehicles, or one is without torque, its labels or rows.
     """
     logs = [(with_accelerations(require_torque(log)), vehicle) for log, vehicle in flights]
@@ -75,7 +79,12 @@ def opened_logs(flights: Sequence[Flight]) -> Flights:
 def flight_samples(log: FlightLog, vehicle: Vehicle, rotor_lag: float, step: float, delay: float = 0.0) -> list[Sample]:
     """Return what a predictor would see of a flight, a sample every `step` [s], see `picked_flight`.
 
-    Args: rotor_lag: of a vehicle whose file names none [s].   delay: of commands, before the lag [s].
+    Args:
+        log: with accelerations.
+        vehicle: nominal.
+        rotor_lag: of a vehicle whose file names none [s].
+        step: between samples [s].
+        delay: of commands, before the lag [s].
     """
     log = delayed(log, delay)
     lagged = dc.replace(vehicle, rotor_time_constant=vehicle.rotor_time_constant or rotor_lag)

@@ -33,7 +33,11 @@ def payload_drop(radius: float, length: float, hook_z: float) -> float:
     """Return the height of the payload over the vehicles, a negative number [m].
 
     The cables are taut, and the vehicles are level on a circle of `radius` [m].
-    Args: length: of a cable, its stretch included [m].   hook_z: height of the hook over Bo [m].
+
+    Args:
+        radius: of the circle [m].
+        length: of a cable, its stretch included [m].
+        hook_z: height of the hook over Bo [m].
     Raises: ValueError: if the cables do not reach the middle.
     """
     if not radius < length:

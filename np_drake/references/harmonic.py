@@ -45,7 +45,11 @@ class HarmonicTrack:
 def circle(*, radius: float, height: float, speed: float, ramp: float) -> HarmonicTrack:
     """Return the circle x = r cos, y = r sin at constant height.
 
-    Args: radius, height: [m].   speed: [m/s].   ramp: time from rest to full speed [s].
+    Args:
+        radius: r [m].
+        height: [m].
+        speed: [m/s].
+        ramp: time from rest to full speed [s].
     """
     return HarmonicTrack([0, 0, height], [[radius, radius, 0.0]], [[0.0, -np.pi / 2, 0.0]], speed=speed, ramp=ramp)
 
@@ -53,7 +57,12 @@ def circle(*, radius: float, height: float, speed: float, ramp: float) -> Harmon
 def lemniscate(*, length: float, width: float, height: float, speed: float, ramp: float) -> HarmonicTrack:
     """Return the lemniscate x = length cos, y = width sin(2 ·) at constant height.
 
-    Args: length, width, height: [m].   speed: mean along the track [m/s].   ramp: time from rest to full speed [s].
+    Args:
+        length: half the extent along x [m].
+        width: half that along y [m].
+        height: [m].
+        speed: mean along the track [m/s].
+        ramp: time from rest to full speed [s].
     """
     return HarmonicTrack(
         [0, 0, height],
@@ -68,7 +77,13 @@ def vertical_lemniscate(*, length: float, rise: float, height: float, speed: flo
     """Return the upright lemniscate x = length cos, z = height + rise sin(2 ·), in the plane y = 0.
 
     It climbs and descends twice a lap while it swings the payload along x.
-    Args: length, rise, height: [m].   speed: mean along the track [m/s].   ramp: time from rest to full speed [s].
+
+    Args:
+        length: half the extent along x [m].
+        rise: half that along z [m].
+        height: of the middle [m].
+        speed: mean along the track [m/s].
+        ramp: time from rest to full speed [s].
     """
     return HarmonicTrack(
         [0, 0, height],

@@ -27,7 +27,12 @@ def horner(coefficients, s, out):
 def fourier(phase, center, amplitudes, shifts, out):
     """Write the sum of harmonics 1 … H and its four derivatives by phase to out (5, n, 3).
 
-    Args: phase: (n,) [rad].   center: (3,).   amplitudes, shifts: (H, 3) of amplitude cos(h phase + shift).
+    Args:
+        phase: (n,) [rad].
+        center: (3,) [m].
+        amplitudes: (H, 3) of amplitude cos(h phase + shift).
+        shifts: (H, 3) [rad].
+        out: (5, n, 3) to be written.
     """
     for i in range(len(phase)):
         for axis in range(3):
@@ -88,7 +93,15 @@ def _attitude_and_rate(f_x, f_y, f_z, r_x, r_y, r_z):
 def follow(flat, chi, mass, gravity, J, delta, x, u):
     """Write the states x (n, 13) and inputs u (n, 4) that follow flat (5, n, 3) under chi (n, 6), see `flatness`.
 
-    Args: delta: step of the central difference that turns body rate into angular acceleration [s].
+    Args:
+        flat: (5, n, 3) motion and its derivatives by time.
+        chi: (n, 6) wrench [N, N·m].
+        mass: [kg].
+        gravity: [m/s²].
+        J: (3, 3) inertia [kg·m²].
+        delta: step of the central difference that turns body rate into angular acceleration [s].
+        x: (n, 13) to be written.
+        u: (n, 4) as well.
     """
     for i in range(flat.shape[1]):
         # Thrust m (a + g z) - f_e and its rate; the angular acceleration is a central difference of the body rate

@@ -35,7 +35,11 @@ class Stops:
     """Moves from points[i] to points[i+1] during durations[i] from starts[i] on; moves may overlap.
 
     Each move is the lowest polynomial with three vanishing derivatives at both ends.
-    Args: points: (k+1, 3) [m].   starts, durations: (k,) [s].
+
+    Args:
+        points: (k+1, 3) [m].
+        starts: (k,) of the moves [s].
+        durations: (k,) [s].
     """
 
     def __init__(self, points: np.ndarray, starts: np.ndarray, durations: np.ndarray):
@@ -82,8 +86,12 @@ class Steps:
 def square(*, radius: float, height: float, speed: float, rest: float, ramp: float) -> Steps:
     """Return the moves between the corners of a square, which lie at x, y = ± radius / sqrt(2).
 
-    Args: radius: from the centre to a corner [m].   height: [m].   speed, rest: see `Steps`.   ramp: rest before the
-    first move [s].
+    Args:
+        radius: from the centre to a corner [m].
+        height: [m].
+        speed: see `Steps` [m/s].
+        rest: at every corner [s].
+        ramp: rest before the first move [s].
     """
     side = radius / np.sqrt(2)
     corners = [[side * x, side * y, height] for x, y in ((1, 1), (-1, 1), (-1, -1), (1, -1))]

@@ -27,7 +27,10 @@ _STEP = _coefficients([*_RATE, _RATE[0].deriv(4)])
 def ramped_phase(t: np.ndarray, rate: float, ramp: float) -> np.ndarray:
     """Return the phase and its four derivatives, (5, n).
 
-    Args:    t: (n,) [s]; rate: final rate [rad/s]; ramp: duration of the ramp [s], 0 for none.
+    Args:
+        t: (n,) [s].
+        rate: final one [rad/s].
+        ramp: its duration [s], 0 for none.
     Returns: (5, n) phase [rad] and derivatives. Before t = 0 the phase rests at 0.
     """
     t = np.asarray(t, float)
@@ -42,7 +45,9 @@ def ramped_phase(t: np.ndarray, rate: float, ramp: float) -> np.ndarray:
 def rest_to_rest(s: np.ndarray, duration: float) -> np.ndarray:
     """Return a step from 0 to 1 and its time derivatives, (5, n) [1/s^k], while s (n,) goes from 0 to 1.
 
-    Args: s: share of the duration that has passed [1].   duration: one, or (n,) [s].
+    Args:
+        s: (n,) share of the duration that has passed [1].
+        duration: one, or (n,) [s].
     """
     return _at(_STEP, np.clip(s, 0.0, 1.0)) * np.asarray(duration, float) ** -np.arange(5.0)[:, None]
 
@@ -50,7 +55,9 @@ def rest_to_rest(s: np.ndarray, duration: float) -> np.ndarray:
 def compose(path: np.ndarray, phase: np.ndarray) -> np.ndarray:
     """Return the time derivatives of path(phase(t)) up to the fourth (Faà di Bruno).
 
-    Args:    path: (5, n, 3) path and its derivatives by phase; phase: (5, n) phase and its derivatives by time.
+    Args:
+        path: (5, n, 3) path and its derivatives by phase.
+        phase: (5, n) phase and its derivatives by time.
     Returns: (5, n, 3).
     """
     out = np.empty_like(path)

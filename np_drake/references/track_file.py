@@ -33,7 +33,10 @@ def is_track_file(track: str) -> bool:
 def read_track(path: str | Path, *, speed: float, ramp: float) -> Waypoints | Trajectory:
     """Return the motion along the waypoints or the trajectory of a CSV file.
 
-    Args: speed: along waypoints [m/s].   ramp: from rest; see `Waypoints` and `Trajectory` [s].
+    Args:
+        path: of the file.
+        speed: along waypoints [m/s].
+        ramp: from rest; see `Waypoints` and `Trajectory` [s].
     Raises: LogError: one line with file, column and line, where the file is no such track.
     """
     try:
@@ -150,6 +153,8 @@ def write_trajectory(
     thrust, and `feedforward_thrust` [N] of a vehicle on which no wrench acts. Numbers are read back bit for bit.
 
     Args:
+        reference: the motion.
+        path: of the file.
         rate: rows a second [Hz].
         duration: [s]; None: until the motion's own `end`.
         vehicle: to which mass and gravity belong; None: the paper's.

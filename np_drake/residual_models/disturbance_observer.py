@@ -14,7 +14,12 @@ class DisturbanceObserver:
     both poles of the error at p = exp(-2 pi bandwidth h), so l1 = 1 - p², l2 = (1 - p)².
     Source: own choice; the standard form of offset-free MPC with pole placement, with the best of seven
     pairs of bandwidths.
-    Args: step: time between samples [s].   force_bandwidth, torque_bandwidth: [Hz].
+
+    Args:
+        vehicle: nominal.
+        step: time between samples [s].
+        force_bandwidth: [Hz].
+        torque_bandwidth: [Hz].
     """
 
     name = "observer"

@@ -144,7 +144,10 @@ class _Nominal:
     def rollout(self, start: torch.Tensor, u: torch.Tensor, wrench: Callable) -> torch.Tensor:
         """Return zeta after 1 … H steps, (b, H, 6).
 
-        Args: start: (b, 13).   u: (b, H, 4).   wrench: zeta -> chi.
+        Args:
+            start: (b, 13) states.
+            u: (b, H, 4) commands [N, N·m].
+            wrench: zeta -> chi.
         """
         y, course = start[:, 3:], []  # q, v, w: position drives nothing
         for i in range(u.shape[1]):

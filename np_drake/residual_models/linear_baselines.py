@@ -88,8 +88,11 @@ class RidgeBaseline(Windowed):
     def __init__(self, name: str, step: float, horizons: np.ndarray, W: np.ndarray):
         """Keep the weights.
 
-        Args: step: time between samples [s].   horizons: (H,) ascending [steps].
-        W: (12 D + 1, H, 6) weights of the window, oldest sample first, and of 1, in physical units.
+        Args:
+            name: of the model.
+            step: time between samples [s].
+            horizons: (H,) ascending [steps].
+            W: (12 D + 1, H, 6) weights of the window, oldest sample first, and of 1, in physical units.
         """
         super().__init__(name, step, (len(W) - 1) // 12)
         self._horizons, self._W = horizons, W

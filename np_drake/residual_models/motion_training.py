@@ -32,8 +32,14 @@ def train_motion_model(
 ) -> tuple[MotionModel, list[float]]:
     """Return the model called `name` (gp or knode) and its loss after each epoch (none in closed form).
 
-    Args: step: time between samples in flight [s].   label: low-pass of the labels, None for the default.
-    settings: of the configuration, `seed` among them.
+    Args:
+        name: of the model.
+        flights: logs, or wrenches with their motion.
+        vehicle: nominal.
+        step: time between samples in flight [s].
+        label: low-pass of the labels, None for the default.
+        on_epoch: called with (epoch, total, loss).
+        settings: of the configuration, `seed` among them.
     Raises: ValueError: on an unknown name or setting, or flights that the model cannot learn from.
     """
     config = _config(name, settings)

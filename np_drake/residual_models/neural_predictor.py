@@ -129,7 +129,11 @@ class NeuralPredictor:
     def along(self, chi: np.ndarray, zeta: np.ndarray) -> FlightForecasts | None:
         """Return the forecasts from the first full window on, equal to those of `update` sample by sample.
 
-        None where there is no full window.   Args: chi: (n, 6) [N, N·m].   zeta: (n, 6) [m/s, rad/s], without gaps.
+        None where there is no full window.
+
+        Args:
+            chi: (n, 6) [N, N·m].
+            zeta: (n, 6) [m/s, rad/s], without gaps.
         """
         first, s, samples = self.model.window - 1, self.model.system, np.hstack([chi, zeta])
         if len(chi) <= first:

@@ -52,8 +52,12 @@ class TrueModel:
         """Return chi along a plan, (N, 6) [N, N·m]: tether, drag and the actuators' response to the commands.
 
         Args:
-            x: (N+1, 13) planned states from time `t` [s] on.   u: (N, 4) planned commands.   step: of the plan [s].
-            rotor_thrust: (4,) actual now [N].   swing_state: (r, r_rate) of the payload from the hook, in W [m, m/s].
+            x: (N+1, 13) planned states from time `t` on.
+            u: (N, 4) planned commands [N, N·m].
+            step: of the plan [s].
+            t: when it begins [s].
+            rotor_thrust: (4,) actual now [N].
+            swing_state: (r, r_rate) of the payload from the hook, in W [m, m/s].
         """
         starts = t + step * np.arange(len(u))
         thrust, command = self._thrusts(u, starts, step, rotor_thrust)

@@ -24,8 +24,13 @@ def train_on_flights(
 ) -> TrainingResult:
     """Return the predictor trained on `flights`, and its loss.
 
-    Args: step: time between samples [s].   label: low-pass of the labels, None for that of the vehicle.
-    checkpoint, on_epoch: as of `train`.
+    Args:
+        flights: opened ones.
+        config: of the predictor.
+        step: time between samples [s].
+        label: low-pass of the labels, None for that of the vehicle.
+        checkpoint: as of `train`.
+        on_epoch: likewise.
     Raises: ValueError: if the flights are unusable or the checkpoint is of another run.
     """
     segments = [segment for flight in flights for segment in flight.segments(step, label)]

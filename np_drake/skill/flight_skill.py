@@ -41,8 +41,12 @@ def score_flights(
     """Return a row for every model, baseline and naive predictor on every flight, horizon in seconds.
 
     Args:
-        mean: (6,) of chi in training; None: the flight's own, which no predictor could know.
+        models: trained ones by name.
+        flights: opened ones.
+        horizons: [steps].
         zeta: `held` at its last value, or `known`.
+        baselines: others to compare with, by name.
+        mean: (6,) of chi in training; None: the flight's own, which no predictor could know.
         on_model: called with (done, total) after every model.
     Raises: ValueError: if a step is not the model's, or a flight too short.
     """

@@ -66,8 +66,12 @@ class ForceRidge(Windowed):
     """Residual model chi_h = W_h [window; 1] for every fitted horizon h, by groups of channels.
 
     It ignores the coming motion, and beyond the last fitted horizon it is held.
-    Args: step: between samples [s].   window: W [samples].   horizons: (H,) ascending from 0 [steps].
-    weights: by group (inputs W + 1, H, outputs) of the window, oldest sample first, and of 1.
+
+    Args:
+        step: between samples [s].
+        window: W [samples].
+        horizons: (H,) ascending from 0 [steps].
+        weights: by group (inputs W + 1, H, outputs) of the window, oldest sample first, and of 1.
     """
 
     def __init__(self, step: float, window: int, horizons: np.ndarray, weights: Sequence[np.ndarray]):

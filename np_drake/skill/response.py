@@ -30,7 +30,11 @@ def jerk(s: np.ndarray, w: np.ndarray, step: float) -> np.ndarray:
 
     d³p/dt³ = R (ds/dt + w x s), ds/dt the least-squares slope over `REACH` samples on either side. It uses future
     samples: it selects samples for evaluation, and no predictor sees it.
-    Args: s: (n, 3) specific force in B [m/s²].   w: (n, 3) body rates in B [rad/s].   step: sampling time [s].
+
+    Args:
+        s: (n, 3) specific force in B [m/s²].
+        w: (n, 3) body rates in B [rad/s].
+        step: sampling time [s].
     Raises: ValueError: if there are fewer than 2 REACH + 1 samples.
     """
     if len(s) < 2 * REACH + 1:
@@ -50,8 +54,11 @@ def aggressive(jerk: np.ndarray) -> np.ndarray:
 def lag(prediction: np.ndarray, label: np.ndarray, rows: np.ndarray, *, reach: int) -> Lag:
     """Return the lag of a prediction behind its label over the samples `rows`.
 
-    Args: prediction, label: (n, c) at the same instants.   rows: (m,) sample indices.
-    reach: largest shift that is tried, to either side [steps]; rows nearer to an end are left out.
+    Args:
+        prediction: (n, c).
+        label: (n, c) at the same instants.
+        rows: (m,) sample indices.
+        reach: largest shift that is tried, to either side [steps]; rows nearer to an end are left out.
     Raises: ValueError: if fewer than three rows are left.
     """
     rows = rows[(rows >= reach) & (rows < len(label) - reach)]

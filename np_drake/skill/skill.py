@@ -55,11 +55,15 @@ def skill_table(
     """Return the rows of all models and naive predictors, horizon by horizon.
 
     Args:
-        chi: (n, 6) labels as the models see them [N, N·m].   zeta: (n, 6) [m/s, rad/s].
+        models: by name.
+        chi: (n, 6) labels as the models see them [N, N·m].
+        zeta: (n, 6) [m/s, rad/s].
+        horizons: steps ahead: origin k predicts sample k + horizon.
+        mean: (6,) of chi in training [N, N·m].
         target: (n, 6) wrench that forecasts are compared with [N, N·m]; None for chi.
-        horizons: steps ahead: origin k predicts sample k + horizon.   mean: (6,) of chi in training [N, N·m].
-        zeta_known: feed the true coming zeta, else hold the last one.   warm_up: samples before the first
-        origin.
+        zeta_known: feed the true coming zeta, else hold the last one.
+        warm_up: samples before the first origin.
+        flight: its name, for rows and messages.
         seen: by the name of a model that needs more than chi and zeta: the flight as it sees it, at the same samples.
     Raises: ValueError: if the flight is too short for one origin.
     """
@@ -112,8 +116,12 @@ def naive_predictions(
 
     They are persistence, linear extrapolation of the last two samples, the training mean, and the mean of the flight up
     to now.
-    Args: chi: (n, 6) labels [N, N·m].   origins: (o,) sample indices.   horizons: [steps].   mean: (6,) of the
-    training.
+
+    Args:
+        chi: (n, 6) labels [N, N·m].
+        origins: (o,) sample indices.
+        horizons: [steps].
+        mean: (6,) of the training.
     """
     last = chi[origins][:, None]
     slope = last - chi[origins - 1][:, None]
@@ -141,9 +149,15 @@ def model_predictions(
 ) -> np.ndarray:
     """Return chi_hat (o, len(horizons), 6) [N, N·m] of a model that walks along a flight, see `flight_walk`.
 
-    Args: chi: (n, 6) labels [N, N·m].   zeta: (n, 6) [m/s, rad/s].   origins: (o,) sample indices.   horizons: [steps].
-    zeta_known: use the true coming motion, else hold the last one.   seen: the flight as the model sees it, where it
-    needs more than chi and zeta.   at_once: of the whole flight at once where the model can.
+    Args:
+        model: the forecaster.
+        chi: (n, 6) labels [N, N·m].
+        zeta: (n, 6) [m/s, rad/s].
+        origins: (o,) sample indices.
+        horizons: [steps].
+        zeta_known: use the true coming motion, else hold the last one.
+        seen: the flight as the model sees it, where it needs more than chi and zeta.
+        at_once: of the whole flight at once where the model can.
     """
     flight = of_wrenches(chi, zeta, model.step) if seen is None else seen
     chi_hat = flight_forecasts(
@@ -174,7 +188,8 @@ def ratio_interval(square: np.ndarray, reference: np.ndarray, horizons: list[int
     """Return low and high of RMSE over the reference's RMSE, (H, 2, 2) [1], by paired block bootstrap over one flight.
 
     Args:
-        square, reference: (o, H, 2) squared errors at successive origins.
+        square: (o, H, 2) squared errors at successive origins.
+        reference: (o, H, 2) those of the reference.
         horizons: lower limits of the block lengths, one a horizon [steps].
     """
     out = np.full((*square.shape[1:], 2), np.nan)

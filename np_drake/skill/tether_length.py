@@ -46,7 +46,10 @@ class Pendulum:
 def pendulum_length(segments: list[Segment], *, gravity: float = GRAVITY, seed: int = 0) -> Pendulum:
     """Train chi on v alone, read the pendulum's mode, and check whether the flight excites it.
 
-    Args: segments: force and velocity in W (labels as in training), at one step.   gravity: [m/s²].
+    Args:
+        segments: force and velocity in W (labels as in training), at one step.
+        gravity: [m/s²].
+        seed: of the training.
     Raises: ValueError: if the segments are unusable or too short.
     """
     driven = [_driven_by_velocity(s) for s in segments]

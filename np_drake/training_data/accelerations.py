@@ -81,6 +81,10 @@ def wrench_sequence(
     """Return labels made at the log's own rate, then one row every `step` [s]; zeta in W.
 
     Args:
+        log: with accelerations.
+        vehicle: nominal.
+        config: low-pass; None: that of the vehicle.
+        step: between rows [s].
         zero_phase: `smooth_labels` instead of the causal ones (targets for training only).
     Raises: ValueError: if the log has no accelerations, or the step does not fit.
     """

@@ -89,7 +89,9 @@ def _best_lag(sought: Sequence[tuple[FlightLog, Vehicle]]) -> tuple[float, float
 def _restlessness(flights: Sequence[tuple[FlightLog, Vehicle]], lag: float = 0.0) -> float:
     """Return the sum over thrust, roll and pitch of the log mean square of a step of the raw label.
 
-    Args: lag: of vehicles whose file names none [s].
+    Args:
+        flights: log and vehicle of each.
+        lag: of vehicles whose file names none [s].
     """
     steps = []
     for log, vehicle in flights:

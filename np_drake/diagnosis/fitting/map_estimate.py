@@ -77,6 +77,7 @@ def refine(
         linear: candidates that act as well, with free coefficients.
         white: gives the whitened columns (m - p, 15, k) of one of these in a flight; default: by `noise`.
         evaluations: largest number of iterations.
+        priors: of the hidden states.
     """
     everything = [*terms, *(t for t, _ in calibration)]
     scales = {len(terms) + i: s for i, (_, s) in enumerate(calibration)}

@@ -36,6 +36,7 @@ def free_parameters(
         terms: the terms.
         flights: the flights, each with its own hidden states.
         scales: by position, the prior standard deviation of calibration terms, in place of the typical one.
+        priors: give the deviation of initial swings.
     """
     found = []
     for i, term in enumerate(terms):

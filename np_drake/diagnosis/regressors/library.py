@@ -157,7 +157,8 @@ def not_negative(root: np.ndarray, one_sided: np.ndarray, mean: np.ndarray, cova
     Args:
         root: (k, k) matrix that maps coefficients to distances of the parameters from neutral.
         one_sided: (k,) whether a parameter cannot be below its neutral value, as a drag that takes power.
-        mean, covariance: (k,), (k, k) posterior of the coefficients.
+        mean: (k,) of the posterior.
+        covariance: (k, k) likewise.
     Source: own choice: each axis by itself.
     """
     away, spread = root @ mean, np.sqrt(np.diag(root @ covariance @ root.T))

@@ -23,8 +23,9 @@ def payload_candidates(
 
     Args:
         flights: the flights.
-        lengths: tether lengths [m].
-        onset: onsets by flight [s].
+        lengths: of tethers [m].
+        priors: of mass, hook and swing.
+        onset: when the payload is hung, by flight [s].
     """
     if PAYLOAD not in LIBRARY:
         return []
@@ -41,8 +42,9 @@ def payloads_of(
 
     Args:
         flights: the flights.
-        lengths: tether lengths [m].
-        onset: onsets by flight [s].
+        lengths: of tethers [m].
+        priors: of mass, hook and swing.
+        onset: when the payload is hung, by flight [s].
     """
     lengths = np.asarray(lengths, float)
     rates = np.sqrt(flights[0].vehicle.gravity / lengths)

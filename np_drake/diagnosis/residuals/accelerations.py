@@ -167,8 +167,10 @@ def velocity_before(
     What nominal thrust and gravity leave of the velocity, which the disturbances make, is extrapolated linearly.
 
     Args:
-        t, dt: (n,) middles and lengths of the intervals between rows [s].
-        v, q: (n, 3), (n, 4) velocity in W [m/s] and attitude there.
+        t: (n,) middles of the intervals between rows [s].
+        dt: (n,) their lengths [s].
+        v: (n, 3) velocity in W [m/s].
+        q: (n, 4) attitude there.
         thrust: (n,) mean nominal thrust in the intervals [N].
         vehicle: the nominal vehicle.
         lead: [s].

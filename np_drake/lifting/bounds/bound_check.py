@@ -43,7 +43,9 @@ class BoundCheck:
     def tightness(self, kind: str, n: int) -> tuple[float, float]:
         """Return the median and 95th percentile of bound / error n steps ahead [1].
 
-        Args: kind: one of `KINDS`.   n: 1 … N.
+        Args:
+            kind: one of `KINDS`.
+            n: 1 … N.
         """
         median, high = np.nanquantile(self.ratio[kind][:, n - 1], [0.5, 0.95])
         return float(median), float(high)
@@ -55,8 +57,15 @@ def check_flight(
 ) -> BoundCheck:  # fmt: skip
     """Compute bounds and errors after every `spacing`-th sample of one uninterrupted flight.
 
-    Args: chi, zeta: (n, 6) each [N, N·m; m/s, rad/s].   alpha: (alpha_chi, alpha_zeta); None for the flight's own
-    largest changes, under which the premise holds.   horizon, refit, gamma: as of `TheoremBound`.
+    Args:
+        model: whose forecasts are bounded.
+        chi: (n, 6) labels [N, N·m].
+        zeta: (n, 6) motion [m/s, rad/s].
+        alpha: (alpha_chi, alpha_zeta); None for the flight's own largest changes, under which the premise holds.
+        horizon: as of `TheoremBound` [1].
+        spacing: samples from one origin to the next [1].
+        refit: as of `TheoremBound`.
+        gamma: likewise [1].
     Raises: ValueError: if the flight is too short for one window.
     """
     alpha = largest_changes(model, chi, zeta, horizon) if alpha is None else alpha

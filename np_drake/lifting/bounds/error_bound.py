@@ -96,8 +96,9 @@ class TheoremBound:
 
         Args:
             model: of which forecasts are bounded.
-            alpha_chi, alpha_zeta: largest |chi_(k+1) - chi_k| and |zeta_(k+1) - zeta_k| over the model's scales (those
-                that Phi sees) [1]; or (horizon,) the largest change over 1, 2, … steps, which is sharper.
+            alpha_chi: largest |chi_(k+1) - chi_k| over the model's scales (those that Phi sees) [1]; or (horizon,) the
+                largest change over 1, 2, … steps, which is sharper.
+            alpha_zeta: the same of zeta.
             horizon: number of steps N that are bounded [1].
             refit: whether A, B are refit on the window; None: as the model flies.
             gamma: limit that the Lipschitz constant of the encoder must keep; None: that of the training [1].
@@ -210,7 +211,12 @@ def largest_changes(
     """Return (alpha_chi, alpha_zeta), the largest scaled changes of a flight over 1, 2, … steps, (horizon,) each [1].
 
     Their first entries are the theorem's alphas.
-    Args: chi, zeta: (n, 6) each [N, N·m; m/s, rad/s].
+
+    Args:
+        model: gives the scales.
+        chi: (n, 6) [N, N·m].
+        zeta: (n, 6) [m/s, rad/s].
+        horizon: most steps of a change [1].
     """
     return _largest(chi / chi_scale(model), horizon), _largest(zeta / model.zeta_scale, horizon)
 

@@ -51,8 +51,9 @@ def symmetric_blocks(size: int, *, torque: bool) -> list[Block]:
     second. It takes body rates and torques with it, which holds while the yaw angle stays small. Reflection
     forbids any coupling between the horizontal and the vertical.
 
-    Args: size: lifted states of a view [1]; the force in x, y and z takes 3 `size` in all.   torque: whether the
-    torque is predicted too.
+    Args:
+        size: lifted states of a view [1]; the force in x, y and z takes 3 `size` in all.
+        torque: whether it is predicted too.
     """
     horizontal = (_view("fx", "vx wy", 1), _view("fy", "vy -wx", 1))
     blocks = [
@@ -69,8 +70,9 @@ def symmetric_blocks(size: int, *, torque: bool) -> list[Block]:
 def free_blocks(size: int, *, torque: bool) -> list[Block]:
     """Return blocks without symmetry, for chi in any frame.
 
-    Args: size: lifted states of a block [1], which sees all of zeta and has three outputs.   torque: whether the
-    torque is predicted too.
+    Args:
+        size: lifted states of a block [1], which sees all of zeta and has three outputs.
+        torque: whether it is predicted too.
     """
     force = "fx fy fz tx ty tz" if torque else "fx fy fz"
     blocks = [Block("force", (_view(force, "vx vy vz wx wy wz", 3),), size, (size - 3) // 3)]

@@ -39,7 +39,9 @@ class DelayTaps:
     def features(self, samples: np.ndarray, origins: np.ndarray) -> np.ndarray:
         """Return the features of samples (n, c) at every origin, (o, taps * c).
 
-        Args: origins: (o,) sample indices, each at least delay - 1.
+        Args:
+            samples: (n, c), oldest first.
+            origins: (o,) sample indices, each at least delay - 1.
         """
         windows = sliding_window_view(samples, self.delay, axis=0)[origins - self.delay + 1]  # (o, c, delay)
         return (windows @ self.matrix.T).transpose(0, 2, 1).reshape(len(origins), -1)
@@ -47,7 +49,9 @@ class DelayTaps:
     def expand(self, W: np.ndarray, channels: int) -> np.ndarray:
         """Convert weights of features to weights of the window, oldest sample first, (K, delay * c).
 
-        Args: W: (K, taps * c).   channels: c.
+        Args:
+            W: (K, taps * c).
+            channels: c.
         """
         return np.einsum("ktc,td->kdc", W.reshape(len(W), -1, channels), self.matrix).reshape(len(W), -1)
 

@@ -49,7 +49,9 @@ class LiftedLinearSystem:
     def rollout(self, z: np.ndarray, zeta: np.ndarray) -> np.ndarray:
         """Return chi_hat_i = C z_i for i = 0 … N-1, (..., N, 6) [N, N·m].
 
-        Args: z: (..., K) initial state z_0.   zeta: (..., N, 6) inputs [m/s, rad/s].
+        Args:
+            z: (..., K) initial state z_0.
+            zeta: (..., N, 6) inputs [m/s, rad/s].
         """
         chi = np.empty(zeta.shape[:-1] + (6,))
         for i in range(zeta.shape[-2]):

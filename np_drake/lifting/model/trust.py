@@ -102,7 +102,11 @@ class Trust:
         """Return the corrected z (o, K) of a whole flight without gaps.
 
         Equal to `observe` and `correct` sample by sample.
-        Args: z: (o, K) from sample `first` on.   chi: (n, 6) all labels [N, N·m].
+
+        Args:
+            z: (o, K) from sample `first` on.
+            chi: (n, 6) all labels [N, N·m].
+            first: index of the sample of the first z.
         """
         n = len(chi)
         mean = self._mean(np.cumsum(chi, axis=0), np.arange(1.0, n + 1)[:, None])[first:]

@@ -50,7 +50,12 @@ def compress(
 ) -> DelayRegression:
     """Return the compressed loss of `pieces`.
 
-    Args: delay: samples of the history [1].   horizons: [steps].   max_origins: of all pieces; thinned evenly beyond.
+    Args:
+        pieces: labels, inputs and goals, scaled.
+        delay: samples of the history [1].
+        horizons: [steps].
+        regularisation: noise of the labels that is allowed for.
+        max_origins: of all pieces; thinned evenly beyond.
     """
     total = sum(len(labels) for labels, _, _ in pieces)
     stride = max(1, -(-total // max_origins))
@@ -84,7 +89,10 @@ def horizon_weights(pieces: list[Piece], horizons: np.ndarray) -> np.ndarray:
     """Return 1 / RMSE of persistence at each horizon, limited to 1 / (2 % of the largest RMSE), (len(horizons),).
 
     Every horizon counts by its ratio to persistence, so that errors far ahead do not drown those one step ahead.
-    Args: pieces: scaled.   horizons: [steps].
+
+    Args:
+        pieces: scaled.
+        horizons: [steps].
     """
     power, count = np.zeros(len(horizons)), 0
     for labels, _, goals in pieces:

@@ -67,8 +67,10 @@ def measure_excitation(
 ) -> Excitation:
     """Return the excitation of segments zeta (n, 6).
 
-    Args: step: time between samples [s].   noise: (6,) standard deviation of white noise in zeta [m/s, rad/s]; None:
-    estimated from the data.
+    Args:
+        zeta: (n, 6) of each segment [m/s, rad/s].
+        noise: (6,) standard deviation of its white noise [m/s, rad/s]; None: estimated from the data.
+        step: time between samples [s].
     """
     white = white_noise(zeta) if noise is None else np.asarray(noise, float)
     sigma = np.hypot(white / np.sqrt(AVERAGE), RELEVANT * group_scale(zeta, centred=True))
@@ -101,7 +103,11 @@ def motion_near(values: list[np.ndarray], frequency: float, *, step: float) -> f
 
     The band is a quarter of the frequency to either side. The strongest line of each piece is left out: one line is one
     point of a response and shows no mode. Pieces are pooled.
-    Args: values: pieces (n, c).   frequency: [Hz].   step: time between samples [s].
+
+    Args:
+        values: pieces (n, c).
+        frequency: [Hz].
+        step: time between samples [s].
     """
     noise = white_noise(values)
     power, expected = np.zeros(len(noise)), np.zeros(len(noise))

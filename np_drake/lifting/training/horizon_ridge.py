@@ -90,8 +90,10 @@ def relative_error(flight: Moments, W: np.ndarray) -> np.ndarray:
 def horizon_ridge(flights: Sequence[Moments], *, noise: float) -> np.ndarray:
     """Return the weights W_h of the features, (p, H, 6); the error of each flight counts relative to its `power`.
 
-    Args: noise: deviation of white noise that the features are taken to have [scaled]. It keeps W_h from differencing
-    what another flight's filter or sensor makes differently.
+    Args:
+        flights: moments of each.
+        noise: deviation of white noise that the features are taken to have [scaled]. It keeps W_h from differencing
+            what another flight's filter or sensor makes differently.
     """
     p, H, _ = flights[0].cross.shape
     W = np.empty((p, H, 6))
@@ -114,7 +116,8 @@ def symmetrised(
     """Return moments of which a share is averaged over their images.
 
     Args:
-        gram, cross: moments as flown.
+        gram: second moments of the features as flown.
+        cross: those with the targets.
         images: gram and cross under every turn.
         share: of the average [1].
     """

@@ -176,7 +176,13 @@ def descend(
 ) -> tuple[np.ndarray, list[float]]:
     """Minimise the loss of `block` by L-BFGS from theta and return (theta, loss after each iteration).
 
-    It is deterministic.   Args: iterations: at most.   on_iteration: called with the loss.
+    It is deterministic.
+
+    Args:
+        block: whose loss it is.
+        theta: parameters at the start.
+        iterations: at most.
+        on_iteration: called with the loss.
     """
     history: list[float] = []
 

@@ -63,8 +63,11 @@ class ModeDictionary:
         """Return the map from a trajectory chi (H, 6) to its amplitudes z, (K, H, 6), by least squares.
 
         It is applied as z = einsum("khc,hc", projector, chi).
-        Args: weights: (H, 2) of the errors of force and torque at each horizon.   ridge: relative to the mean power
-        [1].
+
+        Args:
+            horizons: (H,) of the trajectory [steps].
+            weights: (H, 2) of the errors of force and torque at each.
+            ridge: relative to the mean power [1].
         """
         out = np.zeros((self.K, len(horizons), 6))
         for channel, (place, poles) in enumerate(zip(self.places, self.poles, strict=True)):
@@ -95,7 +98,11 @@ def time_constants(force: tuple[float, ...], torque: tuple[float, ...], level: f
 def departures(zeta: np.ndarray, origins: np.ndarray, horizons: np.ndarray, poles: np.ndarray) -> np.ndarray:
     """Return the state of each mode at each horizon, driven by zeta_(k+j) - zeta_k with unit gain, (o, H, modes, 6).
 
-    Args: zeta: (n, 6).   origins: (o,) sample indices.   horizons: (H,) [steps].   poles: (modes,) [1].
+    Args:
+        zeta: (n, 6) [m/s, rad/s].
+        origins: (o,) sample indices.
+        horizons: (H,) [steps].
+        poles: (modes,) [1].
     """
     wanted = {int(h): i for i, h in enumerate(horizons)}
     out = np.zeros((len(origins), len(horizons), len(poles), 6))
@@ -115,6 +122,8 @@ def fit_response(
 
     Args:
         flights: of each (zeta (n, 6), origins (o,), residual of the held forecast (o, H, 6), power (H, 2)), scaled.
+        modes: that answer to zeta.
+        horizons: (H,) [steps].
         noise: deviation of white noise in the coming zeta [scaled]: keeps B from differentiating it.
         strength: prior deviation of what one unit of zeta, held, adds to chi through each mode [scaled]. Errors at
             horizon h count as one in h samples, because so few of them are independent.
@@ -147,7 +156,11 @@ def fit_response(
 def coupled(modes: ModeDictionary, B: np.ndarray, level: float, step: float) -> LiftedLinearSystem:
     """Return the system of z = [amplitudes; last zeta].
 
-    Args: B: (K, 6) in physical units.   level: pole of the last zeta [1].   step: [s].
+    Args:
+        modes: of the amplitudes.
+        B: (K, 6) in physical units.
+        level: pole of the last zeta [1].
+        step: [s].
     """
     K = modes.K
     A = np.zeros((K + 6, K + 6))

@@ -52,8 +52,14 @@ def fit_onsets(
     z of a window in which such a jump happened. zeta is taken not to answer within the window: how the vehicle does is
     its controller's.
 
-    Args: whitener: (D c, D c) L, lower; the first channels of a sample are the m outputs.   modes: indices into z.
-    ages: [steps]; an age >= D is before the window.   delay: D [1].   lag: see `label_lag` [1].
+    Args:
+        m: matrices A, C and E of the block.
+        whitener: (D c, D c) L, lower; the first channels of a sample are the m outputs.
+        modes: indices into z.
+        ages: [steps]; an age >= D is before the window.
+        delay: D [1].
+        size: deviation of a jump [scaled].
+        lag: see `label_lag` [1].
     """
     J = np.stack([_shown(m, delay, age, len(whitener), lag)[:, modes] for age in ages]) * size
     R, features, q = J.shape
@@ -83,7 +89,10 @@ def stack_onsets(views: Sequence[tuple[np.ndarray, BlockOnsets]], odds: np.ndarr
     """Return the onsets of all views, each given with its channels (c, 12) of a sample.
 
     Zeros fill up where c or q differ.
-    Args: odds: as in `Onsets`.
+
+    Args:
+        views: channels and onsets of each.
+        odds: as in `Onsets`.
     """
     c = max(len(channels) for channels, _ in views)
     q = max(found.jump.shape[2] for _, found in views)

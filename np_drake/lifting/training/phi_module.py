@@ -16,8 +16,14 @@ class PhiModule(nn.Module):
     is at most gamma / min(scale). sigma and its gradient u v^T come from a singular value decomposition, so that the
     bound holds for close singular values too, where a power iteration stands still early; training takes as long with
     either (own measurement).   Source: Jin et al. 2025, eq. (sn).
-    Args: width: neurons of a hidden layer.   layers: hidden layers L.   K: outputs.   gamma: [1].   scale: (6,) of chi
-    [N, N·m].   seed: of the initial weights.
+
+    Args:
+        width: neurons of a hidden layer.
+        layers: hidden layers L.
+        K: outputs.
+        gamma: [1].
+        scale: (6,) of chi [N, N·m].
+        seed: of the initial weights.
     """
 
     def __init__(self, *, width: int, layers: int, K: int, gamma: float, scale: np.ndarray, seed: int):

@@ -135,7 +135,8 @@ def transform(when: int, parent: str, child: str, p: np.ndarray, q: np.ndarray |
 
     Args:
         when: time [ns].
-        parent, child: names of the frames.
+        parent: frame that is known.
+        child: frame that is placed.
         p: (3,) of the child in the parent [m].
         q: (4,) quaternion w, x, y, z.
     """

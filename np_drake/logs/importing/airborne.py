@@ -50,7 +50,10 @@ def standing(t: np.ndarray, p: np.ndarray, lift: np.ndarray | None) -> np.ndarra
     else carries. The estimate of position may drift where they give less than `STOPPED`.
     Rows within `MOVED` of the ends of these are among them.
 
-    Args: as `airborne`; without a lift no row is known to stand.
+    Args:
+        t: (n,) [s].
+        p: (n, 3) position in W [m].
+        lift: (n,) of the rotors in any unit; without it no row is known to stand.
     """
     out = np.zeros(len(t), bool)
     if lift is None:

@@ -35,7 +35,8 @@ def sheet_content(
         log_map: its map, with the conventions that hold.
         signals: as logged, by quantity.
         verdict: on its conventions.
-        aligned: all rows, of which `rows` lie between take-off and landing.
+        aligned: all rows.
+        rows: those between take-off and landing.
         flights: that are written.
         notes: what was derived, mended or left out, one line each.
     """
