@@ -96,11 +96,12 @@ def parameters(function: ast.FunctionDef | ast.AsyncFunctionDef) -> list[str]:
 
 def overrides(function: ast.FunctionDef | ast.AsyncFunctionDef) -> bool:
     """Return whether a function is described elsewhere: by Drake, an overload, or the help of its options."""
-    if hasattr(LeafSystem, function.name):
+    if function.name[0] != "_" and hasattr(LeafSystem, function.name):
         return True
-    words = {"overload", "Option", "Argument"}
+    words = {"overload", "Option", "Argument", "options"}  # the last: annotations of the command line
     described = [*function.decorator_list, *(a.annotation for a in function.args.args), *function.args.defaults]
-    return any(getattr(n, "id", "") in words for node in described if node for n in ast.walk(node))
+    names = {getattr(n, "id", getattr(n, "attr", "")) for node in described if node for n in ast.walk(node)}
+    return bool(names & words)
 
 
 def breaches(law: Callable[[str], list[str]], paths: Iterable[Path]) -> dict[str, list[str]]:

@@ -86,7 +86,7 @@ def test_a_table_states_every_default(page, name, config):
             assert float(text) == value, field
 
 
-def test_the_noise_of_a_scenario_is_that_of_a_vehicle_file_but_for_what_the_page_says():
+def test_a_scenarios_noise_is_a_vehicle_files_but_for_what_the_page_says():
     noise, usual = dc.asdict(FlightConfig().reality.noise), dc.asdict(MeasurementNoise())
     assert {name for name in noise if noise[name] != usual[name]} == {"attitude"}
     text = " ".join(sections(REFERENCE / "scenario-file.md")["reality.noise"].split())
@@ -117,7 +117,7 @@ def test_the_page_of_the_commands_is_what_the_script_writes():
     assert commands.PAGE.read_text(encoding="utf-8") == commands.page(), "run `make docs` and commit the page"
 
 
-def test_the_page_of_the_effects_lists_every_effect_by_the_place_where_it_acts():
+def test_the_page_of_the_effects_lists_each_by_the_place_where_it_acts():
     text = (REFERENCE / "effects.md").read_text(encoding="utf-8")
     rows = {row: re.findall(r"`(\w+)`", names) for row, names in re.findall(ACTS_ON, text, re.M)}
     places = {name: place for row, place in PLACES.items() for name in rows[row]}
@@ -125,7 +125,7 @@ def test_the_page_of_the_effects_lists_every_effect_by_the_place_where_it_acts()
     assert f"The library holds {len(LIBRARY)} effects." in text
 
 
-def test_the_built_page_of_the_effects_states_every_effect_with_its_parameters():
+def test_the_built_page_of_the_effects_states_each_with_its_parameters():
     text = script("generated_tables").page((REFERENCE / "effects.md").read_text(encoding="utf-8"))
     assert re.findall(r"^### `(\w+)`$", text, re.M) == list(in_scenarios())
     ranges = text[text.index("## Range and prior") :].replace("−", "-")

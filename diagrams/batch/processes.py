@@ -1,9 +1,11 @@
 """Cases in processes of this machine, by joblib; a process that dies costs only the case that killed it."""
 
 import re
+import threading
 import warnings
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 from typing import Any
 
 from diagrams.batch.failed_run import FailedRun
@@ -62,13 +64,28 @@ def _until_one_dies(
             max_nbytes=None,
             return_as="generator_unordered",
         )
+    outcomes = parallel(tasks())
     try:
-        for number, value in parallel(tasks()):
+        for number, value in outcomes:
             del taken[number]
             yield number, value
     except BrokenProcessPool as error:
         return taken, _reason(error)
+    finally:
+        with _quiet_threads():
+            outcomes.close()
     return {}, ""
+
+
+@contextmanager
+def _quiet_threads() -> Iterator[None]:
+    """Drop the KeyError of joblib's managing thread, which may look for a case that is gone when a pool ends."""
+    before = threading.excepthook
+    threading.excepthook = lambda failed: None if failed.exc_type is KeyError else before(failed)
+    try:
+        yield
+    finally:
+        threading.excepthook = before
 
 
 def _numbered(work: Callable[[Any], Any], number: int, case: Any) -> tuple[int, Any]:

@@ -51,7 +51,7 @@ def made():
 
 def test_published_rows_stand_as_printed(made):
     short = array_flights.Flight("melon 2", synthetic_flight(300, 0))
-    table = estimation.estimation_table({"mode-dictionary": made[0]}, [short])
+    table = estimation.estimation_table(Run(), {"mode-dictionary": made[0]}, [short], {})
     for method in estimation.METHODS:
         assert tuple(table.cells["melon 2"][method].values()) == PUBLISHED["melon 2"][method]
 

@@ -38,13 +38,13 @@ def test_the_oracle_pendulum_is_near_zero_and_persistence_is_one(cones, payload,
 
 
 def test_no_row_is_trained_on_the_manoeuvre_that_it_is_scored_on(cones, monkeypatch):
-    seen, opened = [], study._opened
+    seen, models = [], study.HoldingOut._models
 
-    def trained_on(flights):
-        seen.append(sorted(flight.log.name for flight in flights))
-        return opened(flights)
+    def trained_on(self, name, learned, held_out):
+        seen.append(sorted(flight.log.name for flight in learned))
+        return models(self, name, learned, held_out)
 
-    monkeypatch.setattr(study, "_opened", trained_on)
+    monkeypatch.setattr(study.HoldingOut, "_models", trained_on)
     found = run_study(cones, [PERSISTENCE, "linear"], step=0.02, workers=Here())
     held_out = [["00", "01"], ["10", "11"], ["20", "21"]]
     everything = sorted(flight.log.name for flight in cones)
