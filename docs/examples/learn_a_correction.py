@@ -39,12 +39,12 @@ def fly(env, gains: np.ndarray, seed: int) -> float:
     return total
 
 
-def main() -> None:
+def main(rounds: int = 6) -> None:
     """Trains on eight simulators; prints mean and worst time on the reference in eight others."""
     arguments = {"authority": 0.25, "period": 0.04}  # a decision every second update of the sensors
     rng, env = np.random.default_rng(0), make_env(draw, base="cascade", draw_seed=0, **arguments)
     mean, deviation = np.zeros(7), np.full(7, 0.1)
-    for _ in range(6):
+    for _ in range(rounds):
         seed, gains = int(rng.integers(1000)), mean + deviation * rng.standard_normal((16, 7))
         best = gains[np.argsort([-fly(env, candidate, seed) for candidate in gains])[:4]]
         mean, deviation = best.mean(axis=0), best.std(axis=0) + 0.01
