@@ -10,9 +10,6 @@ from typing import Any
 
 from diagrams.batch.failed_run import FailedRun
 
-# Small matrices are slower on several threads, and the processes run side by side.
-ONE_THREAD = {f"{library}_NUM_THREADS": "1" for library in ("OMP", "OPENBLAS", "MKL")}
-
 
 class DeadProcess(FailedRun):
     """Loss of a case with the process that worked on it, twice: out of memory, a fault in native code, or an exit."""
@@ -79,9 +76,11 @@ def _until_one_dies(
 
 @contextmanager
 def _quiet_threads() -> Iterator[None]:
-    """Drop the KeyError of joblib's managing thread, which may look for a case that is gone when a pool ends."""
+    """Drop what joblib's managing thread raises: it may look for a case that is gone when its pool ends early."""
+    from joblib.externals.loky.process_executor import _ExecutorManagerThread
+
     before = threading.excepthook
-    threading.excepthook = lambda failed: None if failed.exc_type is KeyError else before(failed)
+    threading.excepthook = lambda failed: None if isinstance(failed.thread, _ExecutorManagerThread) else before(failed)
     try:
         yield
     finally:
