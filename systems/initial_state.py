@@ -1,10 +1,9 @@
-"""Initial states and mass properties in a context of the plant: hover, formation, impulse, added mass."""
+"""Initial states and mass properties in a context of the plant: hover, formation, added mass."""
 
 import dataclasses as dc
 
 import numpy as np
 from pydrake.math import RigidTransform
-from pydrake.multibody.math import SpatialVelocity
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import Context
 
@@ -54,22 +53,6 @@ def set_formation(plant: MultibodyPlant, context: Context, payload: PayloadConfi
     for i, p in enumerate(p_WB):
         plant.SetFreeBodyPose(context, plant.GetBodyByName(f"quadrotor_{i}"), RigidTransform(p))
     plant.SetFreeBodyPose(context, plant.GetBodyByName("payload"), RigidTransform(center + [0.0, 0.0, drop]))
-
-
-def apply_impulse(plant: MultibodyPlant, context: Context, impulse) -> None:
-    """Add dv = J / m to the payload of a cable.
-
-    Args:
-        plant: with a free body `payload`.
-        context: the plant's own.
-        impulse: (3,) J in W [N·s].
-    """
-    P = plant.GetBodyByName("payload")
-    V = plant.EvalBodySpatialVelocityInWorld(context, P)
-    dv = np.asarray(impulse, float) / P.get_mass(context)
-    plant.SetFreeBodySpatialVelocity(
-        context=context, body=P, V_JpJc=SpatialVelocity(V.rotational(), V.translational() + dv)
-    )
 
 
 def set_vehicle_mass(plant: MultibodyPlant, context: Context, properties: MassProperties) -> None:

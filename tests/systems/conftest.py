@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from pydrake.multibody.math import SpatialVelocity
 
 from np_drake import attitude
 from np_drake.effects.base import Motion
@@ -43,3 +44,17 @@ def in_flight(seed: int, **effects) -> SimpleNamespace:
 @pytest.fixture
 def fly():
     return in_flight
+
+
+@pytest.fixture
+def apply_impulse():
+    """Add dv = J / m to the payload of a cable: (plant, its context, J (3,) in W [N·s])."""
+
+    def apply(plant, context, impulse):
+        P = plant.GetBodyByName("payload")
+        V = plant.EvalBodySpatialVelocityInWorld(context, P)
+        dv = np.asarray(impulse, float) / P.get_mass(context)
+        pushed = SpatialVelocity(V.rotational(), V.translational() + dv)
+        plant.SetFreeBodySpatialVelocity(context=context, body=P, V_JpJc=pushed)
+
+    return apply

@@ -7,7 +7,7 @@ from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorC
 from np_drake import attitude
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.vehicle import Vehicle
-from systems.initial_state import apply_impulse, set_hover
+from systems.initial_state import set_hover
 from systems.payload_config import PayloadConfig, payload_config
 from systems.tethered_quadrotor import make_tethered_quadrotor
 
@@ -33,7 +33,7 @@ def test_air_that_drives_and_a_rod_in_the_air_are_refused(bad):
 
 
 @pytest.mark.parametrize("damping", [0.0, 0.8])
-def test_a_log_of_the_hook_brings_back_the_wrench_of_drakes_cable(damping):
+def test_a_log_of_the_hook_brings_back_the_wrench_of_drakes_cable(damping, apply_impulse):
     effect = SuspendedPayload(0.3, 0.7, 0.02, -0.01, -0.04, damping)
     payload = payload_config(effect)
     dut = make_tethered_quadrotor(VEHICLE, payload)

@@ -7,7 +7,7 @@ from np_drake.effects.motor_lag import MotorLag
 from np_drake.effects.thrust_scale import ThrustScale
 from np_drake.rigid_body import residual_wrench
 from np_drake.vehicle import Vehicle
-from systems.initial_state import apply_impulse, set_hover, set_payload_mass
+from systems.initial_state import set_hover, set_payload_mass
 from systems.tethered_quadrotor import PayloadConfig, make_tethered_quadrotor
 
 VEHICLE = Vehicle()
@@ -63,7 +63,7 @@ def test_static_tension_is_the_payloads_weight(tether):
 
 
 @pytest.mark.parametrize("tether", ["cable", "rod"])
-def test_small_swing_has_the_period_of_the_coupled_system(tether):
+def test_small_swing_has_the_period_of_the_coupled_system(tether, apply_impulse):
     # Hook at the centre of mass: the pair swings about its common centre of mass under constant vertical thrust,
     # with reduced mass mu: mu L² phi'' = -T_static L phi, T_static = m g, so w² = (g/L) (1 + m/M).
     payload = PayloadConfig(tether=tether, hook=[0.0, 0.0, 0.0], radius=1e-3)
@@ -138,7 +138,7 @@ def test_cable_only_pulls():
         assert evaluate(simulator, "tether_wrench")[2] <= 0.0
 
 
-def test_tether_forces_are_internal_and_conserve_momentum():
+def test_tether_forces_are_internal_and_conserve_momentum(apply_impulse):
     payload = PayloadConfig()
     simulator, _, plant, plant_context = simulator_of(payload)
     apply_impulse(plant, plant_context, [0.1, 0.05, 0.0])
@@ -147,7 +147,7 @@ def test_tether_forces_are_internal_and_conserve_momentum():
     np.testing.assert_allclose(momentum, [0.1, 0.05, -WEIGHT * 0.4], atol=1e-6)  # [N·s]
 
 
-def test_taut_swing_keeps_its_energy():
+def test_taut_swing_keeps_its_energy(apply_impulse):
     payload = PayloadConfig(damping=0.0)
     simulator, _, plant, plant_context = simulator_of(payload)
     apply_impulse(plant, plant_context, [0.2, 0.0, 0.0])
