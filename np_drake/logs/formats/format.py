@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from np_drake.files.input_file import require_plain_file
 from np_drake.logs.errors import LogError
 from np_drake.logs.importing.log_map import LogMap, Source
 
@@ -141,5 +142,6 @@ def first_bytes(path: Path) -> bytes:
     """Return the first 4096 bytes of a file, by which a format recognises it; none of a folder."""
     if path.is_dir():
         return b""
+    require_plain_file(path)
     with path.open("rb") as file:
         return file.read(4096)
