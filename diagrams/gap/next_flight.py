@@ -22,6 +22,7 @@ from np_drake.flight_design.prediction import Prediction, nominal_residuals, pre
 REPORT = "diagnosis.json"
 SCENARIO = "next_flight.yaml"
 TRACK = "next_flight.csv"
+MOST_EXPLANATIONS = 100  # of a report; a diagnosis leaves those within a factor of 20 of the best, at most a few dozen
 RATE = 100.0  # of the trajectory file [Hz]
 HEAD = """\
 # Next flight: a random multisine, to separate {explanations}.
@@ -79,11 +80,15 @@ def read_report(folder: Path) -> DiagnosisReport:
         raise ValueError(f"{path}: the logs excite nothing; fly with more motion and diagnose again.")
     if not answer.get("explanations") or not answer.get("readings"):
         raise ValueError(f"{path}: must tell the explanations that stand; diagnose again with this version.")
+    if len(answer["explanations"]) > MOST_EXPLANATIONS:
+        raise ValueError(f"{path}: must hold at most {MOST_EXPLANATIONS} explanations. Is it damaged?")
     try:
         explanations = tuple(Explanation.of_json(e) for e in answer["explanations"])
         readings = Readings.of_json(answer["readings"])
     except (AttributeError, KeyError, TypeError) as error:
         raise ValueError(f"{path}: explanations and readings must be whole ({error}).") from error
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from error
     return DiagnosisReport(folder, load_flight(str(folder / CORRECTED)), explanations, readings)
 
 

@@ -32,6 +32,17 @@ def told() -> dict:
     return {"explanations": [e.as_json() for e in STAND], "readings": READINGS.as_json()}
 
 
+def changed(*path, **more):
+    """Return the report with the value of the last two arguments changed, and `more` beside it."""
+    *steps, name, value = path
+    content = json.loads(json.dumps(told()))
+    place = content
+    for step in steps:
+        place = place[step]
+    place |= {name: value} | more
+    return content
+
+
 @pytest.fixture
 def report(tmp_path):
     """Return a folder as a diagnosis leaves it, as far as a design reads it."""
@@ -125,6 +136,17 @@ def test_a_second_answer_counts(report):
         ("{}", "diagnose again"),
         ('{"cannot_tell": true}', "more motion"),
         (json.dumps(told() | {"readings": {"noise": {}}}), "must be whole"),
+        (json.dumps(changed("readings", "noise", "step", 0)), "step must be"),
+        (json.dumps(changed("readings", "noise", "step", "a")), "could not convert"),
+        (json.dumps(changed("readings", "noise", "rms", [1e308] * 15)), "numbers must be finite"),
+        (json.dumps(changed("readings", "noise", "phi", [])), "phi"),
+        (json.dumps(changed("readings", "tolerance", "mass", "0.1 kg")), "could not convert"),
+        (json.dumps(changed("explanations", 1, "probability", 1e308)), "probability must be"),
+        (json.dumps(changed("explanations", 1, "effects", 0, "parameters", "d_x", 1e308)), "d_x must be 0 to"),
+        (json.dumps(changed("explanations", 1, "effects", 0, "parameters", "d_x", "much")), "must be whole|number"),
+        (json.dumps(changed("explanations", 1, "covariance", [[1e308]], parameters=["linear_drag.d_x"])), "covariance"),
+        (json.dumps(changed("explanations", 1, "covariance", [[-1.0]], parameters=["linear_drag.d_x"])), "definite"),
+        (json.dumps(told() | {"explanations": 20000 * [STAND[0].as_json()]}), "at most 100 explanations"),
     ],
 )
 def test_a_report_that_does_not_tell_is_refused(report, content, why):
