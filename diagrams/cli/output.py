@@ -43,8 +43,7 @@ def say(*lines: str) -> None:
 def progress(description: str, total: float) -> Iterator[Advance]:
     """Show a progress bar on stderr and yield `advance(done, text)`.
 
-    `text` stands behind the bar. Where stderr is no terminal nothing moves: the bar is printed once, at its end, and
-    not at all where an error ends it.
+    `text` stands behind the bar. Where stderr is no terminal nothing is shown: the one line of an error stands alone.
 
     Args:
         description: what stands before the bar.
@@ -58,18 +57,15 @@ def progress(description: str, total: float) -> Iterator[Advance]:
         TimeRemainingColumn(),
         TextColumn("{task.fields[text]}"),
     )
-    with Progress(*columns, console=console(stderr=True)) as bar:
+    err = console(stderr=True)
+    with Progress(*columns, console=err, disable=not err.is_interactive) as bar:
         task = bar.add_task(description, total=total, text="")
 
         def advance(done: float, text: str = "") -> None:
             raise_again()
             bar.update(task, completed=done, text=text)
 
-        try:
-            yield advance
-        except BaseException:  # of which one line is said, where nobody watches the bar
-            bar.console.quiet = not bar.console.is_interactive
-            raise
+        yield advance
 
 
 def print_table(title: str, header: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:

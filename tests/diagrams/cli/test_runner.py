@@ -147,7 +147,9 @@ def test_the_seed_of_a_verb_without_a_draw_is_accepted_and_hidden(capsys):
     assert "--seed" not in capsys.readouterr().out.split("Usage")[1]
 
 
-def test_counting_counts_up_to_a_hundred_percent(capsys):
+def test_counting_counts_up_to_a_hundred_percent(capsys, monkeypatch):
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    monkeypatch.setenv("TERM", "xterm")
     with counting("flying", "flights") as on_progress:
         on_progress(4, 4)
     assert "100 %" in (err := capsys.readouterr().err)
