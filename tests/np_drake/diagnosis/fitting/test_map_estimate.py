@@ -17,6 +17,7 @@ from np_drake.effects.gyro_bias import GyroBias
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
 from np_drake.effects.motor_lag import MotorLag
+from np_drake.effects.rotor_gyroscopic import RotorGyroscopic
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.effects.thrust_scale import ThrustScale
 from np_drake.effects.weak_rotor import WeakRotor
@@ -64,6 +65,12 @@ def test_a_time_shift_is_linearised_over_one_row_from_zero_too(seen, kind, lag):
     expected = (row - predicted_residual(flight, now)) / flight.log.step
     np.testing.assert_allclose(dut, expected, atol=1e-9 * np.abs(expected).max())
     assert np.linalg.norm(expected[:, 2]) > 0.1 * np.linalg.norm(expected[:, 3:6])
+
+
+def test_a_rotor_of_negative_inertia_is_none(seen, noise):
+    flight = seen(RotorGyroscopic(-1e-4), noise=1.0, seconds=6.0)
+    dut = refine([Term(RotorGyroscopic(5e-5))], [], [flight], noise, temperature=1.0, priors=PRIORS)
+    assert dut.values[0] == pytest.approx(0.0, abs=1e-8)
 
 
 @pytest.mark.parametrize("damping", [0.0, 0.25])
