@@ -18,7 +18,9 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from queue import Queue
 
 ROOT = Path(__file__).resolve().parent.parent
 COPIED = ("np_drake", "systems", "diagrams", "tests", "docs", "pyproject.toml", "README.md", "Makefile")
@@ -141,6 +143,15 @@ def killer_of(mutant: Mutant, root: Path) -> str:
         shutil.copyfile(ROOT / mutant.path, root / mutant.path)
 
 
+def copied(root: Path) -> Path:
+    """Return a new copy of the repository, in which mutants are written."""
+    for name in (n for n in COPIED if (ROOT / n).exists()):
+        (root / name).parent.mkdir(parents=True, exist_ok=True)
+        copy = shutil.copytree if (ROOT / name).is_dir() else shutil.copyfile
+        copy(ROOT / name, root / name)
+    return root
+
+
 def main() -> int:
     """Draw mutants, try them, and print what is left."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
@@ -148,6 +159,7 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=0, help="of the draw")
     parser.add_argument("--only", action="append", default=[], help="files or folders to draw from; repeatable")
     parser.add_argument("--line", help="only mutants of this line: PATH:LINE")
+    parser.add_argument("--jobs", type=int, default=1, help="mutants at once")
     parser.add_argument("--asked", type=float, default=0.9, help="least share killed")
     options = parser.parse_args()
     paths = [p.relative_to(ROOT) for top in ("np_drake", "systems") for p in sorted((ROOT / top).rglob("*.py"))]
@@ -160,17 +172,22 @@ def main() -> int:
     drawn = random.Random(options.seed).sample(every, min(options.count, len(every)))
     print(f"seed {options.seed}: {len(drawn)} of {len(every)} mutants in {len(paths)} files.", flush=True)
     alive = []
-    with tempfile.TemporaryDirectory() as folder:
-        root = Path(folder)
-        for name in (n for n in COPIED if (ROOT / n).exists()):
-            copy = shutil.copytree if (ROOT / name).is_dir() else shutil.copyfile
-            copy(ROOT / name, root / name)
-        for i, mutant in enumerate(drawn, start=1):
-            start = time.monotonic()
-            killer = killer_of(mutant, root)
+    with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(options.jobs) as pool:
+        roots: Queue[Path] = Queue()
+        for k in range(options.jobs):
+            roots.put(copied(Path(folder) / str(k)))
+
+        def tried(mutant: Mutant) -> tuple[str, float]:
+            start, root = time.monotonic(), roots.get()
+            try:
+                return killer_of(mutant, root), time.monotonic() - start
+            finally:
+                roots.put(root)
+
+        for i, (mutant, (killer, spent)) in enumerate(zip(drawn, pool.map(tried, drawn), strict=True), start=1):
             alive += [] if killer else [mutant]
             said = f"killed by {killer}" if killer else "SURVIVES"
-            print(f"{i:3d}/{len(drawn)}  {time.monotonic() - start:4.0f} s  {said}  {mutant}", flush=True)
+            print(f"{i:3d}/{len(drawn)}  {spent:4.0f} s  {said}  {mutant}", flush=True)
     killed = 1 - len(alive) / max(1, len(drawn))
     print(f"{len(drawn) - len(alive)} of {len(drawn)} killed; survivors:", *(alive or ["none"]), sep="\n  ")
     return int(killed < options.asked)
