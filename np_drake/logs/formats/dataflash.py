@@ -22,7 +22,8 @@ import numpy as np
 from np_drake.files.input_file import cell_budget
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.dataflash_map import default_map
-from np_drake.logs.formats.format import Contents, Format, Progress, Recording, Stream, no_progress
+from np_drake.logs.formats.dataflash_motors import FUNCTION, USED, motors
+from np_drake.logs.formats.format import Contents, Format, Progress, Recording, Scanned, Stream, no_progress
 from np_drake.logs.text_lines import too_many_cells
 
 HEADER = b"\xa3\x95"  # begins every record; the type follows
@@ -38,10 +39,7 @@ MOST_INSTANCES = 256  # of a message; a byte numbers them
 TEXTS = {"n": 4, "N": 16, "Z": 64, "a": 64}  # bytes of the other characters; `a` is an array of 32 int16
 HEADERS = ("FMT", "FMTU", "UNIT", "MULT", "PARM", "MSG", "VER")  # messages about the log: no streams
 TIMES = {"TimeUS": 1e-6, "TimeMS": 1e-3}  # [s]
-PARAMETERS = (
-    *("FRAME_CLASS", "FRAME_TYPE", "MOT_PWM_MIN", "MOT_PWM_MAX", "MOT_SPIN_MIN", "MOT_SPIN_MAX"),
-    *("MOT_THST_EXPO", "MOT_THST_HOVER", "SCHED_LOOP_RATE"),
-)
+PARAMETERS = re.compile(rf"{USED.pattern}|MOT_SPIN_(MIN|MAX)|MOT_THST_(EXPO|HOVER)|SCHED_LOOP_RATE")
 BLOCK = 1 << 22  # bytes between two calls of progress
 
 
@@ -264,7 +262,7 @@ def _contents(path: Path) -> Contents:
         if message.starts and message.time and message.numbers:
             for name in [f"{message.name}.{i}" for i in log.instances(message)] or [message.name]:
                 found[name] = message.numbers
-    return found
+    return Scanned(found, _parameters(log))
 
 
 def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Recording:
@@ -314,10 +312,15 @@ def _facts(log: _Log) -> dict[str, str]:
             facts.setdefault("firmware", text)
         if text.startswith("Frame:"):
             facts.setdefault("frame", text.removeprefix("Frame:").strip())
-    for row in log.texts("PARM"):
-        if row.get("Name") in PARAMETERS:
-            facts[row["Name"]] = row.get("Value", "")
-    return facts
+    used = {name: value for name, value in _parameters(log).items() if not (value == 0 and FUNCTION.fullmatch(name))}
+    return facts | {name: f"{value:.7g}" for name, value in used.items()}
+
+
+def _parameters(log: _Log) -> dict[str, float]:
+    """Return the parameters that bear on motors and thrust, as they are at the end."""
+    rows = (row for row in log.texts("PARM") if PARAMETERS.fullmatch(row.get("Name", "")))
+    values = {row["Name"]: _number(row.get("Value", "")) for row in rows}
+    return {name: value for name, value in values.items() if np.isfinite(value)}
 
 
 def _size(character: str) -> int:
@@ -347,4 +350,4 @@ def _recognises(path: Path, start: bytes) -> bool:
 
 
 TITLE = "ArduPilot DataFlash .bin and .log"
-DATAFLASH = Format("dataflash", TITLE, _recognises, _contents, default_map, _read)
+DATAFLASH = Format("dataflash", TITLE, _recognises, _contents, default_map, _read, motors)

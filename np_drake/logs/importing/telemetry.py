@@ -1,0 +1,53 @@
+"""Telemetry made plain: single readings of zero, and times that are rounded to the ticks of a coarse clock."""
+
+import dataclasses as dc
+
+import numpy as np
+
+from np_drake.logs.importing.interpolation import REPEATED, Signal
+
+LONGEST_ZERO = 0.1  # time for which a rotor that turns before and after cannot have stood [s]; own choice
+FINE = 0.75  # tick over the usual interval above which it is that interval [1]; own choice
+ROUNDED = 1e-3  # of a tick by which times may miss it [1]: digits of a file
+
+
+def without_zeros(own: Signal) -> tuple[Signal, int]:
+    """Return rotor speeds whose single readings of zero are interpolated, and how many they are.
+
+    A rotor does not stop and start again within `LONGEST_ZERO`.
+    """
+    values, count = own.values.copy(), 0
+    for column in values.T:
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], column == 0, [False]]).astype(int)))
+        bad = np.zeros(len(column), bool)
+        for start, stop in edges.reshape(-1, 2):
+            inside = start > 0 and stop < len(column)
+            bad[start:stop] = inside and own.t[min(stop, len(own.t) - 1)] - own.t[start - 1] <= max(
+                LONGEST_ZERO, 2.5 * own.step
+            )
+        if bad.any():
+            column[bad] = np.interp(own.t[bad], own.t[~bad], column[~bad])
+            count += int(bad.sum())
+    return dc.replace(own, values=values), count
+
+
+def spread_ticks(t: np.ndarray) -> tuple[np.ndarray, float]:
+    """Return times (n,) with samples of one tick spread evenly up to the next, and the tick [s]; 0: no coarse clock.
+
+    Args:
+        t: (n,) not decreasing [s].
+    """
+    interval = np.diff(t)
+    later = interval[interval > 0]
+    if not len(later):
+        return t, 0.0
+    tick, usual = float(later.min()), float(t[-1] - t[0]) / len(interval)
+    off = np.abs(later - tick * np.round(later / tick))
+    if np.any(off > max(ROUNDED * tick, 4 * np.finfo(float).eps * float(np.abs(t).max()))):
+        return t, 0.0
+    if np.mean(interval == 0) < REPEATED:
+        return t, tick if tick < FINE * usual else 0.0
+    first = np.concatenate([[0], np.flatnonzero(interval > 0) + 1])
+    count = np.diff(np.concatenate([first, [len(t)]]))
+    place = np.arange(len(t)) - np.repeat(first, count)
+    return t + tick * place / np.repeat(count, count), tick
