@@ -1,7 +1,7 @@
 """Map of PX4's own messages, in NED and FRD.   Source: PX4's message reference (uORB)."""
 
 from np_drake.logs.formats.format import Contents, first_source
-from np_drake.logs.formats.ulog_motors import motors
+from np_drake.logs.formats.ulog_motors import motors, require_motors
 from np_drake.logs.importing.interpolation import SLOWEST_ROTORS
 from np_drake.logs.importing.log_map import LogMap, Source
 
@@ -48,7 +48,11 @@ def default_map(contents: Contents) -> LogMap | None:
         hover_throttle=first_source(contents, [["hover_thrust_estimate/hover_thrust"]], unit="1"),
         voltage=first_source(contents, [["battery_status/voltage_v"]], unit="V"),
     )
-    return found if found.position and found.attitude else None
+    if not (found.position and found.attitude):
+        return None
+    if not (found.throttle or found.rotor_speed):
+        require_motors(contents)
+    return found
 
 
 def _position(contents: Contents) -> tuple[Source, Source, str]:

@@ -25,6 +25,20 @@ ENDS = {"UAVCAN_EC": (0.0, 8191.0), "SIM_GZ_EC": (0.0, 1000.0)}  # of outputs wh
 Parameters = Mapping[str, float]
 
 
+def require_motors(contents: Contents) -> None:
+    """Check that the outputs of a log, where nothing else tells its thrust, do not move for unknown reasons.
+
+    Raises: ValueError: if they do.
+    """
+    for name, columns in contents.items():
+        moving = sum(bool(ROTOR_COLUMN.fullmatch(column)) for column in columns)
+        if name.partition(".")[0] == "actuator_outputs" and moving:
+            raise ValueError(
+                f"{moving} outputs of {name} move, and nothing says which are motors (PWM_MAIN_FUNCn, CA_ROTOR_COUNT). "
+                "Name them as throttle in a map."
+            )
+
+
 def motors(contents: Contents, slowest: float = 0.0) -> Motors:
     """Return the motors of a log, and their layout where it has four.
 
@@ -77,7 +91,7 @@ def _outputs(contents: Contents, parameters: Parameters, lifting: Sequence[int])
             return Source()
         return Source(found, **_unit(parameters, chosen))
     for name, columns in streams.items():
-        if len(columns) in SIZES["throttle"][1:] and len(columns) == (len(lifting) or len(columns)):
+        if len(columns) in SIZES["throttle"][1:] and len(columns) == (len(lifting) or 4):
             return Source([f"{name}/{c}" for c in columns], **_unit(parameters, []))
     return Source()
 
