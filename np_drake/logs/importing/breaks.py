@@ -40,19 +40,19 @@ def find_breaks(signals: Mapping[str, Signal], log_map: LogMap, stated: Sequence
         log_map: with their conventions.
         stated: time [s] and reason of the breaks that the format states; a reason that ends in `?` is one if it shows.
     """
-    found = [b for name in (*STATE, *INPUTS) if name in signals for b in _pauses(signals[name])]
+    found: list[Break] = []
     place, turn = signals["position"], signals["attitude"]
     unit = UNITS["position"][log_map.position.unit or "m"] * abs(log_map.position.scale)
     moved = np.diff(place.values, axis=0) * unit
     q = convert_quantity("attitude", turn.values, log_map)
     turned = attitude.rotation_vector(attitude.multiply(attitude.conjugate(q[:-1]), q[1:]))
     asked = [(t, reason) for t, reason in stated if reason.endswith("?")]
-    found += _jumps(place.t, moved, "position", asked) + _jumps(turn.t, turned, "attitude", asked)
     for t, reason in stated:
-        if not reason.endswith("?"):
-            k = int(np.searchsorted(place.t, t))
-            if 0 < k < len(place.t):
-                found.append(Break(float(place.t[k - 1]), float(place.t[k]), reason))
+        k = int(np.searchsorted(place.t, t))
+        if not reason.endswith("?") and 0 < k < len(place.t):
+            found.append(Break(float(place.t[k - 1]), float(place.t[k]), reason))
+    found += [b for name in (*STATE, *INPUTS) if name in signals for b in _pauses(signals[name])]
+    found += _jumps(place.t, moved, "position", asked) + _jumps(turn.t, turned, "attitude", asked)
     return _joined(found)
 
 
@@ -116,9 +116,9 @@ def _jumps(t: np.ndarray, change: np.ndarray, name: str, asked: Sequence[tuple[f
 
 
 def _joined(found: Sequence[Break]) -> list[Break]:
-    """Return the breaks in time, those that overlap as one."""
+    """Return the breaks in time, those that overlap as one, with the reason of the first."""
     out: list[Break] = []
-    for b in sorted(found, key=lambda b: (b.before, -b.after)):
+    for b in sorted(found, key=lambda b: b.before):
         if out and b.before < out[-1].after:
             out[-1] = dc.replace(out[-1], after=max(b.after, out[-1].after))
         else:

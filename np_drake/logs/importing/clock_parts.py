@@ -15,6 +15,8 @@ LONGER = (
 )
 AROUND = 8  # intervals over which the rate of samples is compared [1]; own choice
 CLOSER = 0.7  # interval over the usual one from which samples of two times are merged [1]; half is expected
+SPARSE = 80.0  # percentile of the interval that is the usual one, where others are of merged samples; own choice
+LONGEST = 0.75  # share of a file that may be merged [1]; own choice
 WILDER = 3.0  # change from sample to sample over the usual one, where samples of two times are merged [1]; own choice
 
 
@@ -39,6 +41,17 @@ def set_back(t: np.ndarray) -> list[int]:
         if ordered and t[k - 1] == ahead and np.all(t[max(k - 3, 0) : k] > t[k]):
             found.append(int(k))
     return found
+
+
+def overlap(before: np.ndarray, after: np.ndarray) -> bool:
+    """Return whether times (n,) and (m,) run over the same stretch: a clock was set back; blocks out of order do not.
+
+    Args:
+        before: of the first part of a file.
+        after: of the second.
+    """
+    inside = (after > before.min()) & (after < before.max())
+    return bool(inside.sum() >= LEAST_STEP)
 
 
 def _after_the_start(recording: Recording) -> tuple[Recording, list[str]]:
@@ -115,10 +128,10 @@ def _merged(stream: Stream) -> Iterator[tuple[float, float]]:
     if len(interval) < 4 * AROUND or np.any(interval < 0) or not stream.columns:
         return
     mean = np.convolve(interval, np.ones(AROUND) / AROUND, mode="same")
-    usual = float(np.median(mean))
+    usual = float(np.percentile(mean, SPARSE))
     edges = np.flatnonzero(np.diff(np.concatenate([[False], mean < CLOSER * usual, [False]]).astype(int)))
     for start, stop in edges.reshape(-1, 2):
-        if not AROUND <= stop - start < 0.5 * len(interval):
+        if not AROUND <= stop - start < LONGEST * len(interval):
             continue
         close = np.arange(max(start - AROUND, 0), min(stop + AROUND, len(interval)))
         close = close[interval[close] < CLOSER * usual]

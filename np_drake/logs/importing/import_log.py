@@ -82,7 +82,8 @@ def import_log(
     flights = [flight for part in parts for flight in part.flights]
     if not flights:
         raise LogError(f"{path}: must hold a flight; no part between gaps has {LEAST_ROWS} rows.")
-    if log_map.throttle.unit == "us" and not log_map.throttle.ends and parts[0].carried:
+    unstated = log_map.throttle.unit == "us" and not log_map.throttle.ends
+    if unstated and parts[0].carried and all(flight.throttle is not None for flight in flights):
         flights, unit = in_the_unit_of_the_lift(flights)
         said += [unit] if unit else []
     timing = max(part.timing for part in parts)

@@ -71,7 +71,7 @@ def in_the_unit_of_the_lift(flights: Sequence[FlightLog]) -> tuple[list[FlightLo
     flights = list(flights)
     longest = max(flights, key=len)
     digital = [_as_dshot(log) for log in flights]
-    as_pulses, as_counts = lift_exponent(longest), lift_exponent(digital[flights.index(longest)])
+    as_pulses, as_counts = lift_exponent(longest), lift_exponent(_as_dshot(longest))
     below = min(float(log.throttle.min()) for log in flights if log.throttle is not None) < -0.25
     told = as_counts.explained > CLEAR and PLAUSIBLE[0] <= as_counts.exponent <= PLAUSIBLE[1]
     if below or (told and as_pulses.exponent < PLAUSIBLE[0]):
