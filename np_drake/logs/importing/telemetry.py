@@ -8,7 +8,9 @@ from np_drake.logs.importing.interpolation import REPEATED, Signal
 
 LONGEST_ZERO = 0.1  # time for which a rotor that turns before and after cannot have stood [s]; own choice
 FINE = 0.75  # tick over the usual interval above which it is that interval [1]; own choice
-ROUNDED = 1e-3  # of a tick by which times may miss it [1]: digits of a file
+RESOLUTION = 1e-6  # in which ticks are looked for: usual clocks count microseconds [s]
+LONGEST = 1e6  # interval, beyond which the clock was set [s]
+COARSE = 5e-4  # shorter ticks are lost in what is known of commands [s]; own choice
 
 
 def without_zeros(own: Signal) -> tuple[Signal, int]:
@@ -41,9 +43,9 @@ def spread_ticks(t: np.ndarray) -> tuple[np.ndarray, float]:
     later = interval[interval > 0]
     if not len(later):
         return t, 0.0
-    tick, usual = float(later.min()), float(t[-1] - t[0]) / len(interval)
-    off = np.abs(later - tick * np.round(later / tick))
-    if np.any(off > max(ROUNDED * tick, 4 * np.finfo(float).eps * float(np.abs(t).max()))):
+    usual = float(t[-1] - t[0]) / len(interval)
+    tick = int(np.gcd.reduce(np.round(np.minimum(later, LONGEST) / RESOLUTION).astype(np.int64))) * RESOLUTION
+    if tick < COARSE:
         return t, 0.0
     if np.mean(interval == 0) < REPEATED:
         return t, tick if tick < FINE * usual else 0.0
