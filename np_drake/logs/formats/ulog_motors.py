@@ -32,10 +32,10 @@ def require_motors(contents: Contents) -> None:
     """
     for name, columns in contents.items():
         moving = sum(bool(ROTOR_COLUMN.fullmatch(column)) for column in columns)
-        if name.partition(".")[0] == "actuator_outputs" and moving:
+        if name.partition(".")[0] in ("actuator_motors", "actuator_outputs") and moving:
             raise ValueError(
-                f"{moving} outputs of {name} move, and nothing says which are motors (PWM_MAIN_FUNCn, CA_ROTOR_COUNT). "
-                "Name them as throttle in a map."
+                f"{moving} outputs of {name} move, and nothing says which are all of the motors (PWM_MAIN_FUNCn, "
+                "CA_ROTOR_COUNT). Name them as throttle in a map."
             )
 
 

@@ -66,16 +66,16 @@ def split(signals: Mapping[str, Signal], breaks: Sequence[Break]) -> tuple[list[
     if not breaks:
         return [dict(signals)], []
     origin = signals["attitude"].t[0]
-    said = [f"{b.reason} at {b.before - origin:.2f} s: split there" for b in breaks]
     edges = [-np.inf, *(edge for b in breaks for edge in (b.before, b.after)), np.inf]
-    parts = []
+    parts, kept = [], []
     for start, stop in zip(edges[::2], edges[1::2], strict=True):
         part = {name: own for name, s in signals.items() if (own := _between(s, start, stop, name)) is not None}
-        if all(name in part for name in signals if name not in OPTIONAL):
-            parts.append(part)
-        elif stop - start > PAUSE:
-            from_, to = (max(start, origin) - origin, min(stop, max(s.t[-1] for s in signals.values())) - origin)
-            said.append(f"the part from {from_:.2f} to {to:.2f} s has too few samples; left out")
+        kept.append(all(name in part for name in signals if name not in OPTIONAL))
+        parts += [part] if kept[-1] else []
+    said = []
+    for b, before, after in zip(breaks, kept[:-1], kept[1:], strict=True):
+        what = "split there" if before and after else f"what comes {'after' if before else 'before'} it is left out"
+        said.append(f"{b.reason} at {b.before - origin:.2f} s: {what}")
     return parts, said
 
 

@@ -22,7 +22,7 @@ UNITS: dict[str, dict[str, float]] = {  # by quantity: factor to SI
     "torque": {"N.m": 1.0, "mN.m": 0.001},
     "rotor_speed": {"rad/s": 1.0, "rpm": 0.10471975511965977, "Hz": 6.283185307179586},
     "throttle": {"1": 1.0, "percent": 0.01, "us": 1.0, "pwm16": 1 / 65535, "dshot": 1 / 2000},
-    "hover_throttle": {"1": 1.0, "percent": 0.01, "us": 1.0, "pwm16": 1 / 65535},
+    "hover_throttle": {"1": 1.0, "percent": 0.01, "us": 1.0, "pwm16": 1 / 65535, "dshot": 1 / 2000},
     "voltage": {"V": 1.0, "mV": 0.001},
     "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9},
 }

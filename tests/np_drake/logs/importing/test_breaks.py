@@ -98,7 +98,7 @@ def test_a_reset_that_moves_nothing_breaks_nothing(flown, autopilots, import_px4
     assert len(import_px4({"actuator_motors": autopilots.throttle(flown)}, change=reset).flights) == 1
 
 
-def test_an_attitude_that_is_reset_breaks_the_log_and_one_bad_sample_does_not():
+def test_a_reset_of_the_attitude_breaks_and_one_bad_sample_does_not():
     t = 0.01 * np.arange(500)
     log_map = LogMap(position=Source(["x", "y", "z"]), attitude=Source(["roll", "pitch", "yaw"], "rad"))
     place = np.column_stack([np.sin(t), np.cos(t), t])

@@ -71,8 +71,10 @@ def test_px4_outputs_that_no_parameter_tells_apart_are_refused(flown, autopilots
     both = {"actuator_outputs": pulses, "actuator_outputs.1": np.column_stack([noise(flown, 4)])}
     with pytest.raises(LogError, match=r"actuator_outputs and actuator_outputs.1 must tell which is PWM_MAIN"):
         import_px4(both, functions)
-    with pytest.raises(LogError, match=r"6 outputs of actuator_outputs move, and nothing says which are motors"):
+    with pytest.raises(LogError, match=r"6 outputs of actuator_outputs move, and nothing says which are all of the"):
         import_px4({"actuator_outputs": np.column_stack([pulses, noise(flown, 2)])}, {"CA_ROTOR_COUNT": 4})
+    with pytest.raises(LogError, match=r"4 outputs of actuator_motors move, and nothing says which are all of the"):
+        import_px4({"actuator_motors": autopilots.throttle(flown)}, {"CA_ROTOR_COUNT": 6})
 
 
 @pytest.mark.parametrize("told", [{"PWM_MAIN_TIM0": -3}, {"DSHOT_CONFIG": 600}, {}])
@@ -98,6 +100,17 @@ def test_a_px4_hexarotor_is_its_collective_thrust(flown, autopilots, import_px4,
     assert (dut.input, dut.rotor, dut.throttle.shape) == ("normalised", None, (len(dut), 1))
     np.testing.assert_allclose(dut.throttle[:, 0] ** 2, np.mean(six**2, axis=1), atol=1e-9)
     assert "6 motors: their collective thrust alone is taken, torque is not told" in found.said
+
+
+def test_a_vehicle_on_a_desk_is_no_flight_and_never_valid_on_the_screen(flown, autopilots, import_px4):
+    def resting(streams):
+        place = streams["vehicle_local_position"]
+        still = {name: 0.0 * values for name, values in place.columns.items()} | {"xy_valid": 0.0 * place.t}
+        return {**streams, "vehicle_local_position": dc.replace(place, columns=still)}
+
+    found = import_px4({"actuator_motors": 0.02 + 0.01 * autopilots.throttle(flown)}, change=resting)
+    assert "vehicle_local_position: xy never valid" in found.said
+    assert any(line.startswith("no flight: position stays") for line in found.said)
 
 
 def test_speed_controllers_are_rotors_by_their_functions(flown, autopilots, import_px4, tmp_path):
