@@ -76,7 +76,8 @@ def _contents(path: Path) -> Contents:
     for s in subscriptions:
         if s.rows:
             found[s.name] = tuple(c for c in s.columns if c not in unused.get(s.name, ()))
-    return Scanned(found, log.initial_parameters, rates, values)
+    parameters = {name: value for name, value in log.initial_parameters.items() if np.isfinite(value)}
+    return Scanned(found, parameters, rates, values)
 
 
 def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Recording:

@@ -62,8 +62,9 @@ def motors(contents: Contents, slowest: float = 0.0) -> Motors:
 def _lifting(parameters: Parameters) -> list[int]:
     """Return the numbers of the rotors whose thrust is along body z, from 0; empty: the log does not state them."""
     count = int(parameters.get("CA_ROTOR_COUNT", 0)) or BY_TYPE.get(int(parameters.get("MAV_TYPE", 0)), 0)
+    count = min(count, MOST_MOTORS)
     tilted = {n for n in range(count) for axis in "XY" if abs(parameters.get(f"CA_ROTOR{n}_A{axis}", 0.0)) > 0.5}
-    return [n for n in range(min(count, MOST_MOTORS)) if n not in tilted]
+    return [n for n in range(count) if n not in tilted]
 
 
 def _throttle(contents: Contents, parameters: Parameters, lifting: Sequence[int]) -> Source:

@@ -15,7 +15,12 @@ from np_drake.logs.importing.signals import OPTIONAL, STATE
 INPUTS = ("thrust", "torque", "throttle", "rotor_speed")
 PAUSE = 1.0  # gap of a signal from which a log is two [s]; own choice: shorter ones split flights, not conventions
 SLOW = 10.0  # intervals of a signal that are no pause [1]; own choice
-LEAST = {"position": 0.1, "attitude": np.radians(10.0)}  # jump of one interval [m, rad]; own choice
+LEAST = {  # jump of one interval; own choice
+    "position": 0.1,  # [m]
+    "velocity": 0.5,  # [m/s]
+    "attitude": np.radians(10.0),  # [rad]
+}
+MOST = 0.02  # share of the intervals that jump from which the signal is a noisy one [1]; own choice
 ABRUPT = 8.0  # jump over the largest change of the intervals around it [1]; own choice: motion has no such
 STATED = 0.3  # share of both that is enough where the log itself states a reset [1]; own choice
 AROUND = 8  # intervals before and after a jump with which it is compared [1]
@@ -42,8 +47,6 @@ def find_breaks(signals: Mapping[str, Signal], log_map: LogMap, stated: Sequence
     """
     found: list[Break] = []
     place, turn = signals["position"], signals["attitude"]
-    unit = UNITS["position"][log_map.position.unit or "m"] * abs(log_map.position.scale)
-    moved = np.diff(place.values, axis=0) * unit
     q = convert_quantity("attitude", turn.values, log_map)
     turned = attitude.rotation_vector(attitude.multiply(attitude.conjugate(q[:-1]), q[1:]))
     asked = [(t, reason) for t, reason in stated if reason.endswith("?")]
@@ -52,7 +55,11 @@ def find_breaks(signals: Mapping[str, Signal], log_map: LogMap, stated: Sequence
         if not reason.endswith("?") and 0 < k < len(place.t):
             found.append(Break(float(place.t[k - 1]), float(place.t[k]), reason))
     found += [b for name in (*STATE, *INPUTS) if name in signals for b in _pauses(signals[name])]
-    found += _jumps(place.t, moved, "position", asked) + _jumps(turn.t, turned, "attitude", asked)
+    for name in (n for n in ("position", "velocity") if n in signals):
+        source = getattr(log_map, name)
+        unit = UNITS[name].get(source.unit, 1.0) * abs(source.scale)
+        found += _jumps(signals[name].t, np.diff(signals[name].values, axis=0) * unit, name, asked)
+    found += _jumps(turn.t, turned, "attitude", asked)
     return _joined(found)
 
 
@@ -99,7 +106,8 @@ def _jumps(t: np.ndarray, change: np.ndarray, name: str, asked: Sequence[tuple[f
         return []
     found = []
     usual = float(np.median(size))
-    for k in np.flatnonzero(size > STATED * max(LEAST[name], ABRUPT * usual)):
+    candidates = np.flatnonzero(size > STATED * max(LEAST[name], ABRUPT * usual))
+    for k in candidates if len(candidates) < MOST * count else ():
         near = np.r_[max(k - AROUND, 0) : k, k + 1 : min(k + 1 + AROUND, count)]
         around = size[near].max()
         back = np.linalg.norm(change[k : k + LASTS].sum(axis=0)) < 0.5 * size[k]
@@ -109,7 +117,9 @@ def _jumps(t: np.ndarray, change: np.ndarray, name: str, asked: Sequence[tuple[f
         reason = next((r for at, r in asked if t[max(k - 1, 0)] <= at <= t[min(k + 2, count)]), "")
         share = STATED if reason else 1.0
         if size[k] > share * LEAST[name] and size[k] > share * ABRUPT * around:
-            said = f"{size[k]:.3g} m" if name == "position" else f"{np.degrees(size[k]):.3g} deg"
+            said = (
+                f"{np.degrees(size[k]):.3g} deg" if name == "attitude" else f"{size[k]:.3g} {next(iter(UNITS[name]))}"
+            )
             what = reason.rstrip("?") or f"the {name} jumps by {said}"
             found.append(Break(float(t[k]), float(t[k + 1]), what + (f" ({name} by {said})" if reason else "")))
     return found

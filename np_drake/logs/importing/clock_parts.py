@@ -1,6 +1,7 @@
 """Parts of a recording between steps of its clock: set back, or not yet running at the start."""
 
 import dataclasses as dc
+import itertools
 from collections.abc import Iterator
 
 import numpy as np
@@ -10,6 +11,8 @@ from np_drake.logs.formats.format import Recording, Stream
 
 LEAST_STEP = 5  # samples by which a clock is set back; fewer are late messages; own choice
 MOST_STEPS = 20  # in one recording; more are rows out of order; own choice
+MOST_LATE = 0.1  # share of samples earlier than the one before from which these are in no order [1]; own choice
+SET = 1e6  # gap, in usual intervals, by which a clock was set [1]: hours at 100 Hz; own choice
 LONGER = (
     10.0  # gap, in usual intervals, after samples of one time from which these are before the clock [1]; own choice
 )
@@ -21,25 +24,33 @@ WILDER = 3.0  # change from sample to sample over the usual one, where samples o
 
 
 def clock_parts(recording: Recording) -> tuple[list[Recording], list[str]]:
-    """Return the parts between which the clock is set back, in the order of the file, and one line on each step.
+    """Return the parts between which the clock is set, in the order of the file, and one line on each step.
 
-    Rows before the clock runs, which all bear its first time, are left out. Where the file is sorted by time, rows from
-    before and after a step are merged: these are left out.
+    It is set back, or forward by hours. Rows before it runs, which all bear its first time, are left out. Where the
+    file is sorted by time, rows from before and after a step back are merged: these are left out.
     """
     running, said = _after_the_start(recording)
-    parts = _merged_parts(running, said) or _parts_in_order(running, said)
+    parts = []
+    for piece in _parts_of_clocks(running, said):
+        parts += _merged_parts(piece, said) or _parts_in_order(piece, said)
     return parts, said
 
 
 def set_back(t: np.ndarray) -> list[int]:
     """Return the rows at which the clock that stamps t (n,) is set back, for `LEAST_STEP` rows or more."""
-    found = []
-    for k in np.flatnonzero(np.diff(t) < 0) + 1:
-        after = t[k : k + LEAST_STEP]
-        ahead = t[(found[-1] if found else 0) : k].max()
+    found: list[int] = []
+    steps = np.flatnonzero(np.diff(t) < 0) + 1
+    if len(steps) > MOST_LATE * len(t):
+        return []  # rows in no order
+    latest, since = np.maximum.accumulate(t), 0
+    for k in steps:
+        after, ahead = t[k : k + LEAST_STEP], latest[k - 1 - since]
         ordered = len(after) == LEAST_STEP and np.all(after < ahead) and np.all(np.diff(after) >= 0)
         if ordered and t[k - 1] == ahead and np.all(t[max(k - 3, 0) : k] > t[k]):
             found.append(int(k))
+            if len(found) > MOST_STEPS:
+                return []
+            latest, since = np.maximum.accumulate(t[k:]), k
     return found
 
 
@@ -71,6 +82,29 @@ def _after_the_start(recording: Recording) -> tuple[Recording, list[str]]:
             said.setdefault(text, []).append(name)
     lines = [f"{', '.join(names)}: {text}" for text, names in said.items()]
     return dc.replace(recording, streams=streams), lines
+
+
+def _parts_of_clocks(recording: Recording, said: list[str]) -> list[Recording]:
+    """Return the parts on clocks that are hours apart, as those of a simulator and of the wall."""
+    gaps = sorted(gap for stream in recording.streams.values() for gap in _hours(stream.t))
+    if not gaps:
+        return [recording]
+    edges = [-np.inf, *(0.5 * (start + stop) for start, stop in gaps), np.inf]
+    spans = [(a, b) for a, b in itertools.pairwise(sorted(set(edges)))]
+    cut = [{n: _rows(s, (s.t > a) & (s.t <= b)) for n, s in recording.streams.items()} for a, b in spans]
+    whole = [streams for streams in cut if all(len(s) >= LEAST_ROWS for s in streams.values())]
+    if len(whole) > 1:
+        start, stop = gaps[0]
+        said.append(f"the clock is set between {start:.6g} s and {stop:.6g} s: split there")
+    return [dc.replace(recording, streams=streams) for streams in whole] or [recording]
+
+
+def _hours(t: np.ndarray) -> Iterator[tuple[float, float]]:
+    """Yield the ends of the gaps in time, in whatever order samples come, that no recorder sits through."""
+    later = np.unique(t[np.isfinite(t)])
+    interval = np.diff(later)
+    for k in np.flatnonzero(interval > SET * np.median(interval))[:MOST_STEPS] if len(interval) else ():
+        yield float(later[k]), float(later[k + 1])
 
 
 def _parts_in_order(recording: Recording, said: list[str]) -> list[Recording]:

@@ -46,6 +46,32 @@ def test_rows_in_the_order_in_which_they_came_lose_nothing(flown, back):
     assert said == [f"the clock is set back by {back - 0.01:.3g} s at 4 s: split there"]
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_clock_that_is_set_by_hours_makes_two_flights(flown, autopilots, import_px4, sign):
+    def on_the_wall(streams):
+        return {n: Stream(s.t + 1.7e9 * (sign * s.t > sign * 4.0), s.columns) for n, s in streams.items()}
+
+    found = import_px4({"actuator_motors": autopilots.throttle(flown)}, change=on_the_wall)
+    assert sorted(spans(found)) == pytest.approx([3.0, 4.99], abs=0.02)
+    assert any(line.startswith("the clock is set between") for line in found.said)
+
+
+def test_a_velocity_that_is_reset_breaks_the_log(flown, autopilots, import_px4):
+    def reset(streams):
+        return {**streams, "vehicle_local_position": shifted(streams["vehicle_local_position"], "vx", 5.0, 2.5)}
+
+    found = import_px4({"actuator_motors": autopilots.throttle(flown)}, change=reset)
+    assert any(line.startswith("the velocity jumps by 2.") for line in found.said)
+    assert spans(found)[0] == pytest.approx(4.0, abs=0.02)
+
+
+def test_rows_in_no_order_are_not_taken_for_steps_of_the_clock():
+    t = np.random.default_rng(0).permutation(0.01 * np.arange(200_000))
+    recording = Recording("made.log", {"a": Stream(t, {"x": t})})
+    parts, said = clock_parts(recording)
+    assert ([len(part.streams["a"]) for part in parts], said) == ([200_000], [])
+
+
 def test_late_messages_set_no_clock_back(flown):
     t = flown.t.copy()
     t[[100, 300]] -= 0.5
