@@ -66,7 +66,7 @@ def write_sheet(sheet: Sheet, log: str | Path) -> Path:
     Raises: OSError: if writing fails.
     """
     path = sheet_path(log)
-    read = {"timing": sheet.timing}
+    read: dict[str, Any] = {"timing": sheet.timing}
     if sheet.rotors is not None:
         values = {name: list(value) for name, value in dc.asdict(sheet.rotors).items() if name != "source"}
         values["positions"] = [list(position) for position in values["positions"]]

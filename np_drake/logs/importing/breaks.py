@@ -107,7 +107,7 @@ def _jumps(t: np.ndarray, change: np.ndarray, name: str, asked: Sequence[tuple[f
     found = []
     usual = float(np.median(size))
     candidates = np.flatnonzero(size > STATED * max(LEAST[name], ABRUPT * usual))
-    for k in candidates if len(candidates) < MOST * count else ():
+    for k in candidates.tolist() if len(candidates) < MOST * count else ():
         near = np.r_[max(k - AROUND, 0) : k, k + 1 : min(k + 1 + AROUND, count)]
         around = size[near].max()
         back = np.linalg.norm(change[k : k + LASTS].sum(axis=0)) < 0.5 * size[k]

@@ -43,11 +43,11 @@ def set_back(t: np.ndarray) -> list[int]:
     if len(steps) > MOST_LATE * len(t):
         return []  # rows in no order
     latest, since = np.maximum.accumulate(t), 0
-    for k in steps:
+    for k in steps.tolist():
         after, ahead = t[k : k + LEAST_STEP], latest[k - 1 - since]
         ordered = len(after) == LEAST_STEP and np.all(after < ahead) and np.all(np.diff(after) >= 0)
         if ordered and t[k - 1] == ahead and np.all(t[max(k - 3, 0) : k] > t[k]):
-            found.append(int(k))
+            found.append(k)
             if len(found) > MOST_STEPS:
                 return []
             latest, since = np.maximum.accumulate(t[k:]), k
@@ -67,7 +67,8 @@ def overlap(before: np.ndarray, after: np.ndarray) -> bool:
 
 def _after_the_start(recording: Recording) -> tuple[Recording, list[str]]:
     """Return the recording without the rows that bear the first time while the clock does not run yet."""
-    streams, said = dict(recording.streams), {}
+    streams = dict(recording.streams)
+    said: dict[str, list[str]] = {}
     for name, stream in recording.streams.items():
         distinct = np.flatnonzero(np.diff(stream.t) != 0)
         first = int(distinct[0]) + 1 if len(distinct) else 0

@@ -12,16 +12,14 @@ from np_drake.logs.errors import LogError
 from np_drake.logs.formats import format_of
 from np_drake.logs.formats.format import Contents, Format, Motors, Progress, Recording, by_stream, no_progress
 from np_drake.logs.import_sheet import Sheet
-from np_drake.logs.importing.agreement import agreed, fitting_stretch
 from np_drake.logs.importing.airborne import require_a_flight
 from np_drake.logs.importing.breaks import Signals, find_breaks, split
 from np_drake.logs.importing.clock_parts import clock_parts
-from np_drake.logs.importing.consistency import WINDOW
-from np_drake.logs.importing.conventions import DOUBTED, Change, Verdict, WrongConventions, fitting_time_unit
+from np_drake.logs.importing.conventions import Change, fitting_time_unit
 from np_drake.logs.importing.inputs import in_the_unit_of_the_lift, usable_inputs
 from np_drake.logs.importing.interpolation import Signal
 from np_drake.logs.importing.log_map import UNITS, LogMap, MapFile
-from np_drake.logs.importing.part import Part, flies, import_part
+from np_drake.logs.importing.parts import imported_parts
 from np_drake.logs.importing.sheet_content import sheet_content
 from np_drake.logs.importing.signals import gather, with_map_time
 
@@ -70,14 +68,15 @@ def import_log(
     """
     known, contents, found, motors = _map_for(Path(path), log_map)
     try:
-        given = {key: value for key, value in (("rate", rate), ("start", start), ("stop", stop)) if value}
-        log_map = dc.replace(found, **given).check()
+        log_map = dc.replace(
+            found, rate=rate or found.rate, start=start or found.start, stop=stop or found.stop
+        ).check()
     except ValueError as error:
         raise LogError(f"{path}: {error}") from None
     require_a_flight(log_map, str(path))
     recording = known.read(Path(path), by_stream(contents, log_map.names(), str(path)), on_progress)
     signals, clock, said, notes = _parts(recording, log_map, str(path))
-    log_map, parts, told = _imported_parts(signals, log_map, str(path), clock=clock, adopt=adopt)
+    log_map, parts, told = imported_parts(signals, log_map, str(path), clock=clock, adopt=adopt)
     name = ENDINGS.sub("", Path(path).name)
     flights = [flight for part in parts for flight in part.flights]
     if not flights:
@@ -148,67 +147,6 @@ def _parts(recording: Recording, log_map: LogMap, path: str) -> tuple[list[Signa
     if not parts:
         raise LogError(f"{path}: must hold a flight; no part has {LEAST_ROWS} samples of every signal.")
     return parts, clock, said, notes
-
-
-def _imported_parts(
-    parts: list[Signals], log_map: LogMap, path: str, *, clock: Change, adopt: bool
-) -> tuple[LogMap, list[Part], list[str]]:
-    """Return the map that agrees with the longest part, what was made of every part, and one line on each left out.
-
-    Raises: WrongConventions, LogError: if that of the longest part that fails, where none holds a flight.
-    """
-    origin = parts[0]["attitude"].t[0]
-    moving = [flies(signals, log_map) for signals in parts]
-    by_length = sorted(range(len(parts)), key=lambda k: (not moving[k], -np.ptp(parts[k]["attitude"].t)))
-    done: dict[int, Part] = {}
-    said: list[str] = []
-    failure: LogError | None = None
-    for k in by_length:
-        span = f"the part from {parts[k]['attitude'].t[0] - origin:.2f} s on"
-        if done and not moving[k]:
-            said.append(f"{span} is no flight; left out")
-            continue
-        try:
-            log_map, found, told = _fitting(parts[k], log_map, path, origin, clock=clock, adopt=adopt and not done)
-            done[k] = import_part(*found, path, origin=origin)
-            said += [*told, *done[k].said]
-        except LogError as error:
-            if len(parts) == 1 or (getattr(getattr(error, "verdict", None), "changes", ()) and not done):
-                raise
-            failure = failure or error
-            said.append(f"{span} does not agree with itself; left out")
-    if failure is not None and not done:
-        raise failure
-    if not moving[by_length[0]]:
-        said.insert(0, "no flight: position stays, or the rotors stand; nothing can be identified")
-    return log_map, [done[k] for k in sorted(done)], said
-
-
-def _fitting(
-    signals: Signals, log_map: LogMap, path: str, origin: float, *, clock: Change, adopt: bool
-) -> tuple[LogMap, tuple[Signals, LogMap, Verdict], list[str]]:
-    """Return the map, what of a part agrees with it, with the verdict, and a line where that is not all of it."""
-    carried = flies(signals, log_map)
-    try:
-        agreeing, verdict = agreed(signals, log_map, path, clock=clock, carried=carried, adopt=adopt)
-    except WrongConventions as error:
-        verdict, agreeing, failure = error.verdict, log_map, error
-    else:
-        failure = None
-    disturbed = any(misfit > DOUBTED for misfit in verdict.misfits.values())
-    stretch = fitting_stretch(signals, agreeing, verdict) if carried and disturbed and not verdict.changes else None
-    if stretch is None:
-        if failure is not None:
-            raise failure
-        return agreeing, (signals, agreeing, verdict), []
-    start, stop = stretch
-    begun = start > signals["attitude"].t[0] + WINDOW
-    whole = ", ".join(verdict.failed[:3]) or "its quantities"
-    since = f"from {start - origin:.1f} " if begun else ""
-    text = f"fits {since}until {stop - origin:.1f} s; beyond, {whole} do not agree"
-    part = {n: own for n, s in signals.items() if (own := s.between(start, stop)) is not None}
-    agreeing, verdict = agreed(part, log_map, path, clock=clock, carried=True, adopt=adopt)
-    return agreeing, (part, agreeing, verdict), [f"{text}: left out"]
 
 
 def _cut(signals: dict[str, Signal], log_map: LogMap, first: float, path: str) -> dict[str, Signal]:

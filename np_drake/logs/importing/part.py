@@ -7,6 +7,7 @@ import numpy as np
 
 from np_drake.flight_log import FlightLog
 from np_drake.logs.checks import LEAST_ROWS
+from np_drake.logs.errors import LogError
 from np_drake.logs.gaps import LONGEST as LONGEST_GAP
 from np_drake.logs.importing.airborne import airborne, before_the_crash, require_a_step, require_ranges, standing
 from np_drake.logs.importing.alignment import COMMANDS, Aligned, align
@@ -57,7 +58,8 @@ def import_part(signals: Signals, log_map: LogMap, verdict: Verdict, path: str, 
         verdict: on these.
         path: of the log, for messages.
         origin: first time of the log [s].
-    Raises: LogError: if its signals do not overlap, come at no rate of a flight log, or are in another unit.
+    Raises: LogError: if its signals do not overlap, come at no rate of a flight log, are in another unit, or are those
+    of a wreck.
     """
     carried = flies(signals, log_map)
     aligned = align(signals, log_map, path)
@@ -67,6 +69,8 @@ def import_part(signals: Signals, log_map: LogMap, verdict: Verdict, path: str, 
         require_ranges(aligned.values, log_map, path)
         x, lift = aligned.values, _lift(aligned.values)
         end = before_the_crash(aligned.t, x["position"], x["velocity"], x["attitude"])
+        if end < LEAST_ROWS:
+            raise LogError(f"{path}: must hold a flight; the vehicle lies still and tilted.")
         if end < len(aligned.t):
             said.append(
                 f"fits until {aligned.t[end - 1] - origin:.1f} s, where the vehicle crashes; the rest is left out"

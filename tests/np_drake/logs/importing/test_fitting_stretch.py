@@ -61,11 +61,18 @@ def fallen() -> tuple[np.ndarray, ...]:
 
 def test_a_wreck_ends_the_flight_before_its_impact():
     t, p, v, q = fallen()
-    assert t[before_the_crash(t, p, v, q)] == pytest.approx(5.8, abs=0.05)
+    assert t[before_the_crash(t, p, v, q)] == pytest.approx(5.8, abs=0.11)
+
+
+def test_an_impact_where_the_flight_is_lowest_ends_it_upright_as_well():
+    t, p, v, _ = fallen()
+    level = np.tile([1.0, 0.0, 0.0, 0.0], (len(t), 1))
+    assert t[before_the_crash(t, p, v, level)] == pytest.approx(5.8, abs=0.11)
 
 
 def test_a_landing_and_a_hover_are_no_crash():
     t, p, v, q = fallen()
     level = np.tile([1.0, 0.0, 0.0, 0.0], (len(t), 1))
-    assert before_the_crash(t, p, v, level) == len(t)
+    p[:, 2] = np.clip(3.2 - 0.8 * (t - 3.0), 0.0, 3.2)
+    assert before_the_crash(t, p, np.gradient(p, t, axis=0), level) == len(t)
     assert before_the_crash(t[:500], p[:500], v[:500], q[:500]) == 500
