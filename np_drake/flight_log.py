@@ -5,6 +5,8 @@ from typing import Any
 
 import numpy as np
 
+from np_drake.rotor_layout import RotorLayout
+
 
 @dc.dataclass
 class FlightLog:
@@ -19,6 +21,7 @@ class FlightLog:
     input: what thrust and torque come from: `command` (thrust and torque), `rotor_speed`, `thrust_only` (torque is
     NaN), `normalised` (throttle; thrust and torque by an estimated map).
     timing: standard deviation of the time at which a row's command acts [s]; 0 where it is held from its row.
+    layout: where the rotors of `rotor` and `throttle` are; None: in the order of the vehicle file.
     """
 
     t: np.ndarray
@@ -36,6 +39,7 @@ class FlightLog:
     name: str = "flight"  # for messages and tables
     input: str = "command"  # command | rotor_speed | thrust_only | normalised
     timing: float = 0.0
+    layout: RotorLayout | None = None
     notes: list[str] = dc.field(default_factory=list)  # what a reader derived, differentiated or repaired
 
     def __len__(self) -> int:

@@ -8,6 +8,7 @@ import dataclasses as dc
 import math
 
 from np_drake.files.yaml_text import quoted
+from np_drake.rotor_layout import CORNERS, FIRMWARE
 from np_drake.vehicle import Vehicle
 
 AIR = 1.225  # density at sea level, 15 °C [kg/m³]
@@ -32,6 +33,7 @@ class Measured:
     propeller: float  # diameter [m]
     hover_throttle: float  # 0 to 1 [1]
     curve: str = "quadratic"  # thrust over throttle: quadratic (throttle is rotor speed) | linear
+    order: str = "px4"  # of the rotors: an autopilot of `FIRMWARE`
     # Standard deviation over the value [1].
     mass_uncertainty: float = MASS_SPREAD
     thrust_uncertainty: float = THRUST_SPREAD
@@ -51,6 +53,7 @@ class Measured:
             0.05 <= self.hover_throttle <= 0.95, f"hover throttle must be 0.05 to 0.95; got {self.hover_throttle:g}"
         )
         _require(self.curve in CURVES, f"throttle curve must be {' or '.join(CURVES)}; got {self.curve!r}")
+        _require(self.order in FIRMWARE, f"order of the rotors must be {' or '.join(FIRMWARE)}; got {self.order!r}")
         return self
 
 
@@ -78,7 +81,8 @@ def estimate(measured: Measured, name: str = "mine") -> Vehicle:
     values = {
         "mass": m.mass,
         "inertia": [[_digits(xx), 0.0, 0.0], [0.0, _digits(xx), 0.0], [0.0, 0.0, _digits(zz)]],
-        "rotor_positions": [[_digits(x * arm), _digits(y * arm), 0.0] for x, y in CORNERS],
+        "rotor_positions": [[_digits(x * arm), _digits(y * arm), 0.0] for x, y in FIRMWARE[m.order].positions],
+        "rotor_directions": list(FIRMWARE[m.order].directions),
         "thrust_coefficient": _digits(thrust),
         "torque_coefficient": _digits(lever * thrust),
         "rotor_radius": _digits(0.5 * D),
@@ -87,9 +91,6 @@ def estimate(measured: Measured, name: str = "mine") -> Vehicle:
         "thrust_uncertainty": m.thrust_uncertainty,
     }
     return Vehicle(name=name, gravity=GRAVITY, **values).check()  # type: ignore[arg-type]
-
-
-CORNERS = ((1, 1), (1, -1), (-1, -1), (-1, 1))  # front left, front right, rear right, rear left
 
 
 def commented_file(measured: Measured, name: str = "mine") -> str:
@@ -103,6 +104,8 @@ def commented_file(measured: Measured, name: str = "mine") -> str:
     power, lever = {1: "", 2: "²"}[CURVES[m.curve]], v.torque_coefficient / v.thrust_coefficient
     known = uncertainty_lines(m)
     rotors = ", ".join(f"[{x:g}, {y:g}, 0]" for x, y, _ in v.rotor_positions)
+    layout = FIRMWARE[m.order]
+    corners, turns = ", ".join(CORNERS[p] for p in layout.positions), ", ".join(f"{d:g}" for d in layout.directions)
     xx, zz = v.inertia[0][0], v.inertia[2][2]
     return f"""\
 # Vehicle file of an X quadrotor, estimated from mass, wheelbase, propeller and hover throttle. Replace an estimate
@@ -114,10 +117,11 @@ mass: {m.mass:.15g} # given: with battery, without payload [kg]
 # the rest a solid cylinder whose radius and height are half an arm.
 inertia: [[{xx:g}, 0, 0], [0, {xx:g}, 0], [0, 0, {zz:g}]]
 gravity: {GRAVITY:g} # [m/s²]
-# From the wheelbase of {m.wheelbase:g} m, X layout: front left, front right, rear right, rear left, which is the order
-# of the rotor columns of a log; x forward, y left, from the centre of mass, taken as the middle [m].
+# From the wheelbase of {m.wheelbase:g} m, in the order of {layout.source}: {corners},
+# which is the order of the rotor columns of a log; x forward, y left, from the centre of mass, taken as the middle [m].
 rotor_positions: [{rotors}]
-rotor_directions: [1, -1, 1, -1] # assumed: 1 turns clockwise, seen from above, and twists the body the other way
+# 1 turns clockwise, seen from above, and twists the body the other way. Assumed: inwards at the front.
+rotor_directions: [{turns}]
 # C_T = {THRUST_NUMBER:g} of a propeller of {m.propeller:g} m in air of {AIR:g} kg/m³ [N/(rad/s)²].
 thrust_coefficient: {v.thrust_coefficient:g}
 # Figure of merit {FIGURE_OF_MERIT:g}, momentum theory: {lever:.3g} m times the thrust coefficient [N·m/(rad/s)²].

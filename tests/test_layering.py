@@ -27,7 +27,7 @@ DIAGNOSIS = (
     ),
 )
 GROUND = (
-    *("lazy_names", "attitude", "compiled", "files", "flight_log", "metrics"),
+    *("lazy_names", "attitude", "compiled", "files", "rotor_layout", "flight_log", "metrics"),
     *("vehicle", "rigid_body", "rotor_input", "scaling", "vehicle_estimate"),
     *("residual_model", "command_delay", "labels"),
     *("training_data", "effects", "logs", "references", "control", "diagnosis", "flight_design"),

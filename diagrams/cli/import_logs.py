@@ -34,6 +34,10 @@ def import_logs(
     rate: Annotated[
         float, Option(metavar="HZ", min=0, max=20_000, help="Rate of the rows; 0: of the fastest signal that is used.")
     ] = 0.0,
+    start: Annotated[
+        float, Option(metavar="SECONDS", min=0, help="Of what is imported, from the log's first attitude on [s].")
+    ] = 0.0,
+    stop: Annotated[float, Option(metavar="SECONDS", min=0, help="Its end; 0: the log's [s].")] = 0.0,
     adopt: Annotated[
         bool, Option("--adopt", help="Where a log fits other conventions than declared, take those.")
     ] = False,
@@ -48,6 +52,7 @@ def import_logs(
     if suffix not in SUFFIXES:
         raise ValueError(f"--suffix must be one of {', '.join(SUFFIXES)}; got {suffix!r}.")
     declared = None if log_map is None else load_map_file(log_map)
+    how = {"rate": rate, "start": start, "stop": stop, "adopt": adopt}
     rows: list[tuple[Any, ...]] = []
     written: list[str] = []
     failures: list[str] = []
@@ -55,12 +60,12 @@ def import_logs(
     with progress("importing", len(logs)) as advance:
         for number, path in enumerate(logs):
             try:
-                found = _imported(path, declared, rate, adopt, lambda share, k=number: advance(k + share, ""))
+                found = _imported(path, declared, how, lambda share, k=number: advance(k + share, ""))
                 written += _write(found, run.folder, suffix, written)
             except (LogError, OSError) as error:
                 failures.append(str(error) if isinstance(error, LogError) else f"{path}: {error.strerror or error}.")
                 continue
-            left += [f"{path.name}: {note}" for note in found.sheet.content["notes"] if "left out" in note]
+            left += [f"{path.name}: {note}" for note in _told(found)]
             rows += [_row(flight, found) for flight in found.flights]
             advance(number + 1, path.name)
     failure = None
@@ -72,17 +77,22 @@ def import_logs(
         [("imported flights", ["flight", "s", "Hz", "input", "timing [ms]", "rows bridged or left out"], rows)]
         if rows
         else [],
-        config={"logs": [str(p) for p in logs], "map": None if log_map is None else str(log_map), "rate": rate},
+        config={"logs": [str(p) for p in logs], "map": None if log_map is None else str(log_map), **how},
         metrics={"files": written, "failures": failures},
         summary=[*left, f"{len(written)} flights written to {run.folder}, a sheet beside each."] if written else [],
         failure=failure,
     )
 
 
-def _imported(path: Path, declared: "MapFile | None", rate: float, adopt: bool, tell: Any) -> "Imported":
+def _imported(path: Path, declared: "MapFile | None", how: dict[str, Any], tell: Any) -> "Imported":
     from np_drake.logs.importing.import_log import import_log
 
-    return import_log(path, declared, rate=rate, adopt=adopt, on_progress=tell)
+    return import_log(path, declared, **how, on_progress=tell)
+
+
+def _told(found: "Imported") -> list[str]:
+    """Return the notes that belong on the screen: what must be known, and what is left out."""
+    return [note for note in found.sheet.content["notes"] if note in found.said or "left out" in note]
 
 
 def _write(found: "Imported", folder: Path, suffix: str, before: list[str]) -> list[str]:

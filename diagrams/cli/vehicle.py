@@ -32,6 +32,10 @@ def new(
     throttle_curve: Annotated[
         str, Option(metavar="CURVE", help="Thrust over throttle: quadratic (throttle is rotor speed) | linear.")
     ] = "quadratic",
+    order: Annotated[
+        str | None,
+        Option(metavar="AUTOPILOT", help="Order of the rotors in logs: px4 | ardupilot | betaflight | crazyflie."),
+    ] = None,
     mass_uncertainty: MassUncertainty = None,
     thrust_uncertainty: ThrustUncertainty = None,
     preset: Preset = None,
@@ -42,11 +46,12 @@ def new(
 
     The file states how well mass and thrust are known, which a diagnosis takes into account.
     """
+    from np_drake.rotor_layout import FIRMWARE
     from np_drake.vehicle_estimate import Measured, commented_file
 
     given_or_none = {"mass_uncertainty": mass_uncertainty, "thrust_uncertainty": thrust_uncertainty}
     stated = {key: value for key, value in given_or_none.items() if value is not None}
-    measures = {"wheelbase": wheelbase, "propeller": propeller, "hover_throttle": hover_throttle}
+    measures = {"wheelbase": wheelbase, "propeller": propeller, "hover_throttle": hover_throttle, "order": order}
     if preset is not None:
         if given := [_option(key) for key, value in measures.items() if value is not None]:
             raise ValueError(f"--preset: goes with --mass, --name and uncertainties alone; got {', '.join(given)}.")
@@ -54,7 +59,9 @@ def new(
     else:
         measures["mass"] = mass
         if missing := [_option(key) for key, value in measures.items() if value is None]:
-            raise ValueError(f"give {', '.join(sorted(missing))} as well, or --preset NAME.")
+            options = ", ".join(sorted(missing, key=lambda option: (option == "--order", option)))  # its choices follow
+            which = f" {'|'.join(FIRMWARE)} (whose logs you have)" if order is None else ""
+            raise ValueError(f"give {options}{which} as well, or --preset NAME.")
         measured = Measured(**measures, **stated, curve=throttle_curve)  # type: ignore[arg-type]
         text = commented_file(measured, name or "mine")
     _write_or_print(text, out)

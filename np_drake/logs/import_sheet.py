@@ -10,20 +10,26 @@ import yaml
 from np_drake.files.atomic_file import write_text
 from np_drake.files.yaml_text import read_yaml
 from np_drake.logs.errors import LogError
+from np_drake.rotor_layout import RotorLayout
 
 SUFFIX = ".import.yaml"
-HEAD = "# Sheet beside a flight log, as of np-drake import. `timing` is read with the log; the rest is for people.\n"
+HEAD = (
+    "# Sheet beside a flight log, as of np-drake import. `timing` and `rotors` are read with the log; the rest is for "
+    "people.\n"
+)
 
 
 @dc.dataclass(frozen=True)
 class Sheet:
-    """What was done to a log, and the uncertainty of its commands' time.
+    """What was done to a log, the uncertainty of its commands' time, and where its rotors are.
 
-    timing: standard deviation of the time at which a row's command acts [s].   content: everything else, for people.
+    timing: standard deviation of the time at which a row's command acts [s].   rotors: those of the columns of rotors;
+    None: the log does not state them.   content: everything else, for people.
     """
 
     timing: float = 0.0
     content: dict[str, Any] = dc.field(default_factory=dict)
+    rotors: RotorLayout | None = None
 
 
 def sheet_path(log: str | Path) -> Path:
@@ -43,11 +49,12 @@ def read_sheet(log: str | Path) -> Sheet:
     try:
         content = read_yaml(path)
         timing = float(content.pop("timing", 0.0))
+        rotors = _layout(content.pop("rotors", None))
     except (AttributeError, TypeError, ValueError) as error:
         raise LogError(f"{path}: must be a sheet of np-drake import; write it again, or remove it.") from error
     if not 0 <= timing < 1:
         raise LogError(f"{path}: timing must be 0 to 1 s; got {timing}.")
-    return Sheet(timing, content)
+    return Sheet(timing, content, rotors)
 
 
 def write_sheet(sheet: Sheet, log: str | Path) -> Path:
@@ -59,6 +66,25 @@ def write_sheet(sheet: Sheet, log: str | Path) -> Path:
     Raises: OSError: if writing fails.
     """
     path = sheet_path(log)
-    text = yaml.safe_dump({"timing": sheet.timing, **sheet.content}, sort_keys=False, allow_unicode=True, width=110)
+    read: dict[str, Any] = {"timing": sheet.timing}
+    if sheet.rotors is not None:
+        values = {name: list(value) for name, value in dc.asdict(sheet.rotors).items() if name != "source"}
+        values["positions"] = [list(position) for position in values["positions"]]
+        read["rotors"] = {**values, "source": sheet.rotors.source}
+    text = yaml.safe_dump({**read, **sheet.content}, sort_keys=False, allow_unicode=True, width=110)
     write_text(path, HEAD + text)
     return path
+
+
+def _layout(content: Any) -> RotorLayout | None:
+    """Return where the rotors are, as a sheet states it.
+
+    Raises: ValueError, TypeError or AttributeError: if that is no layout of four rotors.
+    """
+    if content is None:
+        return None
+    positions = tuple((float(x), float(y)) for x, y in content.get("positions", ()))
+    directions = tuple(float(sign) for sign in content.get("directions", ()))
+    if len(positions) != 4 or len(directions) != 4:
+        raise ValueError("a layout has four rotors")
+    return RotorLayout(positions, directions, str(content.get("source", "")))

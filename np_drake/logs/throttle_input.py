@@ -15,6 +15,7 @@ from np_drake.vehicle import Vehicle
 EXPONENTS = (0.5, 2.5)  # of thrust over throttle: from a linearised to a bare motor [1]
 BAND = 4.0  # of the thrust that the map is fitted to [Hz]; own choice: below motor lag
 NOTE = "thrust from throttle"
+GRAVITY = 9.81  # where no vehicle states its own [m/s²]
 LEAST = 0.02  # throttle below which a rotor stands [1]
 
 
@@ -31,7 +32,7 @@ def with_throttle_input(log: FlightLog, vehicle: Vehicle, exponent: float | None
         exponent: of the vehicle [1]; default: that which fits this flight.
     Raises: LogError: if the log has no throttle, or never one that carries the vehicle.
     """
-    seen = _lifted(log, vehicle)
+    seen = _lifted(log, vehicle.gravity)
     whose = "exponent of the vehicle" if exponent is not None else "fitted to this flight's lift"
     exponent = _fitted_exponent([seen]) if exponent is None else exponent
     hover = _scale(*seen, exponent) ** (-1 / exponent)
@@ -61,7 +62,7 @@ def with_one_exponent(
     def known(log: FlightLog) -> bool:
         return log.input == "normalised" and log.throttle is not None
 
-    told = [_lifted(log, vehicle) for log in train if known(log)]
+    told = [_lifted(log, vehicle.gravity) for log in train if known(log)]
     if not told:
         return list(train), list(held_out)
     exponent = _fitted_exponent(told)
@@ -72,21 +73,42 @@ def with_one_exponent(
     return [mapped(log) for log in train], [mapped(log) for log in held_out]
 
 
+@dc.dataclass(frozen=True)
+class LiftExponent:
+    """Power of its throttle with which a flight's lift goes [1], and the share of the lift's variance that explains."""
+
+    exponent: float
+    explained: float
+
+
+def lift_exponent(log: FlightLog) -> LiftExponent:
+    """Return the power of its throttle that explains a flight's lift best, within `EXPONENTS`.
+
+    Args:
+        log: with a throttle that carries the vehicle.
+    Raises: LogError: if it never does.
+    """
+    throttle, lift = _lifted(log, GRAVITY)
+    exponent = _fitted_exponent([(throttle, lift)])
+    rest = lift - _scale(throttle, lift, exponent) * _shape(throttle, exponent)
+    return LiftExponent(exponent, 1.0 - float(np.var(rest) / max(float(np.var(lift)), 1e-12)))
+
+
 def _throttle(log: FlightLog) -> np.ndarray:
     if log.throttle is None:
         raise LogError(f"{log.name}: must have a column throttle, or throttle1 … throttle4; got none.")
     return log.throttle
 
 
-def _lifted(log: FlightLog, vehicle: Vehicle) -> tuple[np.ndarray, np.ndarray]:
+def _lifted(log: FlightLog, gravity: float) -> tuple[np.ndarray, np.ndarray]:
     """Return throttle (n, k) and the lift over gravity (n,) in the measured rows in which rotors turn [1]."""
     throttle = np.maximum(_throttle(log), 0.0)
     flying = throttle.mean(axis=1) > LEAST
     if flying.sum() < 20:
         raise LogError(f"{log.name}: throttle must be between 0 and 1 and carry the vehicle; it never exceeds {LEAST}.")
     # The specific force along body z, below motor lag.
-    a = smooth_derivative(log.v, log.t, BAND) + [0.0, 0.0, vehicle.gravity]
-    lift = np.sum(a * attitude.body_z(log.q), axis=1) / vehicle.gravity
+    a = smooth_derivative(log.v, log.t, BAND) + [0.0, 0.0, gravity]
+    lift = np.sum(a * attitude.body_z(log.q), axis=1) / gravity
     return throttle[flying], lift[flying]
 
 

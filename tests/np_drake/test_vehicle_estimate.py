@@ -29,10 +29,34 @@ def test_four_rotors_at_hover_throttle_carry_the_weight():
     assert 4 * linear.max_rotor_thrust * 0.5 == pytest.approx(1.2 * 9.81, rel=1e-5)
 
 
-def test_opposite_motors_are_a_wheelbase_apart():
-    p = np.array(estimate(MINE).rotor_positions)
-    assert np.linalg.norm(p[0] - p[2]) == pytest.approx(0.4, rel=1e-5)
-    assert np.linalg.norm(p[1] - p[3]) == pytest.approx(0.4, rel=1e-5)
+@pytest.mark.parametrize("order", ["px4", "ardupilot", "betaflight", "crazyflie"])
+def test_opposite_motors_are_a_wheelbase_apart_and_turn_alike(order):
+    dut = estimate(dc.replace(MINE, order=order))
+    p = np.array(dut.rotor_positions)
+    apart = np.linalg.norm(p[:, None] - p, axis=2)
+    assert apart.max(axis=1) == pytest.approx(4 * [0.4], rel=1e-5)
+    opposite = apart.argmax(axis=1)
+    assert dut.rotor_directions == [dut.rotor_directions[i] for i in opposite]
+
+
+@pytest.mark.parametrize(
+    "order, corners",  # x forward, y left; then 1 turns clockwise, seen from above
+    [
+        ("px4", [(1, -1, -1), (-1, 1, -1), (1, 1, 1), (-1, -1, 1)]),
+        ("ardupilot", [(1, -1, -1), (-1, 1, -1), (1, 1, 1), (-1, -1, 1)]),
+        ("betaflight", [(-1, -1, 1), (1, -1, -1), (-1, 1, -1), (1, 1, 1)]),
+        ("crazyflie", [(1, -1, -1), (-1, -1, 1), (-1, 1, -1), (1, 1, 1)]),
+    ],
+)
+def test_rotors_stand_in_the_order_of_the_autopilot(order, corners):
+    dut = estimate(dc.replace(MINE, order=order))
+    signs = np.sign(np.array(dut.rotor_positions)[:, :2])
+    np.testing.assert_array_equal(np.column_stack([signs, dut.rotor_directions]), corners)
+
+
+def test_an_order_of_no_autopilot_is_refused():
+    with pytest.raises(ValueError, match="order of the rotors must be px4 or ardupilot or betaflight or crazyflie"):
+        estimate(dc.replace(MINE, order="paper"))
 
 
 def test_the_rotor_spends_the_ideal_power_over_the_figure_of_merit():

@@ -2,7 +2,8 @@
 
 A log describes itself: FMT records hold name, length, format characters and columns of every message, FMTU records mark
 the column that numbers the instances of a sensor. Streams are messages by name, with `.<instance>` where they are
-numbered: `ATT`, `IMU.0`, `XKF1.0`, `ESC.3`. Values are in the units of ArduPilot's log message reference: the format
+numbered: `ATT`, `IMU.0`, `XKF1.0`, `ESC.3`. `XKF1.primary` is what the autopilot flies by: of every time the row of the
+core that XKF4 names as primary. Values are in the units of ArduPilot's log message reference: the format
 characters c, C, e, E (hundredths) and L (1e-7 deg) are applied. Strings and arrays are left out. Times are those since
 boot [s], from TimeUS or, in old logs, TimeMS.
 
@@ -22,7 +23,8 @@ import numpy as np
 from np_drake.files.input_file import cell_budget
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.dataflash_map import default_map
-from np_drake.logs.formats.format import Contents, Format, Progress, Recording, Stream, no_progress
+from np_drake.logs.formats.dataflash_motors import FUNCTION, USED, motors
+from np_drake.logs.formats.format import Contents, Format, Progress, Recording, Scanned, Stream, no_progress
 from np_drake.logs.text_lines import too_many_cells
 
 HEADER = b"\xa3\x95"  # begins every record; the type follows
@@ -38,10 +40,9 @@ MOST_INSTANCES = 256  # of a message; a byte numbers them
 TEXTS = {"n": 4, "N": 16, "Z": 64, "a": 64}  # bytes of the other characters; `a` is an array of 32 int16
 HEADERS = ("FMT", "FMTU", "UNIT", "MULT", "PARM", "MSG", "VER")  # messages about the log: no streams
 TIMES = {"TimeUS": 1e-6, "TimeMS": 1e-3}  # [s]
-PARAMETERS = (
-    *("FRAME_CLASS", "FRAME_TYPE", "MOT_PWM_MIN", "MOT_PWM_MAX", "MOT_SPIN_MIN", "MOT_SPIN_MAX"),
-    *("MOT_THST_EXPO", "MOT_THST_HOVER", "SCHED_LOOP_RATE"),
-)
+PARAMETERS = re.compile(rf"{USED.pattern}|MOT_SPIN_(MIN|MAX)|MOT_THST_(EXPO|HOVER)|SCHED_LOOP_RATE")
+PRIMARY = "primary"  # in place of an instance
+LANES = {name: f"{kind}4" for kind in ("XKF", "NKF") for name in (f"{kind}1", f"{kind[:2]}Q")}  # messages with the lane
 BLOCK = 1 << 22  # bytes between two calls of progress
 
 
@@ -264,7 +265,9 @@ def _contents(path: Path) -> Contents:
         if message.starts and message.time and message.numbers:
             for name in [f"{message.name}.{i}" for i in log.instances(message)] or [message.name]:
                 found[name] = message.numbers
-    return found
+            if len(log.instances(message)) > 1 and len(_lanes(log, message.name)[0]):
+                found[f"{message.name}.{PRIMARY}"] = message.numbers
+    return Scanned(found, _parameters(log))
 
 
 def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Recording:
@@ -275,7 +278,8 @@ def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Re
         streams[name] = _stream(log, name, columns)
         progress(0.7 + 0.3 * i / len(wanted))
     notes = (f"{path}: times are those since boot", *(f"{path}: {note}" for note in dict.fromkeys(log.notes)))
-    return Recording(str(path), streams, _facts(log), notes)
+    primary = next((name.partition(".")[0] for name in wanted if name.endswith(PRIMARY)), "")
+    return Recording(str(path), streams, _facts(log), notes, breaks=tuple(_switches(log, primary)) if primary else ())
 
 
 def _require_cells(log: _Log, wanted: Mapping[str, list[str]]) -> None:
@@ -298,11 +302,34 @@ def _stream(log: _Log, name: str, columns: list[str]) -> Stream:
         raise LogError(f"{log.path}, {name}: must hold the columns {', '.join(columns)}; mend the map.")
     names = [message.time, *columns] + ([message.instance] if message.instance else [])
     values = log.values(message, names)
-    if message.instance:
+    if message.instance and name.endswith(PRIMARY):
+        since, lane = _lanes(log, message.name)
+        at = np.searchsorted(since, values[:, 0] * TIMES[message.time], side="right") - 1
+        values = values[values[:, -1] == lane[np.maximum(at, 0)]]
+    elif message.instance:
         values = values[values[:, -1] == _number(name.partition(".")[2])]
     t = values[:, 0] * TIMES[message.time]
     timed = np.isfinite(t)
     return Stream(t[timed], {c: values[timed, i] for i, c in enumerate(columns, start=1)})
+
+
+def _lanes(log: _Log, name: str) -> tuple[np.ndarray, np.ndarray]:
+    """Return since when (k,) [s] which core (k,) of the estimator is primary; empty where no message says so."""
+    message = log.messages.get(LANES.get(name, ""))
+    if message is None or not message.starts or not message.time or "PI" not in message.numbers:
+        return np.zeros(0), np.zeros(0)
+    values = log.values(message, [message.time, "PI"])
+    values = values[np.all(np.isfinite(values), axis=1)]
+    values = values[np.argsort(values[:, 0], kind="stable")]
+    new = np.diff(values[:, 1], prepend=np.nan) != 0
+    return values[new, 0] * TIMES[message.time], values[new, 1]
+
+
+def _switches(log: _Log, name: str) -> Iterator[tuple[float, str]]:
+    """Yield the times at which the autopilot flies on with another core of its estimator, and which."""
+    since, lane = _lanes(log, name)
+    for t, before, after in zip(since[1:], lane[:-1], lane[1:], strict=True):
+        yield float(t), f"the autopilot switches from core {before:g} of its estimator to core {after:g}"
 
 
 def _facts(log: _Log) -> dict[str, str]:
@@ -314,10 +341,15 @@ def _facts(log: _Log) -> dict[str, str]:
             facts.setdefault("firmware", text)
         if text.startswith("Frame:"):
             facts.setdefault("frame", text.removeprefix("Frame:").strip())
-    for row in log.texts("PARM"):
-        if row.get("Name") in PARAMETERS:
-            facts[row["Name"]] = row.get("Value", "")
-    return facts
+    used = {name: value for name, value in _parameters(log).items() if not (value == 0 and FUNCTION.fullmatch(name))}
+    return facts | {name: f"{value:.7g}" for name, value in used.items()}
+
+
+def _parameters(log: _Log) -> dict[str, float]:
+    """Return the parameters that bear on motors and thrust, as they are at the end."""
+    rows = (row for row in log.texts("PARM") if PARAMETERS.fullmatch(row.get("Name", "")))
+    values = {row["Name"]: _number(row.get("Value", "")) for row in rows}
+    return {name: value for name, value in values.items() if np.isfinite(value)}
 
 
 def _size(character: str) -> int:
@@ -347,4 +379,4 @@ def _recognises(path: Path, start: bytes) -> bool:
 
 
 TITLE = "ArduPilot DataFlash .bin and .log"
-DATAFLASH = Format("dataflash", TITLE, _recognises, _contents, default_map, _read)
+DATAFLASH = Format("dataflash", TITLE, _recognises, _contents, default_map, _read, motors)

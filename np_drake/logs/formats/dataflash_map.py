@@ -1,5 +1,6 @@
 """Map of the messages that ArduPilot writes, in NED and FRD.   Source: ArduPilot's log message reference."""
 
+from np_drake.logs.formats.dataflash_motors import motors
 from np_drake.logs.formats.format import Contents, first_source
 from np_drake.logs.importing.log_map import LogMap, Source
 
@@ -7,18 +8,20 @@ from np_drake.logs.importing.log_map import LogMap, Source
 def default_map(contents: Contents) -> LogMap | None:
     """Return the map of the names that ArduPilot gives; None without attitude, or position and velocity.
 
-    Position, velocity and attitude are those of the first core of the EKF. Body rates and acceleration are those of the
-    first IMU, with its biases. Motors are taken to be on the outputs 1 to 4.
+    Position, velocity and attitude are those of the primary core of the EKF, else the first. Body rates and
+    acceleration are those of the first IMU, with its biases. Motors are those that the parameters name, else on the
+    outputs 1 to 4.
+    Raises: ValueError: if the frame is none that a vehicle file can hold, or an output of a motor is not logged.
     """
     ekf = _first(contents, ("XKF1", "NKF1"), ("PN", "PE", "PD", "VN", "VE", "VD"))
     attitude = _attitude(contents)
     if not (ekf and attitude):
         return None
     imu = _first(contents, ("IMU",), ("GyrX", "GyrY", "GyrZ", "AccX", "AccY", "AccZ"))
-    outputs = _first(contents, ("RCOU",), ("C1", "C2", "C3", "C4"))
+    driven = motors(contents)
     battery = _first(contents, ("BAT", "CURR"), ("Volt",))
-    throttle, hover = Source(outputs, "us"), Source()
-    if not outputs:
+    throttle, hover = driven.throttle, Source()
+    if not throttle:
         throttle = Source(_first(contents, ("CTUN",), ("ThO",)))
         hover = Source(_first(contents, ("CTUN",), ("ThH",)))
     return LogMap(
@@ -31,7 +34,7 @@ def default_map(contents: Contents) -> LogMap | None:
         attitude=attitude,
         rates=Source(imu[:3]),
         acceleration=Source(imu[3:], kind="specific_force", axes="body"),
-        rotor_speed=Source(_escs(contents), "rpm"),
+        rotor_speed=driven.rotor_speed,
         throttle=throttle,
         hover_throttle=hover if throttle else Source(),
         voltage=Source(battery),
@@ -50,15 +53,7 @@ def _attitude(contents: Contents) -> Source | None:
     return None
 
 
-def _escs(contents: Contents) -> list[str]:
-    """Return the rotor speeds of the first four speed controllers; none where fewer report."""
-    for names in ([f"ESC.{i}" for i in range(4)], [f"ESC{i}" for i in range(1, 5)]):
-        if all("RPM" in contents.get(name, ()) for name in names):
-            return [f"{name}/RPM" for name in names]
-    return []
-
-
 def _first(contents: Contents, names: tuple[str, ...], columns: tuple[str, ...]) -> list[str]:
-    """Return `stream/column` of the first message that has all columns; its first instance where it is numbered."""
-    streams = (stream for name in names for stream in (f"{name}.0", name))
+    """Return `stream/column` of the first message that has all columns: its primary or first instance, if numbered."""
+    streams = (stream for name in names for stream in (f"{name}.primary", f"{name}.0", name))
     return first_source(contents, ([f"{stream}/{column}" for column in columns] for stream in streams)).columns

@@ -11,6 +11,7 @@ import numpy as np
 from np_drake.files.input_file import require_plain_file
 from np_drake.logs.errors import LogError
 from np_drake.logs.importing.log_map import LogMap, Source
+from np_drake.rotor_layout import RotorLayout
 
 Progress = Callable[[float], None]  # called with the share of a file that is read [1]
 Contents = Mapping[str, tuple[str, ...]]  # names of the columns of every stream
@@ -39,18 +40,56 @@ class Recording:
     """Streams of one file by name.
 
     path: of the file, for messages.   facts: what its header says (vehicle, firmware, parameters), for the sheet.
-    notes: what the decoder left out or mended, one line each.
+    notes: what the decoder left out or mended, one line each.   said: those of them that the screen says as well.
+    breaks: times [s] at which the log states a switch, with the reason; one that ends in `?` is a break where it shows.
     """
 
     path: str
     streams: Mapping[str, Stream]
     facts: Mapping[str, str] = dc.field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    said: tuple[str, ...] = ()
+    breaks: tuple[tuple[float, str], ...] = ()
 
     @property
     def contents(self) -> Contents:
         """Names of the columns of every stream."""
         return {name: tuple(stream.columns) for name, stream in self.streams.items()}
+
+
+class Scanned(dict[str, tuple[str, ...]]):
+    """Contents, with what a header and the rows of rotors say.
+
+    Args:
+        streams: names of their columns.
+        parameters: of the vehicle, by name.
+        rates: of streams of rotors [Hz].
+        values: by `stream/column`, those of a column that says what its rows are.
+    """
+
+    def __init__(
+        self,
+        streams: Mapping[str, tuple[str, ...]],
+        parameters: Mapping[str, float] | None = None,
+        rates: Mapping[str, float] | None = None,
+        values: Mapping[str, float] | None = None,
+    ) -> None:
+        super().__init__(streams)
+        self.parameters, self.rates, self.values_of = dict(parameters or {}), dict(rates or {}), dict(values or {})
+
+
+@dc.dataclass(frozen=True)
+class Motors:
+    """What drives the rotors, as a log states it.
+
+    throttle: of each motor in the order of the autopilot, 4 or more; empty: none.   rotor_speed: of four, in that
+    order.   layout: where these four are; None: not stated, or they are not four.   notes: one line each.
+    """
+
+    throttle: Source = dc.field(default_factory=Source)
+    rotor_speed: Source = dc.field(default_factory=Source)
+    layout: RotorLayout | None = None
+    notes: tuple[str, ...] = ()
 
 
 def find_column(contents: Contents, name: str, path: str = "log") -> tuple[str, str]:
@@ -127,6 +166,7 @@ class Format:
     default_map: the map where the log's own names say what they hold; None where only its user knows.
     read: the streams and columns that are wanted; memory must not grow with what is not. Calls its last argument with
         the share of the file that is read.
+    motors: which columns drive the rotors, of a format whose logs state it.
     All raise LogError, one line with file, place and remedy, on a damaged file or without the library.
     """
 
@@ -136,6 +176,7 @@ class Format:
     contents: Callable[[Path], Contents]
     default_map: Callable[[Contents], LogMap | None]
     read: Callable[[Path, Mapping[str, list[str]], Progress], Recording]
+    motors: Callable[[Contents], Motors] = lambda contents: Motors()
 
 
 def first_bytes(path: Path) -> bytes:

@@ -17,6 +17,7 @@ from np_drake.logs.formats.table_text import split_header
 from np_drake.logs.gaps import LONGEST, bridge_gaps, split_at_gaps
 from np_drake.logs.gaps import repair as repair_table
 from np_drake.logs.import_sheet import read_sheet
+from np_drake.logs.rotor_order import in_order_of
 from np_drake.logs.throttle_input import with_throttle_input
 from np_drake.logs.units import check_units
 from np_drake.rotor_input import with_rotor_input
@@ -70,7 +71,7 @@ def read(path: str | Path, vehicle: Vehicle | None = None, *, repair: bool = Fal
             log.bridged = bridged
             log.notes.append(f"{bridged.sum()} rows put into gaps of up to {LONGEST:g} s; they add nothing")
         log.notes[:0] = notes + split
-        log.timing = sheet.timing
+        log.timing, log.layout = sheet.timing, sheet.rotors
         log = _with_input(log, table, fields, vehicle)
         check_units(log, path, vehicle)
         logs.append(log)
@@ -114,6 +115,7 @@ def _with_input(log: FlightLog, table: Table, fields: list[str], vehicle: Vehicl
 
     The best known comes first: the input that the vehicle file names, a whole command, rotor speed, thrust, throttle.
     """
+    log = log if vehicle is None else in_order_of(log, vehicle)
     wanted = None if vehicle is None else vehicle.input
     present = {
         "command": "u" in fields,

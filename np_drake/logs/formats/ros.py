@@ -31,6 +31,7 @@ from np_drake.logs.formats.bags.sqlite import MAGIC as SQLITE
 from np_drake.logs.formats.bags.sqlite import Sqlite, described, unpack
 from np_drake.logs.formats.format import Contents, Format, Progress, Recording, Stream, first_source
 from np_drake.logs.formats.ros_message import Decoder, Types, find_fields, missing_types
+from np_drake.logs.importing.clock_parts import overlap, set_back
 from np_drake.logs.importing.log_map import LogMap, Source
 from np_drake.logs.text_lines import too_many_cells
 
@@ -153,6 +154,7 @@ def _open_file(bag: Bag, path: Path, stack: contextlib.ExitStack) -> None:
     stack.callback(storage.close)
     if not storage.whole:
         bag.notes.append(f"the end of {path.name} is cut off or damaged; its whole records are read")
+    bag.notes += getattr(storage, "notes", ())
     bag.storages.append(storage)
 
 
@@ -242,11 +244,15 @@ class _Rows:
         self.numbers.extend(numbers)
 
     def sort(self) -> None:
-        """Put the messages into the order of their receipt; those of one time keep theirs."""
+        """Put the messages into the order of their receipt; those of one time keep theirs.
+
+        Where the clock of receipt was set back, those before and after it stay apart.
+        """
         received = np.array(self.received)
         if not (np.diff(received) < 0).any():
             return
-        order = np.argsort(received, kind="stable")
+        steps = [k for k in set_back(received) if overlap(received[:k], received[k:])]
+        order = np.lexsort((received, np.searchsorted(steps, np.arange(len(received)), side="right")))
         numbers = np.frombuffer(self.numbers).reshape(len(order), len(self.columns))
         self.received = array("q", received[order].tobytes())
         self.stamps = array("q", np.array(self.stamps)[order].tobytes())
@@ -289,8 +295,9 @@ def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Re
         for name, r in rows.items():
             values = np.array(r.numbers).reshape(len(times[name]), len(r.columns))
             streams[name] = Stream(times[name], {c: values[:, i] for i, c in enumerate(r.columns)})
+        said = tuple(note for storage in bag.storages for note in getattr(storage, "notes", ()))
     lines = tuple(f"{path}: {note}" for note in [*dict.fromkeys(notes), *clocks])
-    return Recording(str(path), streams, facts, lines)
+    return Recording(str(path), streams, facts, lines, said)
 
 
 def _times(rows: Mapping[str, _Rows]) -> tuple[dict[str, np.ndarray], list[str]]:

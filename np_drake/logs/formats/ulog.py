@@ -14,8 +14,9 @@ from typing import Any
 import numpy as np
 
 from np_drake.logs.errors import LogError
-from np_drake.logs.formats.format import Contents, Format, Progress, Recording, Stream, no_progress
-from np_drake.logs.formats.ulog_map import ROTOR_COLUMN, default_map
+from np_drake.logs.formats.format import Contents, Format, Progress, Recording, Scanned, Stream, no_progress
+from np_drake.logs.formats.ulog_map import default_map
+from np_drake.logs.formats.ulog_motors import ROTOR_COLUMN, motors
 from np_drake.logs.formats.ulog_parser import Guarded, parse, stream_name
 
 MAGIC = b"\x55\x4c\x6f\x67\x01\x12\x35"
@@ -25,7 +26,8 @@ PROBED = ("esc_status", "actuator_motors", "actuator_outputs")  # their unused c
 COMMANDS = re.compile(r"actuator_.*|.*_setpoint")
 PARAMETERS = re.compile(
     r"MAV_TYPE|SYS_AUTOSTART|MPC_THR_(HOVER|MIN|MAX|CURVE)|THR_MDL_FAC|CA_(AIRFRAME|ROTOR_COUNT)"
-    r"|CA_ROTOR\d+_(PX|PY|PZ|KM|CT)|PWM_(MIN|MAX)|PWM_(MAIN|AUX)_(MIN|MAX)\d*|BAT\d*_N_CELLS|IMU_(GYRO|DGYRO)_CUTOFF"
+    r"|CA_ROTOR\d+_(PX|PY|PZ|KM|CT)|PWM_(MIN|MAX)|PWM_(MAIN|AUX)_(MIN|MAX|FUNC|TIM)\d*|DSHOT_CONFIG|BAT\d*_N_CELLS"
+    r"|IMU_(GYRO|DGYRO)_CUTOFF"
 )
 HEADER_FACTS = {
     "sys_name": "system",
@@ -38,24 +40,19 @@ VALID = ("xy_valid", "z_valid", "v_xy_valid", "v_z_valid")  # of a local positio
 RESETS = "_reset_counter"  # end of the names of its counters
 
 
-class _Scanned(dict[str, tuple[str, ...]]):
-    """Contents, with the rates [Hz] of the streams of rotors."""
-
-    def __init__(self, streams: Mapping[str, tuple[str, ...]], rates: Mapping[str, float]) -> None:
-        super().__init__(streams)
-        self.rates = dict(rates)
-
-
 @dc.dataclass
 class _Said:
     """What is to be said of a stream.
 
     delay: of its messages after their samples [s]; None: its times are those of the messages.   notes: one line each.
+    never: flags that are not set in any row.   resets: times at which its estimate is reset, with the reason.
     """
 
     name: str
     delay: float | None
     notes: list[str]
+    never: list[str]
+    resets: list[tuple[float, str]]
 
 
 def _contents(path: Path) -> Contents:
@@ -68,16 +65,19 @@ def _contents(path: Path) -> Contents:
     log, subscriptions, _ = parse(path, PROBED, no_progress)
     unused: dict[str, set[str]] = {}
     rates: dict[str, float] = {}
+    values: dict[str, float] = {}
     for data in log.data_list:
         name = stream_name(data.name, data.multi_id)
         unused[name] = {c for c, v in data.data.items() if ROTOR_COLUMN.fullmatch(c) and not _changes(v)}
         span = float(data.data["timestamp"].max() - data.data["timestamp"].min())
+        values |= {f"{name}/{c}": float(v[-1]) for c, v in data.data.items() if c.endswith(".actuator_function")}
         rates[name] = (len(data.data["timestamp"]) - 1) * 1e6 / span if span else 0.0
     found = {}
     for s in subscriptions:
         if s.rows:
             found[s.name] = tuple(c for c in s.columns if c not in unused.get(s.name, ()))
-    return _Scanned(found, rates)
+    parameters = {name: value for name, value in log.initial_parameters.items() if np.isfinite(value)}
+    return Scanned(found, parameters, rates, values)
 
 
 def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Recording:
@@ -96,7 +96,9 @@ def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Re
         streams[name], told = _stream(path, name, parts, columns, log)
         said.append(told)
     notes = [*_damage(log, guarded), *_timing(said), *(note for s in said for note in s.notes)]
-    return Recording(str(path), streams, _facts(log), tuple(notes))
+    never = tuple(f"{s.name}: {', '.join(s.never)} never valid" for s in said if s.never)
+    resets = tuple(reset for s in said for reset in s.resets)
+    return Recording(str(path), streams, _facts(log), tuple(notes), never, resets)
 
 
 def _stream(path: Path, name: str, parts: Sequence[Any], columns: Sequence[str], log: Any) -> tuple[Stream, _Said]:
@@ -117,7 +119,8 @@ def _stream(path: Path, name: str, parts: Sequence[Any], columns: Sequence[str],
     times, delay = _times(published[kept], measured, log.start_timestamp)
     flags = {c: joined(c)[kept] for c in sorted(known) if c in VALID or c.endswith(RESETS)}
     lost = [] if kept.all() else [f"{name}: {np.sum(~kept)} rows without a time are left out."]
-    said = _Said(name, delay, [*lost, *_validity(name, times, flags)])
+    never = [column.removesuffix("_valid") for column in VALID if column in flags and not flags[column].any()]
+    said = _Said(name, delay, [*lost, *_validity(name, times, flags)], never, _resets(times, flags))
     return Stream(times, {c: joined(c)[kept].astype(float) for c in columns}), said
 
 
@@ -144,6 +147,13 @@ def _validity(name: str, t: np.ndarray, flags: Mapping[str, np.ndarray]) -> Iter
     said = ", ".join(f"{c.removesuffix(RESETS)} {n}" for c, n in resets.items() if n)
     if said:
         yield f"{name}: the estimate jumps at its resets ({said})."
+
+
+def _resets(t: np.ndarray, flags: Mapping[str, np.ndarray]) -> list[tuple[float, str]]:
+    """Return the times at which a counter of resets changes, and of what; where the estimate jumps there, it breaks."""
+    counters = {c: v for c, v in flags.items() if c.endswith(RESETS)}
+    found = [(float(t[k + 1]), c) for c, v in counters.items() for k in np.flatnonzero(np.diff(v.astype(float)))]
+    return [(at, f"the estimator resets {counter.removesuffix(RESETS)}?") for at, counter in sorted(found)]
 
 
 def _timing(streams: Sequence[_Said]) -> Iterator[str]:
@@ -197,4 +207,4 @@ def _changes(values: np.ndarray) -> bool:
     return bool(len(finite)) and bool(finite.min() != finite.max())
 
 
-ULOG = Format("ulog", "PX4 ULog", lambda path, start: start.startswith(MAGIC), _contents, default_map, _read)
+ULOG = Format("ulog", "PX4 ULog", lambda path, start: start.startswith(MAGIC), _contents, default_map, _read, motors)

@@ -1,15 +1,9 @@
 """Map of PX4's own messages, in NED and FRD.   Source: PX4's message reference (uORB)."""
 
-import re
-from collections.abc import Mapping
-
-import numpy as np
-
 from np_drake.logs.formats.format import Contents, first_source
+from np_drake.logs.formats.ulog_motors import motors, require_motors
+from np_drake.logs.importing.interpolation import SLOWEST_ROTORS
 from np_drake.logs.importing.log_map import LogMap, Source
-
-SLOWEST_ROTORS = 20.0  # of a stream of four rotors that is preferred to collective thrust [Hz], own choice
-ROTOR_COLUMN = re.compile(r"(esc\[\d+\]\.esc_rpm|control\[\d+\]|output\[\d+\])")
 
 
 def _indexed(name: str, count: int) -> list[str]:
@@ -28,11 +22,11 @@ _FORCES = (_indexed("sensor_combined/accelerometer_m_s2", 3), _indexed("vehicle_
 def default_map(contents: Contents) -> LogMap | None:
     """Return the map of PX4's own messages (NED, FRD); None without position and attitude.
 
-    Rotor speed is measured, by the ESCs. Throttle is that of four motors where it is logged at 20 Hz or more, else
+    Rotor speed is measured, by the ESCs. Throttle is that of the motors where it is logged at 20 Hz or more, else
     collective. Torque setpoints are normalised and have no unit: they are left out. The velocity of an external
     vision is taken to be in body axes, as MAVLink's ODOMETRY has it.
+    Raises: ValueError: if outputs move and nothing says which are motors.
     """
-    rates = getattr(contents, "rates", {})
     position, velocity, odometry = _position(contents)
     found = LogMap(
         format="ulog",
@@ -49,12 +43,16 @@ def default_map(contents: Contents) -> LogMap | None:
         ),
         rates=first_source(contents, _RATES, unit="rad/s", axes="body"),
         acceleration=first_source(contents, _FORCES, unit="m/s2", axes="body", kind="specific_force"),
-        rotor_speed=_rotors(contents, rates, "esc_status", "rpm", SLOWEST_ROTORS),
-        throttle=_throttle(contents, rates),
+        rotor_speed=motors(contents, SLOWEST_ROTORS).rotor_speed,
+        throttle=_throttle(contents),
         hover_throttle=first_source(contents, [["hover_thrust_estimate/hover_thrust"]], unit="1"),
         voltage=first_source(contents, [["battery_status/voltage_v"]], unit="V"),
     )
-    return found if found.position and found.attitude else None
+    if not (found.position and found.attitude):
+        return None
+    if not (found.throttle or found.rotor_speed):
+        require_motors(contents)
+    return found
 
 
 def _position(contents: Contents) -> tuple[Source, Source, str]:
@@ -70,25 +68,14 @@ def _position(contents: Contents) -> tuple[Source, Source, str]:
     return Source(), Source(), odometry
 
 
-def _rotors(contents: Contents, rates: Mapping[str, float], stream: str, unit: str, slowest: float) -> Source:
-    """Return the columns of four rotors that are in use, if there are just four and they are logged fast enough."""
-    columns = [c for c in contents.get(stream, ()) if ROTOR_COLUMN.fullmatch(c)]
-    if len(columns) != 4 or rates.get(stream, np.inf) < slowest:
-        return Source()
-    return Source(columns=[f"{stream}/{c}" for c in columns], unit=unit)
-
-
-def _throttle(contents: Contents, rates: Mapping[str, float]) -> Source:
-    """Return throttle of four motors, else collective, else that of four motors however slow."""
-
-    def motors(slowest: float) -> Source:
-        return _rotors(contents, rates, "actuator_motors", "1", slowest) or _rotors(
-            contents, rates, "actuator_outputs", "us", slowest
-        )
-
+def _throttle(contents: Contents) -> Source:
+    """Return throttle of four motors, else collective, else that of motors of another number or however slow."""
+    own = motors(contents, SLOWEST_ROTORS).throttle
+    if len(own.columns) == 4:
+        return own
     collective = (
         first_source(contents, [["vehicle_thrust_setpoint/xyz[2]"]], unit="1", scale=-1.0)
         or first_source(contents, [["actuator_controls_0/control[3]"]], unit="1")
         or first_source(contents, [["vehicle_attitude_setpoint/thrust_body[2]"]], unit="1", scale=-1.0)
     )
-    return motors(SLOWEST_ROTORS) or collective or motors(0.0)
+    return collective or own or motors(contents).throttle

@@ -43,8 +43,9 @@ def align(signals: Signals, log_map: LogMap, path: str = "log") -> Aligned:
 
     Where all signals share their times these are kept. Elsewhere rows are evenly spaced. Attitude follows the body
     rates between its samples, velocity the accelerations, position the velocity; body rates and rotor speeds are
-    averaged about a row. Commands, and the accelerations that follow them at once, are averaged over the interval after
-    it: the specific force in body axes, which a command holds while the body turns.
+    averaged about a row, and rotor speed that is renewed more slowly than rows come is held. Commands, and the
+    accelerations that follow them at once, are averaged over the interval after it: the specific force in body axes,
+    which a command holds while the body turns.
 
     Args:
         signals: as logged, by quantity.
@@ -78,7 +79,9 @@ def align(signals: Signals, log_map: LogMap, path: str = "log") -> Aligned:
     if "angular_acceleration" in signals:
         out["angular_acceleration"] = _averaged_after(in_frames("angular_acceleration"), t, width)
     for name in (n for n in READINGS if n in signals):
-        out[name] = in_frames(name).averaged(t, width)
+        own = in_frames(name)
+        steps = name == "rotor_speed" and width > 0 and own.renewal > FASTER * width
+        out[name] = own.held(t) if steps else own.averaged(t, width)
     for name in (n for n in COMMANDS if n in signals):
         out[name] = _command(in_frames(name), log_map.command, t)
     return Aligned(t, out, _in_gaps(signals, t), tuple(notes))

@@ -7,6 +7,10 @@ import numpy as np
 
 from np_drake import attitude
 
+# Rate of rotor speed, of the throttle of each motor, and of torque, below which they are no input: what turns the
+# vehicle is faster. Source: own choice.
+SLOWEST_ROTORS = 20.0  # [Hz]
+REPEATED = 0.3  # share of rows equal to the row before, from which a signal's rate is slower [1]; own choice
 FASTER = 1.5  # ratio of sampling rates from which a rate fills in a state, or readings are averaged [1]; own choice
 
 
@@ -14,16 +18,35 @@ FASTER = 1.5  # ratio of sampling rates from which a rate fills in a state, or r
 class Signal:
     """One quantity as logged: t (n,) [s], strictly increasing, and values (n, k) in the units of the file.
 
-    Its methods take times `at` (m,) [s].
+    tick: to which its times are rounded, where that is coarse [s].   Its methods take times `at` (m,) [s].
     """
 
     t: np.ndarray
     values: np.ndarray
+    tick: float = 0.0
 
     @property
     def step(self) -> float:
         """Median sampling interval [s]."""
         return float(np.median(np.diff(self.t)))
+
+    @property
+    def renewal(self) -> float:
+        """Median interval at which the values change [s]: that of the samples, unless many repeat."""
+        new = np.flatnonzero(np.any(np.diff(self.values, axis=0) != 0, axis=1))
+        if len(new) < 2 or len(new) > (1 - REPEATED) * (len(self.t) - 1):
+            return self.step
+        return float(np.median(np.diff(self.t[new + 1])))
+
+    def between(self, start: float, stop: float) -> "Signal | None":
+        """Return the samples from `start` to `stop` [s]; None where they are fewer than two.
+
+        Args:
+            start: first time.
+            stop: last time.
+        """
+        inside = (self.t >= start) & (self.t <= stop)
+        return dc.replace(self, t=self.t[inside], values=self.values[inside]) if inside.sum() > 1 else None
 
     def linear(self, at: np.ndarray) -> np.ndarray:
         """Return the values by linear interpolation, (m, k); the ends are held."""

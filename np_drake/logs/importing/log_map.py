@@ -21,8 +21,8 @@ UNITS: dict[str, dict[str, float]] = {  # by quantity: factor to SI
     "thrust": {"N": 1.0, "mN": 0.001, "gf": 9.80665e-3, "weight": 1.0},
     "torque": {"N.m": 1.0, "mN.m": 0.001},
     "rotor_speed": {"rad/s": 1.0, "rpm": 0.10471975511965977, "Hz": 6.283185307179586},
-    "throttle": {"1": 1.0, "percent": 0.01, "us": 1.0, "pwm16": 1 / 65535},
-    "hover_throttle": {"1": 1.0, "percent": 0.01, "us": 1.0, "pwm16": 1 / 65535},
+    "throttle": {"1": 1.0, "percent": 0.01, "us": 1.0, "pwm16": 1 / 65535, "dshot": 1 / 2000},
+    "hover_throttle": {"1": 1.0, "percent": 0.01, "us": 1.0, "pwm16": 1 / 65535, "dshot": 1 / 2000},
     "voltage": {"V": 1.0, "mV": 0.001},
     "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9},
 }
@@ -36,7 +36,7 @@ SIZES: dict[str, tuple[int, ...]] = {  # number of columns
     "thrust": (1,),
     "torque": (3,),
     "rotor_speed": (4,),
-    "throttle": (1, 4),
+    "throttle": (1, 4, 6, 8),  # of more than four rotors their collective is taken
     "hover_throttle": (1,),
     "voltage": (1,),
 }
@@ -56,6 +56,7 @@ class Source:
     direction: of an attitude: `body_to_world` or `world_to_body`.
     world, body: frames of this quantity, where they differ from those of the map.
     late: time by which the stamps are later than the quantity [s].
+    ends: of a throttle, its readings at 0 and at 1: two numbers, or two for every column; none: those of its unit.
     """
 
     columns: list[str] = dc.field(default_factory=list)
@@ -68,6 +69,7 @@ class Source:
     world: str = ""
     body: str = ""
     late: float = 0.0
+    ends: list[float] = dc.field(default_factory=list)
 
     def __bool__(self) -> bool:
         return bool(self.columns)
@@ -199,6 +201,17 @@ def _check_source(name: str, source: Source, known: tuple[int, ...]) -> None:
     _one_of(f"{name}.direction", source.direction, ("body_to_world", "world_to_body"))
     if source.scale == 0 or not abs(source.scale) < 1e12:
         raise ValueError(f"LogMap: {name}.scale must be finite and not zero; got {source.scale}.")
+    if source.ends and (
+        name not in ("throttle", "hover_throttle")
+        or len(source.ends) not in (2, 2 * len(source.columns))
+        or not all(
+            abs(low) < 1e6 and low < high < 1e6 for low, high in zip(source.ends[::2], source.ends[1::2], strict=True)
+        )
+    ):
+        raise ValueError(
+            f"LogMap: {name}.ends must be the readings of a throttle at 0 and at 1, once or for every column; got "
+            f"{source.ends}."
+        )
     if not abs(source.late) <= 10:
         raise ValueError(f"LogMap: {name}.late must be within 10 s; got {source.late}.")
 

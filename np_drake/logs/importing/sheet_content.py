@@ -8,10 +8,10 @@ import numpy as np
 
 from np_drake.effects.library import unobservable
 from np_drake.flight_log import FlightLog
-from np_drake.logs.importing.alignment import Aligned
 from np_drake.logs.importing.conventions import Verdict, as_text
 from np_drake.logs.importing.interpolation import Signal
 from np_drake.logs.importing.log_map import UNITS, LogMap
+from np_drake.logs.importing.part import Part
 
 
 def sheet_content(
@@ -19,10 +19,7 @@ def sheet_content(
     title: str,
     facts: Mapping[str, str],
     log_map: LogMap,
-    signals: Mapping[str, Signal],
-    verdict: Verdict,
-    aligned: Aligned,
-    rows: slice,
+    parts: Sequence[Part],
     flights: Sequence[FlightLog],
     notes: Sequence[str],
 ) -> dict[str, Any]:
@@ -33,26 +30,24 @@ def sheet_content(
         title: of its format.
         facts: of its header.
         log_map: its map, with the conventions that hold.
-        signals: as logged, by quantity.
-        verdict: on its conventions.
-        aligned: all rows.
-        rows: those between take-off and landing.
+        parts: between its breaks.
         flights: that are written.
         notes: what was derived, mended or left out, one line each.
     """
+    longest = max(parts, key=lambda part: len(part.aligned.t))
     spans = ", ".join(f"{log.name}: {len(log)} rows, {log.t[-1]:.4g} s" for log in flights)
     return {
         "source": Path(path).name,
         "format": title,
         **({"facts": dict(facts)} if facts else {}),
         "frames": f"world {log_map.world}, body {log_map.body}; written as z up and z along the thrust",
-        "columns": {name: _described(name, signals[name], log_map) for name in signals},
-        "conventions": _conventions_text(verdict),
+        "columns": {name: _described(name, own, log_map) for name, own in longest.signals.items()},
+        "conventions": _conventions_text(longest.verdict),
         "rows": f"{1 / flights[0].step:.4g} Hz; {spans}",
         "input": flights[0].input,
         "command": log_map.command,
-        "gaps": _gaps_text(aligned, rows, flights),
-        "notes": list(notes),
+        "gaps": _gaps_text(parts, flights),
+        "notes": [*notes, *(note for part in parts for note in (*part.aligned.notes, *ground_notes(part)))],
         "cannot_be_told": unanswerable(flights[0]),
     }
 
@@ -86,8 +81,8 @@ def _conventions_text(verdict: Verdict) -> str:
     return text + (f"; adopted: {as_text(verdict.changes)}" if verdict.changes else "")
 
 
-def _gaps_text(aligned: Aligned, rows: slice, flights: Sequence[FlightLog]) -> str:
-    filled = int(aligned.filled[rows].sum())
+def _gaps_text(parts: Sequence[Part], flights: Sequence[FlightLog]) -> str:
+    filled = sum(int(part.aligned.filled[part.rows].sum()) for part in parts)
     inside = [np.diff(log.t).max() for log in flights]
     text = "none" if not filled and len(flights) == 1 and max(inside) < 2.5 * flights[0].step else ""
     if not text:
@@ -96,15 +91,12 @@ def _gaps_text(aligned: Aligned, rows: slice, flights: Sequence[FlightLog]) -> s
     return text
 
 
-def ground_notes(t: np.ndarray, rows: slice, ground: np.ndarray) -> list[str]:
-    """Return one line on the time on the ground that is left out, or none.
-
-    Args:
-        t: (n,) [s].
-        rows: between the first take-off and the last landing.
-        ground: (n,) bool, on the ground.
-    """
-    air = np.flatnonzero(~ground[rows]) + rows.start
+def ground_notes(part: Part) -> list[str]:
+    """Return one line on the time on the ground that is left out of a part, or none."""
+    t, ground = part.aligned.t, part.ground
+    air = np.flatnonzero(~ground[part.rows]) + part.rows.start
+    if not len(air):
+        return []
     between = float(ground[air[0] : air[-1]].sum() * np.median(np.diff(t)))
     spans = {"before": t[air[0]] - t[0], "after": t[-1] - t[air[-1]], "between flights": between}
     told = [f"{span:.3g} s {when}" for when, span in spans.items() if span > 0]

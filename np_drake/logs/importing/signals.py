@@ -7,10 +7,10 @@ import numpy as np
 from np_drake.logs.checks import LARGEST, LEAST_ROWS
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.format import Recording, Stream, find_column
-from np_drake.logs.importing.interpolation import Signal
+from np_drake.logs.importing.interpolation import REPEATED, Signal
 from np_drake.logs.importing.log_map import UNITS, LogMap, Source
+from np_drake.logs.importing.telemetry import spread_ticks, without_zeros
 
-REPEATED = 0.3  # share of rows equal to the row before, from which a signal's rate is slower [1]; own choice
 JUMP = 1e7  # longest gap, in median intervals: a day at 100 Hz [1]; own choice
 BACK = 0.1  # share of samples earlier than one before them from which these are another log [1]; own choice
 LEAST_NORM = 1e-3  # of a quaternion that is one, of whatever length [1]; own choice
@@ -33,6 +33,12 @@ def gather(recording: Recording, log_map: LogMap) -> tuple[dict[str, Signal], li
         signal, reasons = _cleaned(signal, quaternion=name == "attitude" and len(source.columns) == 4)
         if reasons:
             notes.append(f"{name}: rows left out: {reasons}")
+        if signal.tick:
+            notes.append(f"{name}: times are rounded to {1e3 * signal.tick:.3g} ms; taken as an uncertainty of time")
+        if name == "rotor_speed" and len(signal.t) > 1:
+            signal, zeros = without_zeros(signal)
+            if zeros:
+                notes.append(f"rotor_speed: {zeros} single readings of zero left out")
         if name in STATE:
             signal, kept = _without_repeats(signal)
             if kept < 1:
@@ -92,17 +98,22 @@ def _require_one_log(signal: Signal, place: str) -> None:
 def _cleaned(signal: Signal, *, quaternion: bool) -> tuple[Signal, str]:
     """Return the samples that are numbers and later than all before, and what is left out; empty: nothing.
 
-    A quaternion of zeros is none: estimators write it before they have started.
+    A quaternion of zeros is none: estimators write it before they have started. Samples that share the tick of a coarse
+    clock are spread over it.
     """
     good = np.isfinite(signal.t) & np.all(np.abs(signal.values) <= LARGEST, axis=1)
     zero = good & (np.linalg.norm(np.where(good[:, None], signal.values, 0.0), axis=1) < LEAST_NORM)
     zero &= quaternion
     kept = good & ~zero
     t, values = signal.t[kept], signal.values[kept]
-    later = t > np.concatenate([[-np.inf], np.maximum.accumulate(t)[:-1]])
-    counts = {"no number": np.sum(~good), "a quaternion of zeros": np.sum(zero), "time not increasing": np.sum(~later)}
+    twice = np.concatenate([[False], (np.diff(t) == 0) & np.all(np.diff(values, axis=0) == 0, axis=1)])[: len(t)]
+    forward = (t >= np.maximum.accumulate(t)) & ~twice
+    t, tick = spread_ticks(t[forward])
+    later = np.diff(t, prepend=-np.inf) > 0
+    back = int(kept.sum() - later.sum())
+    counts = {"no number": np.sum(~good), "a quaternion of zeros": np.sum(zero), "time not increasing": back}
     reasons = ", ".join(f"{count} with {reason}" for reason, count in counts.items() if count)
-    return Signal(t[later], values[later]), reasons
+    return Signal(t[later], values[forward][later], tick), reasons
 
 
 def _without_repeats(signal: Signal) -> tuple[Signal, float]:
@@ -122,7 +133,7 @@ def _without_repeats(signal: Signal) -> tuple[Signal, float]:
     usual = max(1, round(float(np.median(np.diff(rows)))))
     since = np.arange(len(new)) - np.maximum.accumulate(np.where(new, np.arange(len(new)), 0))
     keep = new | ((since > 0) & (since % (2 * usual) == 0))
-    return Signal(signal.t[keep], signal.values[keep]), float(keep.mean())
+    return dc.replace(signal, t=signal.t[keep], values=signal.values[keep]), float(keep.mean())
 
 
 def with_map_time(recording: Recording, log_map: LogMap) -> Recording:

@@ -84,6 +84,36 @@ def test_a_wrong_convention_is_named_and_can_be_adopted(table, tmp_path, capsys)
     assert "adopted: rates.unit: deg/s" in sheet["conventions"]
 
 
+def test_start_and_stop_are_seconds_of_the_log(table, tmp_path, capsys):
+    cut = ["--start", "1", "--stop", "3.5"]
+    assert run(["import", "flight.csv", "--map", "map.yaml", "--out", "mine", *cut, "--json", "m.json"]) == 0
+    log = open_flights(tmp_path / "mine" / "flight.csv", vehicle=Vehicle())[0][0]
+    assert log.t[-1] == pytest.approx(2.5)
+    config = json.loads((tmp_path / "m.json").read_text())["config"]
+    assert (config["start"], config["stop"]) == (1.0, 3.5)
+
+
+def test_a_log_that_is_no_flight_says_so_on_the_screen(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "map.yaml").write_text(MAP)
+    desk = {name: np.full(len(T), column[0]) for name, column in swaying(T).items()} | {"stamp": 1e3 * T}
+    write_table(tmp_path / "desk.csv", desk | {"z": 1 + 1e-3 * np.sin(T)})
+    assert run(["import", "desk.csv", "--map", "map.yaml", "--out", "mine"]) == 0
+    said = capsys.readouterr().out
+    assert "desk.csv: no flight: position stays, or the rotors stand; nothing can be identified" in said
+
+
+def test_a_break_is_said_on_the_screen_with_its_time(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "map.yaml").write_text(MAP)
+    flight = swaying(T)
+    flight["z"] = flight["z"] + 2.0 * (T > 3.0)
+    write_table(tmp_path / "flight.csv", flight)
+    assert run(["import", "flight.csv", "--map", "map.yaml", "--out", "mine"]) == 0
+    assert "flight.csv: the position jumps by 2 m at 3.00 s: split there" in capsys.readouterr().out
+    assert sorted(p.name for p in (tmp_path / "mine").glob("*.csv")) == ["flight_part1.csv", "flight_part2.csv"]
+
+
 def test_a_long_gap_splits_a_log_into_flights(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "map.yaml").write_text(MAP)

@@ -7,11 +7,12 @@ import pytest
 from diagrams.cli.main import run
 from np_drake.vehicle import load_vehicle, preset_names
 
+MEASURES = ("--mass", "20", "--wheelbase", "1.4", "--propeller", "0.72", "--hover-throttle", "0.5", "--order", "px4")
+
 
 def test_new_writes_a_file_that_every_verb_takes(tmp_path, capsys):
     out = tmp_path / "lifter.yaml"
-    measures = ["--mass", "20", "--wheelbase", "1.4", "--propeller", "0.72", "--hover-throttle", "0.5"]
-    assert run(["vehicle", "new", *measures, "--name", "lifter", "--out", str(out)]) == 0
+    assert run(["vehicle", "new", *MEASURES, "--name", "lifter", "--out", str(out)]) == 0
     assert load_vehicle(out).name == "lifter"
     assert run(["fly", "circle", "--vehicle", str(out), "--duration", "0.2"]) == 0
     assert "controller: hold" in capsys.readouterr().out
@@ -28,11 +29,15 @@ def test_new_without_out_prints_the_file(capsys, tmp_path):
     "arguments, text",
     [
         (["--mass", "1"], "--wheelbase"),
+        (list(MEASURES[:-2]), "give --order px4|ardupilot|betaflight|crazyflie (whose logs you have) as well"),
         (["--preset", "nobody"], "crazyflie, hummingbird"),
         (["--preset", "crazyflie", "--mass", "1"], "max_rotor_thrust"),
         (["--preset", "crazyflie", "--propeller", "0.1"], "--propeller"),
         (["--preset", "crazyflie", "--mass-uncertainty", "0.9"], "mass_uncertainty"),
-        (["--mass", "1", "--wheelbase", "0.4", "--propeller", "0.2", "--hover-throttle", "50"], "0.05 to 0.95"),
+        (
+            ["--mass", "1", "--wheelbase", "0.4", "--propeller", "0.2", "--hover-throttle", "50", "--order", "px4"],
+            "0.05 to 0.95",
+        ),
     ],
 )
 def test_bad_measures_are_one_line(arguments, text, capsys):
@@ -66,9 +71,6 @@ def test_show_prints_source_and_default_flight(capsys):
     printed = capsys.readouterr().out
     assert "Förster" in printed
     assert "control period" in printed
-
-
-MEASURES = ("--mass", "20", "--wheelbase", "1.4", "--propeller", "0.72", "--hover-throttle", "0.5")
 
 
 @pytest.mark.parametrize("start", [MEASURES, ("--preset", "crazyflie")], ids=["measures", "preset"])

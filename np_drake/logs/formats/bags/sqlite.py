@@ -3,7 +3,9 @@
 Source: rosbag2, storage plugin sqlite3.
 """
 
+import shutil
 import sqlite3
+import tempfile
 from collections.abc import Callable, Collection, Iterator
 from pathlib import Path, PurePath
 
@@ -15,7 +17,10 @@ LANGUAGES = {b"ros2msg": "MSG", b"ros2idl": "IDL"}
 
 
 class Sqlite:
-    """Channels and messages of a database."""
+    """Channels and messages of a database, and of the write-ahead file beside it.
+
+    notes: what is to be said of it.
+    """
 
     whole = True
 
@@ -28,7 +33,19 @@ class Sqlite:
         Raises: ValueError: if it is no such database; LogError: beyond the budget.
         """
         self._budget = budget
-        self._database = sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro&immutable=1", uri=True)
+        self._folder: tempfile.TemporaryDirectory[str] | None = None
+        self.notes: list[str] = []
+        uri = f"{path.absolute().as_uri()}?mode=ro&immutable=1"
+        ahead = path.with_name(f"{path.name}-wal")
+        if ahead.is_file() and ahead.stat().st_size:
+            # A recorder that was killed leaves messages there. They are read of copies: SQLite writes beside the file.
+            self._folder = tempfile.TemporaryDirectory()
+            copy = Path(self._folder.name) / "bag.db3"
+            shutil.copyfile(path, copy)
+            shutil.copyfile(ahead, copy.with_name(f"{copy.name}-wal"))
+            uri = f"{copy.as_uri()}?mode=ro"
+            self.notes.append(f"the write-ahead file {ahead.name} is read with it; its recorder did not end well")
+        self._database = sqlite3.connect(uri, uri=True)
         self._database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, budget.block)
         self._database.text_factory = bytes
         try:
@@ -63,6 +80,8 @@ class Sqlite:
     def close(self) -> None:
         """Close the file."""
         self._database.close()
+        if self._folder is not None:
+            self._folder.cleanup()
 
     def _require_tables(self) -> None:
         """Check that what a bag holds is stored: a view may compute rows without end.

@@ -10,6 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from np_drake.flight_log import FlightLog
+from np_drake.logs.importing.import_log import import_log
 from np_drake.logs.importing.log_map import SIZES, UNITS, LogMap, Source
 
 ENU_OF_NED = np.array([[0, 1, 0], [1, 0, 0], [0, 0, -1]], float)  # x east from y, y north from x, z up
@@ -107,3 +108,41 @@ def writer():
     """Return `writer(name)`: the module that writes made files of a format."""
     folder = Path(__file__).parents[1] / "formats"
     return lambda name: load(f"{name}_writer", folder / f"{name}_writer.py")
+
+
+@pytest.fixture(scope="session")
+def autopilots():
+    """Return the module that puts a flight into the messages of PX4 and ArduPilot."""
+    return load("autopilot_streams", Path(__file__).with_name("autopilot_streams.py"))
+
+
+@pytest.fixture(scope="session")
+def flown(fly) -> FlightLog:
+    """Return a lively flight of 8 s at 100 Hz, with usual sensor noise."""
+    return fly(seed=5, seconds=8.0, noise=1.0, vigour=1.5, attitude_noise=0.003)
+
+
+@pytest.fixture
+def import_px4(flown, autopilots, writer, tmp_path):
+    """Return `import_px4(outputs, parameters)`: the import of the flight with these outputs by stream."""
+    pytest.importorskip("pyulog", reason="ULog needs pyulog")
+
+    def go(outputs, parameters=None, change=lambda streams: streams, **options):
+        path = tmp_path / "log.ulg"
+        writer("ulog").write(path, change(autopilots.px4(flown, outputs)), parameters=parameters or {})
+        return import_log(path, **options)
+
+    return go
+
+
+@pytest.fixture
+def import_ardupilot(flown, autopilots, writer, tmp_path):
+    """Return `import_ardupilot(outputs, parameters)`: the import of the flight with these pulses."""
+
+    def go(outputs, parameters=None, change=lambda streams: streams, first=1, **options):
+        path = tmp_path / "log.bin"
+        streams = change(autopilots.ardupilot(flown, outputs, first))
+        writer("dataflash").write(path, streams, parameters=parameters or {})
+        return import_log(path, **options)
+
+    return go

@@ -1,0 +1,122 @@
+"""Agreement of a part of a log with its conventions: as declared, as adopted, or up to where it stops."""
+
+import dataclasses as dc
+from collections.abc import Mapping
+
+import numpy as np
+
+from np_drake.logs.importing.alignment import common_rows
+from np_drake.logs.importing.consistency import WINDOW, misfits
+from np_drake.logs.importing.conventions import (
+    FAILS,
+    Change,
+    Verdict,
+    WrongConventions,
+    as_text,
+    changed,
+    check_conventions,
+)
+from np_drake.logs.importing.convert import convert
+from np_drake.logs.importing.interpolation import Signal
+from np_drake.logs.importing.log_map import LogMap
+
+CHECK_RATE = 50.0  # of the rows on which conventions are checked [Hz]
+SPAN = 2.0  # over which a law is tested by itself [s]; own choice: four windows of a law
+EVERY = 0.1  # between two such tests [s]
+MOST_TESTS = 600  # of one part; own choice
+SHORTEST_STRETCH = 3.0  # that is taken of a part that does not fit as a whole [s]; own choice
+ENDS_BADLY = 1.0  # misfit, that of no agreement, from which the end of a part is left out though the whole holds [1]
+
+
+def fitting_stretch(signals: Mapping[str, Signal], log_map: LogMap, verdict: Verdict) -> tuple[float, float] | None:
+    """Return the longest stretch in which the laws hold that fail in the whole [s]; None where there is none.
+
+    A law must be tested there, not only be silent. Where the whole holds, the end alone is looked at: a short crash
+    hides in a long flight.
+
+    Args:
+        signals: as logged, by quantity.
+        log_map: with the conventions declared.
+        verdict: on the whole.
+    """
+    t, raw = _checked_rows(signals)
+    x = convert(raw, log_map)
+    rows = round(SPAN * CHECK_RATE)
+    step = max(round(EVERY * CHECK_RATE), len(t) // MOST_TESTS)
+    starts = range(0, len(t) - rows + 1, step)
+    laws = {law for law in verdict.failed or verdict.misfits if not law.startswith("lift")}
+    most = FAILS if verdict.failed else ENDS_BADLY
+
+    def holds(k: int) -> bool:
+        own = misfits(t[k : k + rows], {name: values[k : k + rows] for name, values in x.items()})
+        return all(own.get(law, 0.0) <= most for law in laws)
+
+    good = np.array([holds(k) for k in starts])
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], good, [False]]).astype(int))).reshape(-1, 2)
+    if not len(edges) or good.all():
+        return None
+    first, after = edges[np.argmax(edges[:, 1] - edges[:, 0])]
+    whole = after == len(good)
+    if not verdict.failed and (first > 0 or whole or good[after:].any()):
+        return None
+    start, stop = t[starts[first]], t[-1] if whole else t[starts[after - 1] + rows - 1] - WINDOW
+    inside = (t >= start) & (t <= stop)
+    if stop - start < SHORTEST_STRETCH:
+        return None
+    own = check_conventions(t[inside], {name: values[inside] for name, values in raw.items()}, log_map)
+    tested = {law.split()[0] for law in own.misfits}
+    return (float(start), float(stop)) if own.holds and {law.split()[0] for law in verdict.failed} <= tested else None
+
+
+def _checked_rows(signals: Mapping[str, Signal]) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    return common_rows({n: s for n, s in signals.items() if n != "voltage"}, CHECK_RATE)
+
+
+def agreed(
+    signals: Mapping[str, Signal], log_map: LogMap, path: str, *, clock: Change, carried: bool, adopt: bool
+) -> tuple[LogMap, Verdict]:
+    """Return the map whose conventions agree with the log, and the verdict on them.
+
+    Args:
+        signals: as logged, by quantity.
+        log_map: as declared.
+        path: of the log, for messages.
+        clock: change of the unit of time, made in the signals.
+        carried: whether the vehicle flies at all.
+        adopt: take other conventions where the log fits those.
+    Raises: WrongConventions: if those declared do not agree, unless others do and are to be adopted.
+    """
+    verdict = Verdict({}, ())
+    if carried:
+        t, raw = _checked_rows(signals)
+        verdict = check_conventions(t, raw, log_map)
+    if verdict.holds and not clock:
+        return log_map, verdict
+    laws = [f"misfit of {law} {verdict.misfits[law]:.2g}" for law in verdict.failed[:4]]
+    laws[:0] = ["rows of the attitude not 0.1 ms to 0.2 s apart"] if clock else []
+    wrong = ", ".join(laws) + "; a misfit of 0 agrees, 1 does not"
+    if verdict.failed and not verdict.changes:
+        raise WrongConventions(
+            f"{path}: its quantities must agree with each other in the conventions declared ({wrong}), and agree in no "
+            "other that is known. Check columns, units and frames of the map, and leave damaged rows out with "
+            "--start and --stop.",
+            verdict,
+        )
+    verdict = dc.replace(
+        verdict,
+        failed=("interval",) * bool(clock) + verdict.failed,
+        changes=clock + verdict.changes,
+        rivals=tuple(clock + rival for rival in verdict.rivals),
+    )
+    fit = as_text(verdict.changes)
+    if verdict.rivals:
+        fit += "; or " + "; or ".join(as_text(change) for change in verdict.rivals[:2])
+    if not adopt or verdict.rivals:
+        raise WrongConventions(
+            f"{path}: it does not fit the conventions declared ({wrong}), but fits {fit}. "
+            "Write that in the map" + ("." if verdict.rivals else ", or give --adopt."),
+            verdict,
+        )
+    log_map = changed(log_map, verdict.changes)
+    now = check_conventions(t, raw, log_map) if carried else verdict
+    return log_map, dc.replace(now, changes=verdict.changes)

@@ -1,0 +1,136 @@
+"""Where a log breaks: its recorder pauses, its position or attitude jumps, or its format states a switch."""
+
+import dataclasses as dc
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from np_drake import attitude
+from np_drake.logs.checks import LEAST_ROWS
+from np_drake.logs.importing.convert import convert_quantity
+from np_drake.logs.importing.interpolation import Signal
+from np_drake.logs.importing.log_map import UNITS, LogMap
+from np_drake.logs.importing.signals import OPTIONAL, STATE
+
+INPUTS = ("thrust", "torque", "throttle", "rotor_speed")
+PAUSE = 1.0  # gap of a signal from which a log is two [s]; own choice: shorter ones split flights, not conventions
+SLOW = 10.0  # intervals of a signal that are no pause [1]; own choice
+LEAST = {  # jump of one interval; own choice
+    "position": 0.1,  # [m]
+    "velocity": 0.5,  # [m/s]
+    "attitude": np.radians(10.0),  # [rad]
+}
+MOST = 0.02  # share of the intervals that jump from which the signal is a noisy one [1]; own choice
+ABRUPT = 8.0  # jump over the largest change of the intervals around it [1]; own choice: motion has no such
+STATED = 0.3  # share of both that is enough where the log itself states a reset [1]; own choice
+AROUND = 8  # intervals before and after a jump with which it is compared [1]
+LASTS = 3  # samples after which a jump is still there, and no single bad sample [1]
+Signals = dict[str, Signal]
+
+
+@dc.dataclass(frozen=True)
+class Break:
+    """A part breaks off with the samples at `before` and another begins with those at `after` [s]."""
+
+    before: float
+    after: float
+    reason: str
+
+
+def find_breaks(signals: Mapping[str, Signal], log_map: LogMap, stated: Sequence[tuple[float, str]]) -> list[Break]:
+    """Return where the log breaks, in time.
+
+    Args:
+        signals: as logged, by quantity.
+        log_map: with their conventions.
+        stated: time [s] and reason of the breaks that the format states; a reason that ends in `?` is one if it shows.
+    """
+    found: list[Break] = []
+    place, turn = signals["position"], signals["attitude"]
+    q = convert_quantity("attitude", turn.values, log_map)
+    turned = attitude.rotation_vector(attitude.multiply(attitude.conjugate(q[:-1]), q[1:]))
+    asked = [(t, reason) for t, reason in stated if reason.endswith("?")]
+    for t, reason in stated:
+        k = int(np.searchsorted(place.t, t))
+        if not reason.endswith("?") and 0 < k < len(place.t):
+            found.append(Break(float(place.t[k - 1]), float(place.t[k]), reason))
+    found += [b for name in (*STATE, *INPUTS) if name in signals for b in _pauses(signals[name])]
+    for name in (n for n in ("position", "velocity") if n in signals):
+        source = getattr(log_map, name)
+        unit = UNITS[name].get(source.unit, 1.0) * abs(source.scale)
+        found += _jumps(signals[name].t, np.diff(signals[name].values, axis=0) * unit, name, asked)
+    found += _jumps(turn.t, turned, "attitude", asked)
+    return _joined(found)
+
+
+def split(signals: Mapping[str, Signal], breaks: Sequence[Break]) -> tuple[list[Signals], list[str]]:
+    """Return the signals of every part, and one line on every break and on every part that is left out.
+
+    Args:
+        signals: as logged, by quantity.
+        breaks: in time.
+    """
+    if not breaks:
+        return [dict(signals)], []
+    origin = signals["attitude"].t[0]
+    edges = [-np.inf, *(edge for b in breaks for edge in (b.before, b.after)), np.inf]
+    parts, kept = [], []
+    for start, stop in zip(edges[::2], edges[1::2], strict=True):
+        part = {name: own for name, s in signals.items() if (own := _between(s, start, stop, name)) is not None}
+        kept.append(all(name in part for name in signals if name not in OPTIONAL))
+        parts += [part] if kept[-1] else []
+    said = []
+    for b, before, after in zip(breaks, kept[:-1], kept[1:], strict=True):
+        what = "split there" if before and after else f"what comes {'after' if before else 'before'} it is left out"
+        said.append(f"{b.reason} at {b.before - origin:.2f} s: {what}")
+    return parts, said
+
+
+def _between(own: Signal, start: float, stop: float, name: str) -> Signal | None:
+    inside = (own.t >= start) & (own.t <= stop)
+    if inside.sum() < (2 if name in OPTIONAL else LEAST_ROWS):
+        return None
+    return Signal(own.t[inside], own.values[inside])
+
+
+def _pauses(own: Signal) -> list[Break]:
+    interval = np.diff(own.t)
+    gaps = np.flatnonzero(interval > max(PAUSE, SLOW * own.step))
+    return [Break(float(own.t[k]), float(own.t[k + 1]), f"a pause of {interval[k]:.3g} s") for k in gaps]
+
+
+def _jumps(t: np.ndarray, change: np.ndarray, name: str, asked: Sequence[tuple[float, str]]) -> list[Break]:
+    """Return where changes (n - 1, 3) between samples at t (n,) are out of all proportion to those around them."""
+    size, count = np.linalg.norm(change, axis=1), len(change)
+    if count < 4 * AROUND:
+        return []
+    found = []
+    usual = float(np.median(size))
+    candidates = np.flatnonzero(size > STATED * max(LEAST[name], ABRUPT * usual))
+    for k in candidates.tolist() if len(candidates) < MOST * count else ():
+        near = np.r_[max(k - AROUND, 0) : k, k + 1 : min(k + 1 + AROUND, count)]
+        around = size[near].max()
+        back = np.linalg.norm(change[k : k + LASTS].sum(axis=0)) < 0.5 * size[k]
+        came = np.linalg.norm(change[max(k - LASTS + 1, 0) : k + 1].sum(axis=0)) < 0.5 * size[k]
+        if back or came:
+            continue
+        reason = next((r for at, r in asked if t[max(k - 1, 0)] <= at <= t[min(k + 2, count)]), "")
+        share = STATED if reason else 1.0
+        if size[k] > share * LEAST[name] and size[k] > share * ABRUPT * around:
+            said = (
+                f"{np.degrees(size[k]):.3g} deg" if name == "attitude" else f"{size[k]:.3g} {next(iter(UNITS[name]))}"
+            )
+            what = reason.rstrip("?") or f"the {name} jumps by {said}"
+            found.append(Break(float(t[k]), float(t[k + 1]), what + (f" ({name} by {said})" if reason else "")))
+    return found
+
+
+def _joined(found: Sequence[Break]) -> list[Break]:
+    """Return the breaks in time, those that overlap as one, with the reason of the first."""
+    out: list[Break] = []
+    for b in sorted(found, key=lambda b: b.before):
+        if out and b.before < out[-1].after:
+            out[-1] = dc.replace(out[-1], after=max(b.after, out[-1].after))
+        else:
+            out.append(b)
+    return out

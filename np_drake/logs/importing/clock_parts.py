@@ -1,0 +1,182 @@
+"""Parts of a recording between steps of its clock: set back, or not yet running at the start."""
+
+import dataclasses as dc
+import itertools
+from collections.abc import Iterator
+
+import numpy as np
+
+from np_drake.logs.checks import LEAST_ROWS
+from np_drake.logs.formats.format import Recording, Stream
+
+LEAST_STEP = 5  # samples by which a clock is set back; fewer are late messages; own choice
+MOST_STEPS = 20  # in one recording; more are rows out of order; own choice
+MOST_LATE = 0.1  # share of samples earlier than the one before from which these are in no order [1]; own choice
+SET = 1e6  # gap, in usual intervals, by which a clock was set [1]: hours at 100 Hz; own choice
+LONGER = (
+    10.0  # gap, in usual intervals, after samples of one time from which these are before the clock [1]; own choice
+)
+AROUND = 8  # intervals over which the rate of samples is compared [1]; own choice
+CLOSER = 0.7  # interval over the usual one from which samples of two times are merged [1]; half is expected
+SPARSE = 80.0  # percentile of the interval that is the usual one, where others are of merged samples; own choice
+LONGEST = 0.75  # share of a file that may be merged [1]; own choice
+WILDER = 3.0  # change from sample to sample over the usual one, where samples of two times are merged [1]; own choice
+
+
+def clock_parts(recording: Recording) -> tuple[list[Recording], list[str]]:
+    """Return the parts between which the clock is set, in the order of the file, and one line on each step.
+
+    It is set back, or forward by hours. Rows before it runs, which all bear its first time, are left out. Where the
+    file is sorted by time, rows from before and after a step back are merged: these are left out.
+    """
+    running, said = _after_the_start(recording)
+    parts = []
+    for piece in _parts_of_clocks(running, said):
+        parts += _merged_parts(piece, said) or _parts_in_order(piece, said)
+    return parts, said
+
+
+def set_back(t: np.ndarray) -> list[int]:
+    """Return the rows at which the clock that stamps t (n,) is set back, for `LEAST_STEP` rows or more."""
+    found: list[int] = []
+    steps = np.flatnonzero(np.diff(t) < 0) + 1
+    if len(steps) > MOST_LATE * len(t):
+        return []  # rows in no order
+    latest, since = np.maximum.accumulate(t), 0
+    for k in steps.tolist():
+        after, ahead = t[k : k + LEAST_STEP], latest[k - 1 - since]
+        ordered = len(after) == LEAST_STEP and np.all(after < ahead) and np.all(np.diff(after) >= 0)
+        if ordered and t[k - 1] == ahead and np.all(t[max(k - 3, 0) : k] > t[k]):
+            found.append(k)
+            if len(found) > MOST_STEPS:
+                return []
+            latest, since = np.maximum.accumulate(t[k:]), k
+    return found
+
+
+def overlap(before: np.ndarray, after: np.ndarray) -> bool:
+    """Return whether times (n,) and (m,) run over the same stretch: a clock was set back; blocks out of order do not.
+
+    Args:
+        before: of the first part of a file.
+        after: of the second.
+    """
+    inside = (after > before.min()) & (after < before.max())
+    return bool(inside.sum() >= LEAST_STEP)
+
+
+def _after_the_start(recording: Recording) -> tuple[Recording, list[str]]:
+    """Return the recording without the rows that bear the first time while the clock does not run yet."""
+    streams = dict(recording.streams)
+    said: dict[str, list[str]] = {}
+    for name, stream in recording.streams.items():
+        distinct = np.flatnonzero(np.diff(stream.t) != 0)
+        first = int(distinct[0]) + 1 if len(distinct) else 0
+        if first < LEAST_STEP or len(stream) - first < LEAST_ROWS:
+            continue
+        usual = float(np.median(np.diff(stream.t[first:])))
+        if stream.t[first] - stream.t[0] > LONGER * usual:
+            streams[name] = _rows(stream, slice(first, None))
+            text = (
+                f"{first} rows at {stream.t[0]:.6g} s, before the clock runs from {stream.t[first]:.6g} s on, left out"
+            )
+            said.setdefault(text, []).append(name)
+    lines = [f"{', '.join(names)}: {text}" for text, names in said.items()]
+    return dc.replace(recording, streams=streams), lines
+
+
+def _parts_of_clocks(recording: Recording, said: list[str]) -> list[Recording]:
+    """Return the parts on clocks that are hours apart, as those of a simulator and of the wall."""
+    gaps = sorted(gap for stream in recording.streams.values() for gap in _hours(stream.t))
+    if not gaps:
+        return [recording]
+    edges = [-np.inf, *(0.5 * (start + stop) for start, stop in gaps), np.inf]
+    spans = [(a, b) for a, b in itertools.pairwise(sorted(set(edges)))]
+    cut = [{n: _rows(s, (s.t > a) & (s.t <= b)) for n, s in recording.streams.items()} for a, b in spans]
+    whole = [streams for streams in cut if all(len(s) >= LEAST_ROWS for s in streams.values())]
+    if len(whole) > 1:
+        start, stop = gaps[0]
+        said.append(f"the clock is set between {start:.6g} s and {stop:.6g} s: split there")
+    return [dc.replace(recording, streams=streams) for streams in whole] or [recording]
+
+
+def _hours(t: np.ndarray) -> Iterator[tuple[float, float]]:
+    """Yield the ends of the gaps in time, in whatever order samples come, that no recorder sits through."""
+    later = np.unique(t[np.isfinite(t)])
+    interval = np.diff(later)
+    for k in np.flatnonzero(interval > SET * np.median(interval))[:MOST_STEPS] if len(interval) else ():
+        yield float(later[k]), float(later[k + 1])
+
+
+def _parts_in_order(recording: Recording, said: list[str]) -> list[Recording]:
+    """Return the parts of a recording whose rows are in the order in which they came."""
+    steps = {name: set_back(stream.t) for name, stream in recording.streams.items() if len(stream)}
+    counts = {len(found) for found in steps.values()} - {0}
+    if len(counts) != 1 or max(counts) > MOST_STEPS:
+        return [recording]
+    (count,) = counts
+    stepping = {name: [0, *found, len(recording.streams[name])] for name, found in steps.items() if found}
+    name, edges = next(iter(stepping.items()))
+    t = recording.streams[name].t
+    for k in edges[1:-1]:
+        said.append(f"the clock is set back by {t[k - 1] - t[k]:.3g} s at {t[k - 1]:.6g} s: split there")
+    parts = []
+    for i in range(count + 1):
+        spans = [recording.streams[n].t[e[i] : e[i + 1]] for n, e in stepping.items()]
+        start, stop = min(s.min() for s in spans), max(s.max() for s in spans)
+        streams = {}
+        for n, stream in recording.streams.items():
+            inside = (stream.t >= start) & (stream.t <= stop)  # of a stream too slow to show the step
+            streams[n] = _rows(stream, slice(stepping[n][i], stepping[n][i + 1]) if n in stepping else inside)
+        parts.append(dc.replace(recording, streams=streams))
+    return parts
+
+
+def _merged_parts(recording: Recording, said: list[str]) -> list[Recording]:
+    """Return the parts before and after every stretch in which rows of two times are merged; none: there is none."""
+    stretches = sorted(s for stream in recording.streams.values() for s in _merged(stream))
+    if not stretches:
+        return []
+    joined = [stretches[0]]
+    for start, stop in stretches[1:]:
+        if start <= joined[-1][1]:
+            joined[-1] = joined[-1][0], max(stop, joined[-1][1])
+        else:
+            joined.append((start, stop))
+    for start, stop in joined:
+        said.append(
+            f"the clock is set back at {stop:.6g} s: rows of two times stand side by side from {start:.6g} s on; these "
+            "are left out, and the log is split there"
+        )
+    edges = [-np.inf, *(edge for stretch in joined for edge in stretch), np.inf]
+    parts = []
+    for start, stop in zip(edges[::2], edges[1::2], strict=True):
+        inside = {name: (s.t > start) & (s.t < stop) for name, s in recording.streams.items()}
+        parts.append(dc.replace(recording, streams={n: _rows(s, inside[n]) for n, s in recording.streams.items()}))
+    return parts
+
+
+def _merged(stream: Stream) -> Iterator[tuple[float, float]]:
+    """Yield first and last time of every stretch with samples twice as dense, and wild, as elsewhere."""
+    t = stream.t
+    interval = np.diff(t)
+    if len(interval) < 4 * AROUND or np.any(interval < 0) or not stream.columns:
+        return
+    mean = np.convolve(interval, np.ones(AROUND) / AROUND, mode="same")
+    usual = float(np.percentile(mean, SPARSE))
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], mean < CLOSER * usual, [False]]).astype(int)))
+    for start, stop in edges.reshape(-1, 2):
+        if not AROUND <= stop - start < LONGEST * len(interval):
+            continue
+        close = np.arange(max(start - AROUND, 0), min(stop + AROUND, len(interval)))
+        close = close[interval[close] < CLOSER * usual]
+        inside = np.zeros(len(interval), bool)
+        inside[close[0] : close[-1] + 1] = True
+        changes = [np.abs(np.diff(column)) for column in stream.columns.values()]
+        wild = [c[inside].mean() / max(float(c[~inside].mean()), 1e-12) for c in changes if np.ptp(c) > 0]
+        if wild and np.median(wild) > WILDER:
+            yield float(t[close[0]]), float(t[close[-1] + 1])
+
+
+def _rows(stream: Stream, rows: slice | np.ndarray) -> Stream:
+    return Stream(stream.t[rows], {name: column[rows] for name, column in stream.columns.items()})

@@ -1,0 +1,180 @@
+"""One part of a log, between its breaks: conventions, the stretch that fits them, rows, and the flights in it."""
+
+import dataclasses as dc
+from collections.abc import Mapping
+
+import numpy as np
+
+from np_drake.flight_log import FlightLog
+from np_drake.logs.checks import LEAST_ROWS
+from np_drake.logs.errors import LogError
+from np_drake.logs.gaps import LONGEST as LONGEST_GAP
+from np_drake.logs.importing.airborne import airborne, before_the_crash, require_a_step, require_ranges, standing
+from np_drake.logs.importing.alignment import COMMANDS, Aligned, align
+from np_drake.logs.importing.conventions import Verdict
+from np_drake.logs.importing.convert import convert_quantity
+from np_drake.logs.importing.inputs import collective, is_collective
+from np_drake.logs.importing.interpolation import FASTER, Signal
+from np_drake.logs.importing.log_map import LogMap
+
+# Below which rotors stand [rad/s, N, 1]; own choice.
+IDLE = {"rotor_speed": 10.0, "thrust": 0.0, "throttle": 0.05}
+UNCERTAIN = {  # deviation of the time at which a row's command acts, over the interval of the command [1]
+    "held_after": 0.0,
+    "held_before": 0.0,
+    "averaged": 0.5,  # its middle; 0 where accelerations are averaged over it as well
+    "sampled": 12**-0.5,  # somewhere in the interval
+    "unknown": 0.5,  # an interval early or late
+}
+TICK = 12**-0.5  # deviation of a time that is rounded, over the tick [1]
+Signals = Mapping[str, Signal]
+
+
+@dc.dataclass(frozen=True)
+class Part:
+    """What was made of one part.
+
+    carried: whether the vehicle flies at all.   rows: between take-off and landing.   ground: (n,) bool, on the ground.
+    timing: deviation of the time at which a row's command acts [s].   said: one line each.
+    """
+
+    signals: Signals
+    verdict: Verdict
+    aligned: Aligned
+    carried: bool
+    rows: slice
+    ground: np.ndarray
+    flights: tuple[FlightLog, ...]
+    timing: float
+    said: tuple[str, ...]
+
+
+def import_part(signals: Signals, log_map: LogMap, verdict: Verdict, path: str, *, origin: float) -> Part:
+    """Return the flights of one part, in SI units and our frames.
+
+    Args:
+        signals: as logged, by quantity.
+        log_map: whose conventions agree with it.
+        verdict: on these.
+        path: of the log, for messages.
+        origin: first time of the log [s].
+    Raises: LogError: if its signals do not overlap, come at no rate of a flight log, are in another unit, or are those
+    of a wreck.
+    """
+    carried = flies(signals, log_map)
+    aligned = align(signals, log_map, path)
+    require_a_step(aligned.t, path)
+    rows, ground, said = slice(0, len(aligned.t)), np.zeros(len(aligned.t), bool), []
+    if carried:
+        require_ranges(aligned.values, log_map, path)
+        x, lift = aligned.values, _lift(aligned.values)
+        end = before_the_crash(aligned.t, x["position"], x["velocity"], x["attitude"])
+        if end < LEAST_ROWS:
+            raise LogError(f"{path}: must hold a flight; the vehicle lies still and tilted.")
+        if end < len(aligned.t):
+            said.append(
+                f"fits until {aligned.t[end - 1] - origin:.1f} s, where the vehicle crashes; the rest is left out"
+            )
+        where = aligned.t[:end], x["position"][:end], None if lift is None else lift[:end]
+        rows = airborne(*where)
+        ground[:end] = standing(*where)
+    names = [n for n in ("rotor_speed", "throttle") if n in signals and is_collective(n, signals[n], log_map)]
+    flights = tuple(_flights(_with_collective(aligned, names, log_map), rows, ground, log_map))
+    return Part(signals, verdict, aligned, carried, rows, ground, flights, _timing(signals, log_map), tuple(said))
+
+
+def flies(signals: Signals, log_map: LogMap) -> bool:
+    """Return whether the vehicle moves sideways at all and the rotors ever turn; True where the log does not tell.
+
+    Args:
+        signals: as logged, by quantity.
+        log_map: with their conventions.
+    """
+    across = np.ptp(signals["position"].values, axis=0)
+    if not np.any(across[:2] > 0):
+        return False
+    for name, least in IDLE.items():
+        if name in signals:
+            values = convert_quantity(name, signals[name].values, log_map)
+            size = np.abs(values.mean(axis=1))  # the check of conventions asks for the sign
+            return float(np.percentile(size, 90)) > least
+    return True
+
+
+def _lift(values: Mapping[str, np.ndarray]) -> np.ndarray | None:
+    """Return what stands for the lift of the rotors (n,), in any unit; None where nothing does."""
+    if "rotor_speed" in values:
+        return np.sum(values["rotor_speed"] ** 2, axis=1)
+    for name in ("thrust", "throttle"):
+        if name in values:
+            return values[name].mean(axis=1)
+    return None
+
+
+def _with_collective(aligned: Aligned, names: list[str], log_map: LogMap) -> Aligned:
+    """Return the rows with the collective of the rotors as throttle, in place of the named inputs."""
+    values = dict(aligned.values)
+    for name in names:
+        one = collective(values.pop(name))
+        if name == "rotor_speed":  # of no scale, as a throttle is
+            one = one / max(float(np.percentile(one, 99)), 1e-9)
+        if "thrust" not in values:
+            values.setdefault("throttle", one)
+    return dc.replace(aligned, values=values)
+
+
+def _flights(aligned: Aligned, rows: slice, ground: np.ndarray, log_map: LogMap) -> list[FlightLog]:
+    """Return the flights between take-off and landing, split at long gaps; rows in gaps, on `ground`, are left out."""
+    keep = np.zeros(len(aligned.t), bool)
+    keep[rows] = True
+    keep &= ~aligned.filled & ~ground
+    chosen = np.flatnonzero(keep)
+    if not len(chosen):
+        return []
+    breaks = np.flatnonzero(np.diff(aligned.t[chosen]) > LONGEST_GAP + 1e-9) + 1
+    parts = [part for part in np.split(chosen, breaks) if len(part) >= LEAST_ROWS]
+    return [_flight(aligned, part, log_map) for part in parts]
+
+
+def _flight(aligned: Aligned, rows: np.ndarray, log_map: LogMap) -> FlightLog:
+    x = {key: value[rows] for key, value in aligned.values.items()}
+    t = aligned.t[rows]
+    u, throttle, kind = np.full((len(t), 4), np.nan), x.get("throttle"), "normalised"
+    if "thrust" in x and log_map.thrust.unit == "weight":
+        throttle = x["thrust"]
+    elif "thrust" in x:
+        u[:, 0], kind = x["thrust"][:, 0], "thrust_only"
+    if throttle is not None and "hover_throttle" in x:
+        throttle = throttle / np.maximum(x["hover_throttle"], 1e-3)
+    if "torque" in x and kind == "thrust_only":
+        u[:, 1:], kind = x["torque"], "command"
+    elif "rotor_speed" in x:
+        kind = "rotor_speed"
+    return FlightLog(
+        t=t - t[0],
+        p=x["position"],
+        q=x["attitude"],
+        v=x["velocity"],
+        w=x["rates"],
+        u=u,
+        a=x.get("acceleration"),
+        al=x.get("angular_acceleration"),
+        rotor=x.get("rotor_speed"),
+        throttle=throttle,
+        voltage=x["voltage"][:, 0] if "voltage" in x else None,
+        input=kind,
+    )
+
+
+def _timing(signals: Mapping[str, Signal], log_map: LogMap) -> float:
+    """Return the deviation of the time at which a row's command acts [s]; 0 without a command."""
+    step = max((signals[name].step for name in COMMANDS if name in signals), default=0.0)
+    ticks = max(own.tick for own in signals.values()) * TICK
+    if "rotor_speed" in signals and not step:
+        own = signals["rotor_speed"]
+        slow = own.renewal > FASTER * signals["attitude"].step
+        return max(ticks, UNCERTAIN["sampled"] * own.renewal * slow)
+    a = signals.get("acceleration")
+    if log_map.command == "averaged" and (a is None or FASTER * a.step <= step):
+        return ticks
+    return max(ticks, UNCERTAIN[log_map.command] * step)

@@ -1,0 +1,90 @@
+"""What is made of the parts of a log: a flight where it agrees with itself, else a line on why it is left out."""
+
+import numpy as np
+
+from np_drake.logs.errors import LogError
+from np_drake.logs.importing.agreement import agreed, fitting_stretch
+from np_drake.logs.importing.airborne import lies_below
+from np_drake.logs.importing.breaks import Signals
+from np_drake.logs.importing.consistency import WINDOW
+from np_drake.logs.importing.conventions import DOUBTED, Change, Verdict, WrongConventions
+from np_drake.logs.importing.log_map import LogMap
+from np_drake.logs.importing.part import Part, flies, import_part
+
+
+def imported_parts(
+    parts: list[Signals], log_map: LogMap, path: str, *, clock: Change, adopt: bool
+) -> tuple[LogMap, list[Part], list[str]]:
+    """Return the map that agrees with the longest part, what was made of every part, and one line on each left out.
+
+    Args:
+        parts: signals of each, in time.
+        log_map: as declared.
+        path: of the log, for messages.
+        clock: change of the unit of time, made in the signals.
+        adopt: take other conventions where the longest part fits those.
+    Raises: WrongConventions, LogError: if that of the longest part that fails, where none holds a flight.
+    """
+    origin = parts[0]["attitude"].t[0]
+    moving = [flies(signals, log_map) for signals in parts]
+    by_length = sorted(range(len(parts)), key=lambda k: (not moving[k], -np.ptp(parts[k]["attitude"].t)))
+    done: dict[int, Part] = {}
+    said: list[str] = []
+    failure: LogError | None = None
+    for k in by_length:
+        span = f"the part from {parts[k]['attitude'].t[0] - origin:.2f} s on"
+        if done and not moving[k]:
+            said.append(f"{span} is no flight; left out")
+            continue
+        try:
+            log_map, found, told = _fitting(parts[k], log_map, path, origin, clock=clock, adopt=adopt and not done)
+            done[k] = import_part(*found, path, origin=origin)
+            said += [*told, *done[k].said]
+        except LogError as error:
+            fits_other = isinstance(error, WrongConventions) and bool(error.verdict.changes)
+            if len(parts) == 1 or (fits_other and not done):
+                raise
+            failure = failure or error
+            wrong = (
+                "does not agree with itself" if isinstance(error, WrongConventions) else "is no flight log by itself"
+            )
+            said.append(f"{span} {wrong}; left out")
+    if failure is not None and not done:
+        raise failure
+    for k in by_length[1:]:
+        others = [part.aligned.values["position"] for n, part in done.items() if n != k]
+        if k in done and others and lies_below(done[k].aligned.values["position"], np.concatenate(others)):
+            said.append(f"from {parts[k]['attitude'].t[0] - origin:.2f} s on the vehicle lies on the ground; left out")
+            del done[k]
+    if max(done) < len(parts) - 1:
+        end = done[max(done)].aligned.t[-1] - origin
+        said.append(f"fits until {end:.1f} s; what follows is left out")
+    if not moving[by_length[0]]:
+        said.insert(0, "no flight: position stays, or the rotors stand; nothing can be identified")
+    return log_map, [done[k] for k in sorted(done)], said
+
+
+def _fitting(
+    signals: Signals, log_map: LogMap, path: str, origin: float, *, clock: Change, adopt: bool
+) -> tuple[LogMap, tuple[Signals, LogMap, Verdict], list[str]]:
+    """Return the map, what of a part agrees with it, with the verdict, and a line where that is not all of it."""
+    carried = flies(signals, log_map)
+    failure: WrongConventions | None = None
+    try:
+        agreeing, verdict = agreed(signals, log_map, path, clock=clock, carried=carried, adopt=adopt)
+    except WrongConventions as error:
+        verdict, agreeing, failure = error.verdict, log_map, error
+    disturbed = any(misfit > DOUBTED for misfit in verdict.misfits.values())
+    stretch = fitting_stretch(signals, agreeing, verdict) if carried and disturbed and not verdict.changes else None
+    if stretch is None:
+        if failure is not None:
+            raise failure
+        return agreeing, (signals, agreeing, verdict), []
+    start, stop = stretch
+    begun = start > signals["attitude"].t[0] + WINDOW
+    whole = ", ".join(verdict.failed[:3]) or "its quantities"
+    since = f"from {start - origin:.1f} " if begun else ""
+    text = f"fits {since}until {stop - origin:.1f} s; beyond, {whole} do not agree"
+    part = {n: own for n, s in signals.items() if (own := s.between(start, stop)) is not None}
+    agreeing, verdict = agreed(part, log_map, path, clock=clock, carried=True, adopt=adopt)
+    return agreeing, (part, agreeing, verdict), [f"{text}: left out"]

@@ -1,0 +1,55 @@
+"""Telemetry made plain: single readings of zero, and times that are rounded to the ticks of a coarse clock."""
+
+import dataclasses as dc
+
+import numpy as np
+
+from np_drake.logs.importing.interpolation import REPEATED, Signal
+
+LONGEST_ZERO = 0.1  # time for which a rotor that turns before and after cannot have stood [s]; own choice
+FINE = 0.75  # tick over the usual interval above which it is that interval [1]; own choice
+RESOLUTION = 1e-6  # in which ticks are looked for: usual clocks count microseconds [s]
+LONGEST = 1e6  # interval, beyond which the clock was set [s]
+COARSE = 5e-4  # shorter ticks are lost in what is known of commands [s]; own choice
+
+
+def without_zeros(own: Signal) -> tuple[Signal, int]:
+    """Return rotor speeds whose single readings of zero are interpolated, and how many they are.
+
+    A rotor does not stop and start again within `LONGEST_ZERO`.
+    """
+    values, count = own.values.copy(), 0
+    for column in values.T:
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], column == 0, [False]]).astype(int)))
+        bad = np.zeros(len(column), bool)
+        for start, stop in edges.reshape(-1, 2):
+            inside = start > 0 and stop < len(column)
+            bad[start:stop] = inside and own.t[min(stop, len(own.t) - 1)] - own.t[start - 1] <= max(
+                LONGEST_ZERO, 2.5 * own.step
+            )
+        if bad.any():
+            column[bad] = np.interp(own.t[bad], own.t[~bad], column[~bad])
+            count += int(bad.sum())
+    return dc.replace(own, values=values), count
+
+
+def spread_ticks(t: np.ndarray) -> tuple[np.ndarray, float]:
+    """Return times (n,) with samples of one tick spread evenly up to the next, and the tick [s]; 0: no coarse clock.
+
+    Args:
+        t: (n,) not decreasing [s].
+    """
+    interval = np.diff(t)
+    later = interval[interval > 0]
+    if not len(later):
+        return t, 0.0
+    usual = float(t[-1] - t[0]) / len(interval)
+    tick = int(np.gcd.reduce(np.round(np.minimum(later, LONGEST) / RESOLUTION).astype(np.int64))) * RESOLUTION
+    if tick < COARSE:
+        return t, 0.0
+    if np.mean(interval == 0) < REPEATED:
+        return t, tick if tick < FINE * usual else 0.0
+    first = np.concatenate([[0], np.flatnonzero(interval > 0) + 1])
+    count = np.diff(np.concatenate([first, [len(t)]]))
+    place = np.arange(len(t)) - np.repeat(first, count)
+    return t + tick * place / np.repeat(count, count), tick

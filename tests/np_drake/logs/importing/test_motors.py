@@ -1,0 +1,175 @@
+"""Which columns of an autopilot's log are motors, where these are, and in which unit: as the log itself states it."""
+
+import dataclasses as dc
+
+import numpy as np
+import pytest
+
+from np_drake.logs.errors import LogError
+from np_drake.logs.formats.log_file import write_log
+from np_drake.logs.import_sheet import read_sheet, write_sheet
+from np_drake.logs.opening import open_flights
+from np_drake.vehicle import Vehicle
+
+SIX = [0, 1, 2, 3, 0, 2]  # our rotors that stand for those of a hexarotor
+
+
+def noise(flown, columns: int) -> np.ndarray:
+    """Return (n, columns) outputs of servos, which move."""
+    return 1500.0 + 80.0 * np.sin(np.outer(flown.t, 1.0 + np.arange(columns)))
+
+
+def opened(found, tmp_path, vehicle=None):
+    """Return the flight as a diagnosis reads it: written, with its sheet, and opened with a vehicle file."""
+    path = tmp_path / "flight.csv"
+    write_log(found.flights[0], path)
+    write_sheet(found.sheet, path)
+    return open_flights(path, vehicle or Vehicle())[0][0]
+
+
+def test_px4_motors_come_into_the_order_of_the_vehicle_file(flown, autopilots, import_px4, tmp_path):
+    ours = autopilots.throttle(flown)
+    found = import_px4({"actuator_motors": ours[:, autopilots.PX4_FROM_OURS]}, autopilots.PX4_CORNERS)
+    dut = opened(found, tmp_path)
+    np.testing.assert_allclose(dut.throttle, ours, atol=1e-9)
+    assert "rotors 1, 2, 3, 4 of the vehicle file are 3, 1, 4, 2 of the log (CA_ROTORn_PX, PY, KM)" in dut.notes
+    assert read_sheet(tmp_path / "flight.csv").rotors == found.sheet.rotors
+
+
+def test_an_order_that_the_motion_contradicts_is_not_taken(flown, autopilots, import_px4, tmp_path):
+    ours = autopilots.throttle(flown)
+    dut = opened(import_px4({"actuator_motors": ours}, autopilots.PX4_CORNERS), tmp_path)
+    np.testing.assert_allclose(dut.throttle, ours, atol=1e-9)
+    assert any("the body turns as the vehicle file has it" in note for note in dut.notes)
+
+
+def test_rotors_of_another_frame_or_direction_are_refused(flown, autopilots, import_px4, tmp_path):
+    found = import_px4({"actuator_motors": autopilots.throttle(flown)}, autopilots.PX4_CORNERS)
+    r = 0.18
+    plus = dc.replace(Vehicle(), rotor_positions=[[r, 0, 0], [0, -r, 0], [-r, 0, 0], [0, r, 0]])
+    with pytest.raises(LogError, match=r"CA_ROTORn_PX, PY, KM.* must be where the vehicle file has them"):
+        opened(found, tmp_path, plus)
+    with pytest.raises(LogError, match=r"turn the other way .*Write rotor_directions: \[1, -1, 1, -1\]"):
+        opened(found, tmp_path, dc.replace(Vehicle(), rotor_directions=[-1.0, 1.0, -1.0, 1.0]))
+
+
+@pytest.mark.parametrize("stream", ["actuator_outputs", "actuator_outputs.1"])
+def test_px4_outputs_are_motors_by_their_functions_and_limits(flown, autopilots, import_px4, stream):
+    ours = autopilots.throttle(flown)
+    pulses = np.column_stack([noise(flown, 2), 1100.0 + 800.0 * ours])
+    other = {"actuator_outputs": "actuator_outputs.1"}.get(stream, "actuator_outputs")
+    functions = {f"PWM_AUX_FUNC{n}": f for n, f in zip(range(1, 7), (201, 202, 101, 102, 103, 104), strict=True)}
+    limits = {f"PWM_AUX_{end}{n}": us for n in range(1, 7) for end, us in (("MIN", 1100), ("MAX", 1900))}
+    found = import_px4({other: noise(flown, 3), stream: pulses}, functions | limits)
+    np.testing.assert_allclose(found.flights[0].throttle, ours, atol=1e-9)
+    assert found.sheet.content["columns"]["throttle"]["from"] == [f"{stream}/output[{i}]" for i in range(2, 6)]
+
+
+def test_px4_outputs_that_no_parameter_tells_apart_are_refused(flown, autopilots, import_px4):
+    pulses = 1000.0 + 1000.0 * autopilots.throttle(flown)
+    functions = {f"PWM_MAIN_FUNC{n}": 100 + n for n in range(1, 5)}
+    both = {"actuator_outputs": pulses, "actuator_outputs.1": np.column_stack([noise(flown, 4)])}
+    with pytest.raises(LogError, match=r"actuator_outputs and actuator_outputs.1 must tell which is PWM_MAIN"):
+        import_px4(both, functions)
+    with pytest.raises(LogError, match=r"6 outputs of actuator_outputs move, and nothing says which are all of the"):
+        import_px4({"actuator_outputs": np.column_stack([pulses, noise(flown, 2)])}, {"CA_ROTOR_COUNT": 4})
+    with pytest.raises(LogError, match=r"4 outputs of actuator_motors move, and nothing says which are all of the"):
+        import_px4({"actuator_motors": autopilots.throttle(flown)}, {"CA_ROTOR_COUNT": 6})
+
+
+@pytest.mark.parametrize("told", [{"PWM_MAIN_TIM0": -3}, {"DSHOT_CONFIG": 600}, {}])
+def test_dshot_counts_are_throttle_of_two_thousand(flown, autopilots, import_px4, told):
+    ours = autopilots.throttle(flown)
+    functions = {f"PWM_MAIN_FUNC{n}": 100 + n for n in range(1, 5)} if "PWM_MAIN_TIM0" in told else {}
+    found = import_px4({"actuator_outputs": 2000.0 * ours}, told | functions)
+    np.testing.assert_allclose(found.flights[0].throttle, ours, atol=1e-9)
+    assert any("DShot" in line for line in found.said) == (not told)
+
+
+def test_pulses_stay_pulses_where_no_parameter_says_so(flown, autopilots, import_px4):
+    ours = autopilots.throttle(flown)
+    found = import_px4({"actuator_outputs": 1000.0 + 1000.0 * ours})
+    np.testing.assert_allclose(found.flights[0].throttle, ours, atol=1e-9)
+
+
+@pytest.mark.parametrize("told", [{"CA_ROTOR_COUNT": 6}, {"MAV_TYPE": 13}, {}])
+def test_a_px4_hexarotor_is_its_collective_thrust(flown, autopilots, import_px4, told):
+    six = autopilots.throttle(flown)[:, SIX]
+    found = import_px4({"actuator_motors": six, "esc_status": 9000.0 * six[:, :4]}, told)
+    (dut,) = found.flights
+    assert (dut.input, dut.rotor, dut.throttle.shape) == ("normalised", None, (len(dut), 1))
+    np.testing.assert_allclose(dut.throttle[:, 0] ** 2, np.mean(six**2, axis=1), atol=1e-9)
+    assert "6 motors: their collective thrust alone is taken, torque is not told" in found.said
+
+
+def test_a_vehicle_on_a_desk_is_no_flight_and_never_valid_on_the_screen(flown, autopilots, import_px4):
+    def resting(streams):
+        place = streams["vehicle_local_position"]
+        still = {name: 0.0 * values for name, values in place.columns.items()} | {"xy_valid": 0.0 * place.t}
+        return {**streams, "vehicle_local_position": dc.replace(place, columns=still)}
+
+    found = import_px4({"actuator_motors": 0.02 + 0.01 * autopilots.throttle(flown)}, change=resting)
+    assert "vehicle_local_position: xy never valid" in found.said
+    assert any(line.startswith("no flight: position stays") for line in found.said)
+
+
+def test_speed_controllers_are_rotors_by_their_functions(flown, autopilots, import_px4, tmp_path):
+    ours = autopilots.throttle(flown)
+    speed = 9000.0 * ours[:, autopilots.PX4_FROM_OURS]
+
+    def shuffled(streams):
+        columns = dict(streams["esc_status"].columns)
+        for i, motor in enumerate((2, 0, 3, 1)):
+            columns[f"esc[{i}].esc_rpm"] = speed[:, motor]
+            columns[f"esc[{i}].actuator_function"] = np.full(len(flown), 101.0 + motor)
+        columns = {
+            f"esc[{i}].{c}": columns[f"esc[{i}].{c}"] for i in range(4) for c in ("esc_rpm", "actuator_function")
+        }
+        streams["esc_status"] = dc.replace(streams["esc_status"], columns=columns)
+        return streams
+
+    found = import_px4({"esc_status": speed}, autopilots.PX4_CORNERS, shuffled)
+    np.testing.assert_allclose(opened(found, tmp_path).rotor, 9000.0 * ours * np.pi / 30, rtol=1e-9)
+
+
+def servos(outputs, first: int = 33) -> dict[str, float]:
+    return {f"SERVO{n}_FUNCTION": float(first + k) for k, n in enumerate(outputs)}
+
+
+def test_ardupilot_motors_are_on_the_outputs_of_their_functions(flown, autopilots, import_ardupilot, tmp_path):
+    ours = autopilots.throttle(flown)
+    theirs = 1050.0 + 900.0 * ours[:, autopilots.PX4_FROM_OURS]
+    pulses = np.column_stack([noise(flown, 2), theirs[:, ::-1]])
+    frame = {"FRAME_CLASS": 1.0, "FRAME_TYPE": 1.0, "MOT_PWM_MIN": 1050.0, "MOT_PWM_MAX": 1950.0}
+    gimbal = {"SERVO1_FUNCTION": 7.0, "SERVO2_FUNCTION": 8.0}
+    found = import_ardupilot(pulses, frame | gimbal | servos((6, 5, 4, 3)))
+    np.testing.assert_allclose(opened(found, tmp_path).throttle, ours, atol=1e-9)
+    assert "motors are on the outputs 6, 5, 4, 3 (SERVOn_FUNCTION)" in found.said
+
+
+@pytest.mark.parametrize("kind, order", [(1, [1, 3, 0, 2]), (12, [2, 1, 3, 0]), (13, [1, 0, 3, 2]), (14, [1, 2, 3, 0])])
+def test_an_ardupilot_frame_states_where_its_motors_are(flown, autopilots, import_ardupilot, tmp_path, kind, order):
+    ours = autopilots.throttle(flown)
+    found = import_ardupilot(1000.0 + 1000.0 * ours[:, order], {"FRAME_CLASS": 1.0, "FRAME_TYPE": float(kind)})
+    np.testing.assert_allclose(opened(found, tmp_path).throttle, ours, atol=1e-9)
+
+
+@pytest.mark.parametrize("told", [{"FRAME_CLASS": 2.0, "FRAME_TYPE": 1.0}, servos(range(1, 7))])
+def test_an_ardupilot_hexarotor_is_its_collective_thrust(flown, autopilots, import_ardupilot, told):
+    six = autopilots.throttle(flown)[:, SIX]
+    found = import_ardupilot(1000.0 + 1000.0 * six, told)
+    np.testing.assert_allclose(found.flights[0].throttle[:, 0] ** 2, np.mean(six**2, axis=1), atol=1e-9)
+    assert any(line.startswith("6 motors: their collective") for line in found.said)
+
+
+@pytest.mark.parametrize(
+    "told, message",
+    [
+        ({"FRAME_CLASS": 7.0}, "FRAME_CLASS 7 is a tricopter"),
+        (servos((1, 2, 3, 9)), r"output 9 drives a motor \(SERVO9_FUNCTION\), and its column is not in RCOU"),
+        (servos((1, 2, 3)), "3 outputs drive motors"),
+    ],
+)
+def test_ardupilot_motors_that_cannot_be_read_are_refused_by_name(flown, autopilots, import_ardupilot, told, message):
+    with pytest.raises(LogError, match=message):
+        import_ardupilot(1000.0 + 1000.0 * autopilots.throttle(flown), told)
