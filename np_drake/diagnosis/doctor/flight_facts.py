@@ -9,7 +9,7 @@ from np_drake.diagnosis.doctor.lags import lags
 from np_drake.diagnosis.doctor.log_report import FlightFacts, SignalFacts
 from np_drake.diagnosis.residuals import smooth_attitude
 from np_drake.flight_log import FlightLog
-from np_drake.logs.importing.consistency import misfits
+from np_drake.logs.importing.consistency import failing, lone_axes, misfits
 from np_drake.vehicle import MeasurementNoise, Vehicle
 
 GAP = 2.5  # median intervals of a longer one, a gap [1]; as in the import
@@ -23,7 +23,6 @@ SIGNALS = (  # field of the log, name, unit, field of `MeasurementNoise`
     ("rotor", "rotor speed", "rad/s", ""),
     ("throttle", "throttle", "1", ""),
 )
-MOST_LAW = 0.75  # misfit above which quantities contradict each other [1]; as in the import
 
 
 def flight_facts(log: FlightLog, vehicle: Vehicle | None = None) -> FlightFacts:
@@ -60,8 +59,9 @@ def flight_facts(log: FlightLog, vehicle: Vehicle | None = None) -> FlightFacts:
 
 
 def contradictions(facts: FlightFacts) -> list[str]:
-    """Return the laws by which quantities of the log contradict each other."""
-    return [law for law, misfit in facts.misfits.items() if misfit > MOST_LAW]
+    """Return the laws by which quantities of the log contradict each other, about more than one axis."""
+    aside = lone_axes(facts.misfits)
+    return [law for law in failing(facts.misfits) if law not in aside]
 
 
 def _signals(log: FlightLog, usual: MeasurementNoise):

@@ -17,6 +17,7 @@ from np_drake.logs.formats.table_text import split_header
 from np_drake.logs.gaps import LONGEST, bridge_gaps, split_at_gaps
 from np_drake.logs.gaps import repair as repair_table
 from np_drake.logs.import_sheet import read_sheet
+from np_drake.logs.rotor_order import in_vehicle_order
 from np_drake.logs.throttle_input import with_throttle_input
 from np_drake.logs.units import check_units
 from np_drake.rotor_input import with_rotor_input
@@ -140,4 +141,5 @@ def _with_input(log: FlightLog, table: Table, fields: list[str], vehicle: Vehicl
         return log
     if vehicle is None:
         return dc.replace(log, input=chosen)  # thrust and torque stay NaN
-    return {"rotor_speed": with_rotor_input, "normalised": with_throttle_input}[chosen](log, vehicle)
+    driven = {"rotor_speed": with_rotor_input, "normalised": with_throttle_input}[chosen]
+    return driven(in_vehicle_order(log, vehicle), vehicle)

@@ -8,17 +8,14 @@ from typing import Any
 import numpy as np
 
 from np_drake.logs.errors import LogError
-from np_drake.logs.importing.consistency import LAWS, WINDOW, Misfits, misfits
+from np_drake.logs.importing.consistency import AGREES, LAWS, OPPOSED, WINDOW, Misfits, failing, lone_axes, misfits
 from np_drake.logs.importing.convert import Values, convert, convert_quantity
 from np_drake.logs.importing.log_map import BODIES, UNITS, WORLDS, LogMap
 from np_drake.logs.windows import Windows
 
-AGREES = 0.5  # largest misfit of a law that holds [1]; own choice: wind, drag, noise, late sensors stay below
-FAILS = 0.75  # misfit above which a law does not hold [1]; own choice
 DOUBTED = 0.15  # misfit above which conventions that agree better are looked for [1]; own choice
 BETTER = 3.0  # factor by which these must agree better [1]; own choice
 SHORTEST, LONGEST = 1e-4, 0.2  # interval of a state in a flight log [s]; own choice
-OPPOSED = 1.5  # misfit of a lift from which it is turned round, whatever other forces act [1]; own choice
 SEARCHED = 2000  # rows on which other conventions are tried; own choice
 MOST_CHANGES = 3  # conventions that are changed together in search of agreement [1]
 
@@ -61,7 +58,8 @@ def check_conventions(t: np.ndarray, raw: Values, log_map: LogMap) -> Verdict:
     """Check the conventions of a log, and search for those that agree where the declared ones do not.
 
     A law fails where its misfit is large, or where another convention makes it many times smaller. The lift is no law
-    of kinematics: where it alone fails and no other convention makes it hold, another force acts, as of a payload.
+    of kinematics: where it alone fails and no other convention makes it hold, another force acts, as of a payload. Nor
+    does one axis alone refuse a log, as of a gyro that drifts (`lone_axes`).
 
     Args:
         t: (n,) evenly spaced times [s].
@@ -69,8 +67,8 @@ def check_conventions(t: np.ndarray, raw: Values, log_map: LogMap) -> Verdict:
         log_map: with the declared conventions.
     """
     own = misfits(t, convert(raw, log_map))
-    failed = tuple(law for law, misfit in own.items() if misfit > FAILS)
-    doubted = [law for law, misfit in own.items() if DOUBTED < misfit <= FAILS]
+    failed = tuple(failing(own))
+    doubted = [law for law, misfit in own.items() if misfit > DOUBTED and law not in failed]
     if not failed and not doubted:
         return Verdict(own, ())
     singles = list(_alternatives(raw, log_map))
@@ -92,7 +90,8 @@ def check_conventions(t: np.ndarray, raw: Values, log_map: LogMap) -> Verdict:
         if found:
             found.sort(key=lambda pair: pair[0])
             return Verdict(own, failed or tuple(doubted), found[0][1], tuple(change for _, change in found[1:]))
-    disturbed = all(law.startswith("lift") and own[law] < OPPOSED for law in failed)
+    aside = lone_axes(own)
+    disturbed = all(law in aside or (law.startswith("lift") and own[law] < OPPOSED) for law in failed)
     return Verdict(own, () if disturbed else failed)
 
 

@@ -16,6 +16,7 @@ from np_drake.logs.gaps import LONGEST as LONGEST_GAP
 from np_drake.logs.import_sheet import Sheet
 from np_drake.logs.importing.airborne import airborne, require_a_flight, require_a_step, require_ranges, standing
 from np_drake.logs.importing.alignment import COMMANDS, Aligned, align, common_rows
+from np_drake.logs.importing.consistency import SCALE, never_tilts
 from np_drake.logs.importing.conventions import (
     Change,
     Verdict,
@@ -25,7 +26,7 @@ from np_drake.logs.importing.conventions import (
     check_conventions,
     fitting_time_unit,
 )
-from np_drake.logs.importing.convert import convert_quantity
+from np_drake.logs.importing.convert import convert, convert_quantity
 from np_drake.logs.importing.interpolation import FASTER, Signal
 from np_drake.logs.importing.log_map import UNITS, LogMap, MapFile
 from np_drake.logs.importing.sheet_content import ground_notes, sheet_content
@@ -169,12 +170,13 @@ def _agreed(
     verdict = Verdict({}, ())
     if carried:
         t, raw = common_rows({n: s for n, s in signals.items() if n != "voltage"}, CHECK_RATE)
+        _require_tilt(t, raw, log_map, path)
         verdict = check_conventions(t, raw, log_map)
     if verdict.holds and not clock:
         return log_map, verdict
     laws = [f"misfit of {law} {verdict.misfits[law]:.2g}" for law in verdict.failed[:4]]
     laws[:0] = ["rows of the attitude not 0.1 ms to 0.2 s apart"] if clock else []
-    wrong = ", ".join(laws) + "; a misfit of 0 agrees, 1 does not"
+    wrong = f"{', '.join(laws)}; {SCALE}"
     if verdict.failed and not verdict.changes:
         raise WrongConventions(
             f"{path}: its quantities must agree with each other in the conventions declared ({wrong}), and agree in no "
@@ -200,6 +202,17 @@ def _agreed(
     log_map = changed(log_map, verdict.changes)
     now = check_conventions(t, raw, log_map) if carried else verdict
     return log_map, dc.replace(now, changes=verdict.changes)
+
+
+def _require_tilt(t: np.ndarray, raw: Mapping[str, np.ndarray], log_map: LogMap, path: str) -> None:
+    """Check that the attitude tilts where the vehicle accelerates sideways; LogError if it does not."""
+    if level := never_tilts(t, convert(raw, log_map)):
+        tilt, needed = level
+        raise LogError(
+            f"{path}: the attitude must tilt where the vehicle accelerates sideways; {log_map.attitude.columns[0]} … "
+            f"tilts by {1e3 * tilt:.2g} mrad where {1e3 * needed:.0f} mrad are needed, as a planar odometry does. Name "
+            "a pose with roll and pitch in a map."
+        )
 
 
 def _flies(signals: Mapping[str, Signal], log_map: LogMap) -> bool:

@@ -6,9 +6,12 @@ from typing import Any
 
 import numpy as np
 
+from np_drake.effects.accelerometer_bias import AccelerometerBias
+from np_drake.effects.gyro_bias import GyroBias
 from np_drake.effects.library import unobservable
 from np_drake.flight_log import FlightLog
 from np_drake.logs.importing.alignment import Aligned
+from np_drake.logs.importing.consistency import SCALE, failing
 from np_drake.logs.importing.conventions import Verdict, as_text
 from np_drake.logs.importing.interpolation import Signal
 from np_drake.logs.importing.log_map import UNITS, LogMap
@@ -81,9 +84,25 @@ def _described(name: str, signal: Signal, log_map: LogMap) -> dict[str, Any]:
 def _conventions_text(verdict: Verdict) -> str:
     if not verdict.misfits:
         return "not checked: no flight, too short, or no two quantities that can be compared"
+    count, wrong = len(verdict.misfits), failing(verdict.misfits)
     worst = max(verdict.misfits, key=lambda law: verdict.misfits[law])
-    text = f"agree with the log in {len(verdict.misfits)} checks (worst misfit {verdict.misfits[worst]:.2g}, {worst})"
+    text = f"agree with the log in {count} checks (worst misfit {verdict.misfits[worst]:.2g}, {worst})"
+    if wrong:
+        laws = ", ".join(f"{law} {verdict.misfits[law]:.2g}" for law in wrong)
+        text = f"hold in {count - len(wrong)} of {count} checks; misfit of {laws} ({SCALE}): {_why(wrong)}"
     return text + (f"; adopted: {as_text(verdict.changes)}" if verdict.changes else "")
+
+
+def _why(laws: Sequence[str]) -> str:
+    """Return what may act where these laws fail, though no other convention makes them hold."""
+    reasons = {
+        "attitude": f"body rates drift or have a bias about that axis ({GyroBias.identifier} can be told)",
+        "velocity": f"the acceleration drifts along that axis ({AccelerometerBias.identifier} can be told)",
+        "position": "position or velocity drifts along that axis",
+        "lift": "a force that is neither thrust nor drag acts across the thrust axis, or the attitude is wrong",
+    }
+    kinds = dict.fromkeys(law.split()[0] for law in laws)
+    return "; ".join(reasons[kind] for kind in kinds if kind in reasons)
 
 
 def _gaps_text(aligned: Aligned, rows: slice, flights: Sequence[FlightLog]) -> str:
