@@ -14,7 +14,9 @@ from np_drake.vehicle import Vehicle
 GUESS = 0.1  # `thrust_uncertainty` from which a thrust coefficient is a guess [1]; own choice
 BAND = 4.0  # of the lift that the coefficient is fitted to [Hz]; own choice: below motor lag
 LEAST = 10.0  # speed of a rotor that turns [rad/s]
+MOST_DEVIATIONS = 3.0  # of the file's uncertainty beyond which its coefficient is another vehicle's [1]
 NOTE = "thrust coefficient"
+FAR = f"{NOTE} of another vehicle"  # beginning of a note that says so
 
 
 def with_hover_thrust(
@@ -44,9 +46,7 @@ def with_hover_thrust(
         thrust_coefficient=factor * vehicle.thrust_coefficient,
         torque_coefficient=factor * vehicle.torque_coefficient,
     ).check()
-    known = f"a guess in the file of vehicle {vehicle.name!r}, {vehicle.thrust_coefficient:.4g} ± "
-    known += f"{100 * (vehicle.thrust_uncertainty or 0.0):.2g} %"
-    note = f"{NOTE}: {known}; rotor speed carries {vehicle.mass:.4g} kg with {fitted.thrust_coefficient:.4g} N/(rad/s)²"
+    note = _note(vehicle, fitted.thrust_coefficient)
 
     def noted(log: FlightLog) -> FlightLog:
         if log.input != "rotor_speed" or log.rotor is None:
@@ -54,6 +54,19 @@ def with_hover_thrust(
         return dc.replace(with_rotor_input(log, fitted), notes=[*log.notes, note])
 
     return fitted, [noted(log) for log in train], [noted(log) for log in held_out]
+
+
+def _note(vehicle: Vehicle, coefficient: float) -> str:
+    """Return what was taken in the place of the file's guess, and whether it is beyond its uncertainty."""
+    spread = vehicle.thrust_uncertainty or 0.0
+    given = f"{vehicle.thrust_coefficient:.4g} ± {100 * spread:.2g} % N/(rad/s)², a guess in the file"
+    times = coefficient / vehicle.thrust_coefficient
+    if abs(times - 1) > MOST_DEVIATIONS * spread:
+        return (
+            f"{FAR}: rotor speed carries {vehicle.mass:.4g} kg with {times:.2g} times that of {vehicle.name!r}, "
+            f"{given}; check vehicle and mass"
+        )
+    return f"{NOTE} {coefficient:.4g}, with which rotor speed carries {vehicle.mass:.4g} kg, in the place of {given}"
 
 
 def _lifted(log: FlightLog, vehicle: Vehicle) -> tuple[np.ndarray, np.ndarray]:

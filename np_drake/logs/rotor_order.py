@@ -59,12 +59,11 @@ def rotor_orders(log: FlightLog, vehicle: Vehicle) -> tuple[RotorOrder, list[Rot
         vehicle: with positions and directions of the rotors, and the inertia.
     """
     columns = _columns(log)
-    if columns is None or log.t[-1] - log.t[0] < LEAST_SECONDS or 2.5 * BAND[0] * log.step > 0.4:
+    if columns is None or not _long_and_fast(log):
         return None
-    upper = min(BAND[1], 0.4 / log.step)
     delays = (0.0,) if log.rotor is not None else DELAYS
-    samples = 2 * (upper - BAND[0]) * (log.t[-1] - log.t[0])
-    turn, moved = _in_band(log, vehicle, columns, upper, delays)
+    samples = 2 * (_upper(log) - BAND[0]) * (log.t[-1] - log.t[0])
+    turn, moved = _in_band(log, vehicle, columns, delays)
     best: list[RotorOrder] = []
     own = None
     for thrust in moved:
@@ -95,16 +94,39 @@ def in_vehicle_order(log: FlightLog, vehicle: Vehicle) -> FlightLog:
     likely = [o for o in orders if best.score - o.score < SURE]
     as_built = [o for o in likely if o.follows(vehicle)]  # columns in another order, of the vehicle as in its file
     best = as_built[0] if len(as_built) == 1 else best
-    seen = f"{_described(best, vehicle)} (correlation {_figures(best)}; in the file's order {_figures(own)})"
+    seen = f"{_described(best, vehicle)} (torque about x, y, z correlates by {_figures(best)}, not {_figures(own)})"
     if len(as_built) != 1:
         raise LogError(
             f"{log.name}: rotor_positions and rotor_directions of vehicle {vehicle.name!r} must be in the order of the "
-            f"log's columns; the torque that turns the vehicle fits the columns as {seen}. Correct the vehicle file."
+            f"log's columns; by what turns the vehicle these are {seen}. Correct the vehicle file."
         )
     columns = np.argsort(best.rotors)
     changes = {name: getattr(log, name)[:, columns] for name in ("rotor", "throttle") if _each(getattr(log, name))}
-    note = f"{NOTE} taken in the order that their torque shows, not that of vehicle {vehicle.name!r}: {seen}"
+    note = f"{NOTE} are not in the order of vehicle {vehicle.name!r} and were put into it: {seen}"
     return dc.replace(log, **changes, notes=[*log.notes, note])
+
+
+def torque_agreement(log: FlightLog, vehicle: Vehicle) -> tuple[np.ndarray, np.ndarray] | None:
+    """Return by axis the correlation (3,) of a log's torque with J dw/dt + w x J w, and the size of that over it (3,).
+
+    None where the torque is not known, or the log is too short or too slow.
+
+    Args:
+        log: of one flight.
+        vehicle: with the inertia.
+    """
+    if not np.isfinite(log.u).all() or not _long_and_fast(log):
+        return None
+    delays = (0.0,) if log.input == "rotor_speed" else DELAYS
+    turn, moved = _in_band(log, vehicle, log.u[:, 1:], delays)
+    size = np.linalg.norm(turn, axis=0)
+    best = (np.full(3, -np.inf), np.ones(3))
+    for torque in moved:
+        own = np.maximum(np.linalg.norm(torque, axis=0), 1e-300)
+        correlation = np.sum(turn * torque, axis=0) / np.maximum(size * own, 1e-300)
+        if correlation.sum() > best[0].sum():
+            best = correlation, size / own
+    return best
 
 
 def _better(best: RotorOrder, own: RotorOrder) -> bool:
@@ -112,7 +134,7 @@ def _better(best: RotorOrder, own: RotorOrder) -> bool:
     if best.score - own.score < SURE:
         return False
     if best.rotors == own.rotors:
-        return best.correlations[2] > TURNS and own.correlations[2] < -TURNS
+        return best.correlations[2] > TURNS + max(own.correlations[2], 0.0)
     return min(best.correlations[:2]) > FOUND
 
 
@@ -127,10 +149,19 @@ def _each(values: np.ndarray | None) -> bool:
     return values is not None and values.shape[1] == 4
 
 
+def _long_and_fast(log: FlightLog) -> bool:
+    return log.t[-1] - log.t[0] >= LEAST_SECONDS and 2.5 * BAND[0] * log.step < 0.4
+
+
+def _upper(log: FlightLog) -> float:
+    """Return the upper end of the band [Hz]."""
+    return min(BAND[1], 0.4 / log.step)
+
+
 def _in_band(
-    log: FlightLog, vehicle: Vehicle, columns: np.ndarray, upper: float, delays: tuple[float, ...]
+    log: FlightLog, vehicle: Vehicle, columns: np.ndarray, delays: tuple[float, ...]
 ) -> tuple[np.ndarray, list[np.ndarray]]:
-    """Return in the band the torque (m, 3) that turned the vehicle, and the columns (m, 4), by delay."""
+    """Return in the band the torque (m, 3) that turned the vehicle, and the columns (m, k), by delay."""
     step = log.step
     t = np.arange(log.t[0], log.t[-1], step)
 
@@ -139,7 +170,7 @@ def _in_band(
 
     w = even(log.w, t)
     turn = np.gradient(w, step, axis=0) @ vehicle.J.T + np.cross(w, w @ vehicle.J.T)
-    sos = signal.butter(2, (BAND[0], upper), "bandpass", fs=1 / step, output="sos")
+    sos = signal.butter(2, (BAND[0], _upper(log)), "bandpass", fs=1 / step, output="sos")
     inside = slice(round(0.5 / step), -round(0.5 / step))  # off the filter's ends
     filtered = [signal.sosfiltfilt(sos, x, axis=0)[inside] for x in (turn, *(even(columns, t - d) for d in delays))]
     return filtered[0], filtered[1:]
@@ -154,7 +185,8 @@ def _scored(turn: np.ndarray, thrust: np.ndarray, vehicle: Vehicle, samples: flo
     def correlation(axis: int, arm: np.ndarray) -> float:
         return float(cross[axis] @ arm / max(size[axis] * np.sqrt(arm @ square @ arm), 1e-300))
 
-    patterns = [d for d in itertools.product((1.0, -1.0), repeat=4) if sum(d) == sum(vehicle.rotor_directions)]
+    given = tuple(float(d) for d in vehicle.rotor_directions)
+    patterns = [d for d in itertools.product((1.0, -1.0), repeat=4) if sum(d) == 0 or d == given]
     yaw = {d: correlation(2, np.array(d)) for d in patterns}
     found = []
     for rotors in itertools.permutations(range(4)):

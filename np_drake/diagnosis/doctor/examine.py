@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from np_drake.diagnosis.doctor.flight_facts import contradictions, flight_facts
+from np_drake.diagnosis.doctor.doubts import doubts, law_doubts
+from np_drake.diagnosis.doctor.flight_facts import flight_facts
 from np_drake.diagnosis.doctor.log_report import NEVER, NO, YES, Answer, FlightFacts, LogReport
 from np_drake.diagnosis.doctor.smallest_sizes import Information, Smallest, smallest_gust, smallest_sizes
 from np_drake.diagnosis.doctor.swing_test import swing_test
@@ -57,7 +58,8 @@ def examine(
     facts = tuple(
         dc.replace(flight_facts(log, vehicle), imported=dict((sheets or {}).get(log.name, {}))) for log in logs
     )
-    wrong = [line for f in facts for line in _faults(f)]
+    own = [doubt for log in logs for doubt in law_doubts(log)]
+    wrong = [line for f in facts for line in _no_flight(f)] + [doubt.text for doubt in own if doubt.fails]
     problems = wrong + [line for f in facts for line in _limits(f)]
     long_enough = [log for log in logs if log.t[-1] - log.t[0] >= LEAST_DURATION]
     if not long_enough:
@@ -65,6 +67,7 @@ def examine(
     if vehicle is None or not long_enough or wrong:
         if vehicle is None:
             problems.append("no vehicle file: effects are not judged (np-drake doctor --vehicle FILE)")
+        problems += [doubt.text for doubt in own if not doubt.fails]
         return LogReport(facts, bool(long_enough) and not wrong, tuple(problems))
     return _with_answers(LogReport(facts, True, tuple(problems), vehicle.name), long_enough, vehicle, tell)
 
@@ -75,6 +78,7 @@ def _with_answers(report: LogReport, logs: Sequence[FlightLog], vehicle: Vehicle
     logs = [_head(log) for log in logs]
     step = max(natural_step(log.t) for log in logs)
     flights = [make_flight_residuals(log, vehicle, step) for log in logs]
+    first_of_all = [doubt for e in flights for doubt in doubts(e)]
     moving = excitation(flights)
     real = any(f.imported for f in report.flights) or tolerance_of(flights).real
     options = with_input(Options.for_sensors(real), flights)
@@ -102,8 +106,8 @@ def _with_answers(report: LogReport, logs: Sequence[FlightLog], vehicle: Vehicle
     still = () if excited(moving) else ("the flights excite nothing: move, and turn about every axis",)
     return dc.replace(
         report,
-        usable=not still,
-        problems=report.problems + still,
+        usable=not still and not any(doubt.fails for doubt in first_of_all),
+        problems=(*(doubt.text for doubt in first_of_all), *report.problems, *still),
         sensors="real" if options.tolerance.real else "ideal",
         excitation=moving,
         residual_force=_residual_force(flights),
@@ -125,12 +129,9 @@ def _head(log: FlightLog) -> FlightLog:
     return log if rows == len(log) else log.rows(0, rows)
 
 
-def _faults(f: FlightFacts) -> list[str]:
-    """Return what makes a flight useless, one line each; the conventions of an imported one have been checked."""
-    if f.imported:
-        return [f"{f.name}: {note}" for note in f.imported.get("notes", ()) if note.startswith("no flight")]
-    laws = contradictions(f)
-    return [f"{f.name}: {', '.join(laws)} contradict each other; check columns, frames and units"] if laws else []
+def _no_flight(f: FlightFacts) -> list[str]:
+    """Return that a log holds no flight, as its import found."""
+    return [f"{f.name}: {note}" for note in f.imported.get("notes", ()) if note.startswith("no flight")]
 
 
 def _limits(f: FlightFacts) -> list[str]:
