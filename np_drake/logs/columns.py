@@ -78,6 +78,7 @@ COLUMNS: dict[str, tuple[str, ...]] = {  # field of FlightLog: columns of the fi
     "voltage": ("voltage",),
 }
 STATE = ("t", "p", "q", "v", "w")  # fields that every log has
+DERIVED = ("p", "v", "w")  # of these, those that an import derives from the others
 OPTIONAL = ("a", "al", "rotor", "throttle", "voltage")
 THRUST = ("thrust",)  # of u, where torque is not logged
 FIELDS = COLUMNS | {"thrust": THRUST}

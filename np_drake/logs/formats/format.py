@@ -38,13 +38,14 @@ class Recording:
     """Streams of one file by name.
 
     path: of the file, for messages.   facts: what its header says (vehicle, firmware, parameters), for the sheet.
-    notes: what the decoder left out or mended, one line each.
+    notes: what the decoder left out or mended, one line each.   units: that the file states, by column.
     """
 
     path: str
     streams: Mapping[str, Stream]
     facts: Mapping[str, str] = dc.field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    units: Mapping[str, str] = dc.field(default_factory=dict)
 
     @property
     def contents(self) -> Contents:

@@ -13,7 +13,7 @@ from np_drake.logs.errors import LogError
 from np_drake.logs.formats import csv_file, parquet_file
 from np_drake.logs.formats.format import first_bytes
 from np_drake.logs.formats.table import first_line
-from np_drake.logs.formats.table_text import split_header
+from np_drake.logs.formats.table_text import is_comma_separated, split_header
 from np_drake.logs.gaps import LONGEST, bridge_gaps, split_at_gaps
 from np_drake.logs.gaps import repair as repair_table
 from np_drake.logs.import_sheet import read_sheet
@@ -31,13 +31,22 @@ WORDS = {  # of inputs
 
 
 def is_flight_log(path: Path) -> bool:
-    """Return whether the header names most columns of the state: one that lacks a few is told which."""
+    """Return whether the header names most columns of the state: one that lacks a few is told which.
+
+    A log without any column of a whole quantity is imported, which derives it, and so is a table in another style.
+    """
     if not str(path).endswith(SUFFIXES):
         return False
-    parquet = path.name.endswith(".parquet")
-    names = parquet_file.column_names(path) if parquet else split_header(first_line(first_bytes(path)))
+    if path.name.endswith(".parquet"):
+        names = set(parquet_file.column_names(path))
+    else:
+        start = first_bytes(path)
+        names = set(split_header(first_line(start)))
+        if not is_comma_separated(start):
+            return False
     needed = [name for field in columns.STATE for name in columns.COLUMNS[field]]
-    return 2 * len(set(needed) & set(names)) > len(needed)
+    lacking = [field for field in columns.DERIVED if names.isdisjoint(columns.COLUMNS[field])]
+    return not lacking and 2 * len(names.intersection(needed)) > len(needed)
 
 
 def read(path: str | Path, vehicle: Vehicle | None = None, *, repair: bool = False) -> list[FlightLog]:

@@ -76,7 +76,8 @@ def check_conventions(t: np.ndarray, raw: Values, log_map: LogMap) -> Verdict:
     trial = Trial(t[part], {name: values[part] for name, values in raw.items()})
     for count in range(1, MOST_CHANGES + 1 if failed else 2):
         found = []
-        for chosen in itertools.combinations(singles, count):
+        tried = singles if count == 1 else [change for change in singles if not change[0][0].endswith(".signs")]
+        for chosen in itertools.combinations(tried, count):
             change = tuple(itertools.chain(*chosen))
             if len({option for option, _ in change}) < len(change):
                 continue
@@ -132,7 +133,7 @@ class Trial:
     def _key(self, name: str, log_map: LogMap) -> tuple[Any, ...]:
         """Return what a quantity depends on: its own conventions, and those of the attitude that may turn it."""
         source = getattr(log_map, name)
-        own = (source.unit, source.scale, source.axes, source.kind, source.order, source.direction)
+        own = (source.unit, source.scale, tuple(source.signs), source.axes, source.kind, source.order, source.direction)
         turned = name in VECTORS and "attitude" in self._raw and source.is_turned(name)
         return (name, *own, *log_map.frames(source), *(self._key("attitude", log_map) if turned else ()))
 
@@ -247,8 +248,12 @@ def _of_quantity(name: str, log_map: LogMap) -> Iterator[tuple[str, Any]]:
             yield "unit", unit
     if name in ("acceleration", "thrust", "velocity"):
         yield "scale", -source.scale
+    if name in HANDED and len(source.columns) == 3:
+        for axis in range(3):
+            yield "signs", [-sign if i == axis else sign for i, sign in enumerate(source.signs or [1, 1, 1])]
 
 
+HANDED = ("attitude", "rates")  # three columns of which a log may turn one, as pitch against a right-handed y
 VECTORS = ("position", "velocity", "rates", "acceleration")
 _UNITS: Mapping[str, tuple[str, ...]] = {
     "position": ("m", "cm", "mm"),

@@ -44,6 +44,8 @@ def convert_quantity(name: str, values: np.ndarray, log_map: LogMap, q: np.ndarr
     """
     source = getattr(log_map, name)
     scaled = values * (source.scale * UNITS[name].get(source.unit, 1.0))
+    if source.signs:
+        scaled = scaled * source.signs
     if name in ("throttle", "hover_throttle") and source.unit == "us":
         return (scaled - 1000.0) / 1000.0
     if name == "attitude":

@@ -31,6 +31,7 @@ from np_drake.logs.importing.interpolation import FASTER, Signal
 from np_drake.logs.importing.log_map import UNITS, LogMap, MapFile
 from np_drake.logs.importing.sheet_content import ground_notes, sheet_content
 from np_drake.logs.importing.signals import gather, with_map_time
+from np_drake.logs.importing.stated_units import require_stated_units
 
 CHECK_RATE = 50.0  # of the rows on which conventions are checked [Hz]
 SHORTEST = 1.0  # log whose unit of time is found by its rate alone [s]; own choice
@@ -81,6 +82,7 @@ def import_log(
         raise LogError(f"{path}: {error}") from None
     require_a_flight(log_map, str(path))
     recording = known.read(Path(path), by_stream(contents, log_map.names(), str(path)), on_progress)
+    require_stated_units(recording, log_map)
     signals, notes = gather(with_map_time(recording, log_map), log_map)
     signals, clock = _on_a_likely_clock(signals, log_map, str(path))
     signals = _cut(signals, log_map, str(path))

@@ -72,10 +72,10 @@ def unanswerable(log: FlightLog) -> dict[str, list[str]]:
 
 def _described(name: str, signal: Signal, log_map: LogMap) -> dict[str, Any]:
     source = getattr(log_map, name)
-    keys = ["scale", "axes", "kind", "late"]
+    keys = ["scale", "signs", "axes", "kind", "late"]
     if name == "attitude" and len(source.columns) == 4:
         keys += ["order", "direction"]
-    usual = {"scale": 1.0, "late": 0.0}
+    usual: dict[str, Any] = {"scale": 1.0, "signs": [], "late": 0.0}
     shown = {key: getattr(source, key) for key in keys if getattr(source, key) not in ("", usual.get(key))}
     unit = source.unit or next(iter(UNITS[name]))
     return {"from": list(source.columns), "rate": f"{1 / signal.step:.4g} Hz", "unit": unit, **shown}
