@@ -19,6 +19,7 @@ class FlightLog:
     input: what thrust and torque come from: `command` (thrust and torque), `rotor_speed`, `thrust_only` (torque is
     NaN), `normalised` (throttle; thrust and torque by an estimated map).
     timing: standard deviation of the time at which a row's command acts [s]; 0 where it is held from its row.
+    lacks: what was not logged and is integrated: `height` (position), `velocity`; keys of `library.REQUIREMENTS`.
     """
 
     t: np.ndarray
@@ -36,6 +37,7 @@ class FlightLog:
     name: str = "flight"  # for messages and tables
     input: str = "command"  # command | rotor_speed | thrust_only | normalised
     timing: float = 0.0
+    lacks: tuple[str, ...] = ()
     notes: list[str] = dc.field(default_factory=list)  # what a reader derived, differentiated or repaired
 
     def __len__(self) -> int:

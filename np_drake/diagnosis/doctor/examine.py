@@ -33,6 +33,8 @@ INSTEAD = {  # words of a reason of `unobservable`: what to log instead
     "up to a scale": "log rotor speed, with a thrust coefficient from a stand",
     "no torque": "log the torque command, rotor speed, or every motor's throttle",
     "no accelerations": "log the accelerometer",
+    "no position": "log the position",
+    "no velocity": "log velocity or position",
 }
 
 
@@ -100,7 +102,8 @@ def _with_answers(report: LogReport, logs: Sequence[FlightLog], vehicle: Vehicle
     tell(0.8, "smallest sizes")
     information = Information(explained.flights, explained.noise, nuisance, every)
     first = logs[0]
-    known = {"accelerations": first.a is not None, "torque": flights[0].knows_torque}
+    known: dict[str, Any] = {"accelerations": first.a is not None, "torque": flights[0].knows_torque}
+    known["lacks"] = sorted({quantity for log in logs for quantity in log.lacks})
     gust = smallest_gust(explained.noise, moving["duration [s]"])
     found = answers(smallest_sizes(information), gust, explained.drag, vehicle, log_input=first.input, **known)
     still = () if excited(moving) else ("the flights excite nothing: move, and turn about every axis",)
@@ -160,7 +163,7 @@ def _require(logs: Sequence[FlightLog]) -> None:
 
 
 def answers(
-    found: Sequence[Smallest], gust: float, drag: float | None, vehicle: Vehicle, *, log_input: str, **known: bool
+    found: Sequence[Smallest], gust: float, drag: float | None, vehicle: Vehicle, *, log_input: str, **known: Any
 ) -> tuple[Answer, ...]:
     """Return an answer for each parameter of each effect: told, not told, never told, in the order of the library.
 
@@ -170,7 +173,7 @@ def answers(
         drag: that of the vehicle, where it is known [N·s/m]: winds act through it.
         vehicle: the nominal vehicle.
         log_input: as `FlightLog.input`.
-        known: whether the log has `accelerations` and `torque`.
+        known: whether the log has `accelerations` and `torque`, and what it `lacks`.
     """
     hidden = unobservable(log_input, **known)
     sizes = {s.identifier: s for s in found}

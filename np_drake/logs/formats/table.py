@@ -59,11 +59,12 @@ def contents(path: Path) -> Contents:
 def default_map(contents: Contents) -> LogMap | None:
     """Return the map of our own columns (docs/reference/flight-log.md).
 
-    None without time, attitude, and one of position and velocity; what else the state lacks, an import derives.
+    None without time, attitude, and one of position, velocity and acceleration; what else the state lacks, an import
+    derives.
     """
     names = set(contents.get(STREAM, ()))
     here = {field: list(group) for field, group in COLUMNS.items() if names.issuperset(group)}
-    if not {"t", "q"} <= here.keys() or not {"p", "v"} & here.keys():
+    if not {"t", "q"} <= here.keys() or not {"p", "v", "a"} & here.keys():
         return None
     log_map = LogMap(format=STREAM, command="held_after", time=Source(["t"]))
     log_map.attitude = Source(here["q"])

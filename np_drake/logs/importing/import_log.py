@@ -27,6 +27,7 @@ from np_drake.logs.importing.conventions import (
     fitting_time_unit,
 )
 from np_drake.logs.importing.convert import convert, convert_quantity
+from np_drake.logs.importing.dead_reckoning import with_whole_motion
 from np_drake.logs.importing.interpolation import FASTER, Signal
 from np_drake.logs.importing.log_map import UNITS, LogMap, MapFile
 from np_drake.logs.importing.sheet_content import ground_notes, sheet_content
@@ -88,6 +89,8 @@ def import_log(
     signals = _cut(signals, log_map, str(path))
     carried = _flies(signals, log_map)
     log_map, verdict = _agreed(signals, log_map, str(path), clock=clock, carried=carried, adopt=adopt)
+    signals, log_map, lacks, derived = with_whole_motion(signals, log_map)
+    notes += derived
     if not carried:
         notes.append("no flight: position stays, or the rotors stand; nothing can be identified")
     aligned = align(signals, log_map, str(path))
@@ -102,7 +105,7 @@ def import_log(
         raise LogError(f"{path}: must hold a flight; no part between gaps has {LEAST_ROWS} rows.")
     timing = _timing(signals, log_map)
     for flight in flights:
-        flight.timing = timing
+        flight.timing, flight.lacks, flight.notes = timing, lacks, [*flight.notes, *derived]
     notes += [*recording.notes, *aligned.notes, *ground_notes(aligned.t, rows, ground)]
     content = sheet_content(
         path, known.title, recording.facts, log_map, signals, verdict, aligned, rows, flights, notes
@@ -219,7 +222,8 @@ def _require_tilt(t: np.ndarray, raw: Mapping[str, np.ndarray], log_map: LogMap,
 
 def _flies(signals: Mapping[str, Signal], log_map: LogMap) -> bool:
     """Return whether the vehicle moves sideways at all and the rotors ever turn; True where the log does not tell."""
-    across = np.ptp(signals["position"].values, axis=0)
+    told = next(name for name in ("position", "velocity", "acceleration") if name in signals)
+    across = np.ptp(signals[told].values, axis=0)
     if not np.any(across[:2] > 0):
         return False
     for name, least in IDLE.items():

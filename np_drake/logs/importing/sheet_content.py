@@ -65,7 +65,9 @@ def unanswerable(log: FlightLog) -> dict[str, list[str]]:
     each_rotor = log.throttle is not None and log.throttle.shape[1] == 4
     torque = log.input in ("command", "rotor_speed") or (log.input == "normalised" and each_rotor)
     found: dict[str, list[str]] = {}
-    for identifier, reason in unobservable(log.input, accelerations=log.a is not None, torque=torque).items():
+    for identifier, reason in unobservable(
+        log.input, accelerations=log.a is not None, torque=torque, lacks=log.lacks
+    ).items():
         found.setdefault(reason, []).append(identifier)
     return found
 
