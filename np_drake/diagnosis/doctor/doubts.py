@@ -4,7 +4,7 @@
 """
 
 import dataclasses as dc
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -14,7 +14,10 @@ from np_drake.logs import hover_thrust, rotor_order
 from np_drake.logs.importing.consistency import SCALE, failing, lone_axes, misfits, never_tilts
 from np_drake.logs.rotor_order import torque_agreement
 
-MOST_RESIDUAL = 0.25  # of the weight [1]
+MOST_RESIDUAL = 0.25  # of the weight, from which it is said first [1]
+# Of the weight along body z, from which thrust does not carry the vehicle: no payload or weak rotor is that large [1];
+# own choice.
+NO_LIFT = 0.5
 TOLD = 0.5  # correlation of torque with J dw/dt from which sign and size are told [1]; own choice
 FACTOR = 3.0  # of the torque that turned the vehicle over the model's, beyond which a law fails [1]; own choice
 MOST_ROWS = 60_000  # of a flight whose agreement is looked for; own choice
@@ -25,8 +28,17 @@ LEAST_STEP = 0.02  # of the rows on which it is looked for [s]
 class Doubt:
     """A reason to doubt all answers from a flight. fails: a law fails, and the flight is not usable."""
 
-    text: str
+    flight: str
+    what: str
     fails: bool = False
+
+
+def as_lines(found: Iterable[Doubt]) -> tuple[str, ...]:
+    """Return one line for each reason, which names all its flights."""
+    flights: dict[str, list[str]] = {}
+    for doubt in found:
+        flights.setdefault(doubt.what, []).append(doubt.flight)
+    return tuple(f"{', '.join(names)}: {what}" for what, names in flights.items())
 
 
 def doubts(flight: FlightResiduals) -> list[Doubt]:
@@ -42,23 +54,20 @@ def law_doubts(log: FlightLog) -> list[Doubt]:
     if level := never_tilts(t, x):
         tilt, needed = level
         flat = f"the attitude never tilts ({1e3 * tilt:.2g} mrad) where the vehicle accelerates sideways"
-        return [Doubt(f"{log.name}: {flat} ({1e3 * needed:.0f} mrad): its pose is planar", fails=True)]
+        return [Doubt(log.name, f"{flat} ({1e3 * needed:.0f} mrad): its pose is planar", fails=True)]
     aside = lone_axes(own)
     lift = [law for law in failing(own) if law.startswith("lift")]
     other = [law for law in failing(own) if law not in (*aside, *lift)]
     found = []
     if other:
         laws = f"{', '.join(other)} contradict each other"
-        found.append(Doubt(f"{log.name}: {laws}; check columns, frames and units", fails=True))
+        found.append(Doubt(log.name, f"{laws}; check columns, frames and units", fails=True))
     if lift:
-        what = f"{_shown(lift, own)}: horizontal acceleration is not along the thrust axis"
-        found.append(
-            Doubt(f"{log.name}: misfit of {what} ({SCALE}); check the attitude, or fly out of gusts", fails=True)
-        )
+        what = f"misfit of {_shown(lift, own)} ({SCALE}): horizontal acceleration is not along the thrust axis"
+        found.append(Doubt(log.name, f"{what}; check attitude and frames", fails=True))
     if aside:
-        found.append(
-            Doubt(f"{log.name}: misfit of {_shown(aside, own)} about that axis alone, as of a sensor that drifts")
-        )
+        what = f"misfit of {_shown(aside, own)} ({SCALE}) on that axis alone, as of a sensor that drifts"
+        found.append(Doubt(log.name, what))
     return found
 
 
@@ -88,7 +97,7 @@ def _residual(e: FlightResiduals) -> list[Doubt]:
         return []
     where = f"{share[worst]:.0%} of the weight along body {'xyz'[worst]}"
     remedy = "check mass, thrust coefficient, units and columns before any answer"
-    return [Doubt(f"{e.name}: the vehicle file misses {where}: {remedy}")]
+    return [Doubt(e.name, f"the vehicle file misses {where}: {remedy}", fails=bool(share[2] > NO_LIFT))]
 
 
 def _torque(e: FlightResiduals) -> list[Doubt]:
@@ -98,21 +107,21 @@ def _torque(e: FlightResiduals) -> list[Doubt]:
         return []
     out = []
     for axis, correlation, ratio in zip("xyz", *found, strict=True):
-        about = f"{e.name}: torque about body {axis}"
+        about = f"torque about body {axis}"
         if correlation < -TOLD:
             what = f"goes against J dw/dt (correlation {correlation:.2f})"
-            out.append(Doubt(f"{about} {what}; check signs and the order of the rotors", fails=True))
+            out.append(Doubt(e.name, f"{about} {what}; check signs and the order of the rotors", fails=True))
         # Noise lies on both: the factor is between the regressions of one on the other.
         elif correlation > TOLD and (correlation * ratio > FACTOR or ratio / correlation < 1 / FACTOR):
             what = f"is not what turns the vehicle, {ratio:.2g} times as much"
-            out.append(Doubt(f"{about} {what}; check inertia, arms and torque coefficient", fails=True))
+            out.append(Doubt(e.name, f"{about} {what}; check inertia, arms and torque coefficient", fails=True))
     return out
 
 
 def _taken_over(log: FlightLog) -> list[Doubt]:
     """Return what a reader found of order and coefficient of the rotors, which is not that of the vehicle file."""
     known = (rotor_order.NOTE, hover_thrust.FAR)
-    return [Doubt(f"{log.name}: {note}") for note in log.notes if note.startswith(known)]
+    return [Doubt(log.name, note) for note in log.notes if note.startswith(known)]
 
 
 def _shown(laws: Sequence[str], own: dict[str, float]) -> str:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from np_drake.diagnosis.doctor.doubts import doubts, law_doubts
+from np_drake.diagnosis.doctor.doubts import as_lines, doubts, law_doubts
 from np_drake.diagnosis.doctor.flight_facts import flight_facts
 from np_drake.diagnosis.doctor.log_report import NEVER, NO, YES, Answer, FlightFacts, LogReport
 from np_drake.diagnosis.doctor.smallest_sizes import Information, Smallest, smallest_gust, smallest_sizes
@@ -61,7 +61,8 @@ def examine(
         dc.replace(flight_facts(log, vehicle), imported=dict((sheets or {}).get(log.name, {}))) for log in logs
     )
     own = [doubt for log in logs for doubt in law_doubts(log)]
-    wrong = [line for f in facts for line in _no_flight(f)] + [doubt.text for doubt in own if doubt.fails]
+    wrong = [line for f in facts for line in _no_flight(f)]
+    wrong += as_lines(doubt for doubt in own if doubt.fails)
     problems = wrong + [line for f in facts for line in _limits(f)]
     long_enough = [log for log in logs if log.t[-1] - log.t[0] >= LEAST_DURATION]
     if not long_enough:
@@ -69,7 +70,7 @@ def examine(
     if vehicle is None or not long_enough or wrong:
         if vehicle is None:
             problems.append("no vehicle file: effects are not judged (np-drake doctor --vehicle FILE)")
-        problems += [doubt.text for doubt in own if not doubt.fails]
+        problems += as_lines(doubt for doubt in own if not doubt.fails)
         return LogReport(facts, bool(long_enough) and not wrong, tuple(problems))
     return _with_answers(LogReport(facts, True, tuple(problems), vehicle.name), long_enough, vehicle, tell)
 
@@ -110,7 +111,7 @@ def _with_answers(report: LogReport, logs: Sequence[FlightLog], vehicle: Vehicle
     return dc.replace(
         report,
         usable=not still and not any(doubt.fails for doubt in first_of_all),
-        problems=(*(doubt.text for doubt in first_of_all), *report.problems, *still),
+        problems=(*as_lines(first_of_all), *report.problems, *still),
         sensors="real" if options.tolerance.real else "ideal",
         excitation=moving,
         residual_force=_residual_force(flights),
