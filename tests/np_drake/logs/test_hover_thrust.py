@@ -42,7 +42,7 @@ def test_a_guess_gives_way_to_the_speed_that_carries_the_vehicle(factor):
     assert all("with which rotor speed carries 2 kg" in log.notes[-1] for log in (train[0], held_out[0]))
 
 
-def test_a_coefficient_beyond_its_uncertainty_is_said_to_be_another_vehicles():
+def test_a_coefficient_beyond_its_uncertainty_is_of_another_vehicle():
     file = guessed(1 / 2.2)
     _, (dut,), _ = with_hover_thrust(file, [hovering(file)])
     assert dut.notes[-1].startswith(f"{FAR}: rotor speed carries 2 kg with 2.2 times that of 'paper'")
