@@ -22,6 +22,7 @@ class FlightLog:
     NaN), `normalised` (throttle; thrust and torque by an estimated map).
     timing: standard deviation of the time at which a row's command acts [s]; 0 where it is held from its row.
     layout: where the rotors of `rotor` and `throttle` are; None: in the order of the vehicle file.
+    lacks: what was not logged and is integrated: `height` (position), `velocity`; keys of `library.REQUIREMENTS`.
     """
 
     t: np.ndarray
@@ -40,6 +41,7 @@ class FlightLog:
     input: str = "command"  # command | rotor_speed | thrust_only | normalised
     timing: float = 0.0
     layout: RotorLayout | None = None
+    lacks: tuple[str, ...] = ()
     notes: list[str] = dc.field(default_factory=list)  # what a reader derived, differentiated or repaired
 
     def __len__(self) -> int:

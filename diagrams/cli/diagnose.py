@@ -50,9 +50,11 @@ def diagnose(
     repair: options.Repair = False,
 ) -> Report:
     """Diagnose the gap between the nominal simulator and flights; with --out: report, replay, figures, JSON."""
+    from np_drake.logs.hover_thrust import with_hover_thrust
+
     files = _choose_files(case, vehicle, list(train or ()), list(held_out or ()))
     nominal = nominal_vehicle(files)
-    logs = files.open(nominal, repair=repair)
+    nominal, *logs = with_hover_thrust(nominal, *files.open(nominal, repair=repair))
     say(*(f"{log.name}: {note}" for flights in logs for log in flights for note in log.notes))
     found = diagnose_logs(nominal, *logs, replay=not no_replay, second_look=not no_second_look, rig=rig)
     config: dict[str, Any] = {"vehicle": nominal.name, "train": files.train, "held_out": files.held_out}

@@ -20,8 +20,9 @@ _NAME = 14  # characters of a flight's name in a table
 
 
 def judgement(diagnosis: Diagnosis) -> list[str]:
-    """Return the headline, the sentence below it, and the same of a second answer."""
-    return [_plain(line) for line in (headline(diagnosis), lead(diagnosis), *second_answer(diagnosis), "")]
+    """Return what stands against any answer, the headline, the sentence below it, and the same of a second answer."""
+    before = [f"Before the answer: {doubt}." for doubt in diagnosis.doubts]
+    return [_plain(line) for line in (*before, headline(diagnosis), lead(diagnosis), *second_answer(diagnosis), "")]
 
 
 def tables(diagnosis: Diagnosis) -> list[Table]:

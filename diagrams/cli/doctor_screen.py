@@ -4,6 +4,7 @@ import textwrap
 
 from diagrams.cli.output import WIDTH
 from np_drake.diagnosis.doctor.log_report import NEVER, YES, Answer, FlightFacts, LogReport
+from np_drake.logs.importing.consistency import SCALE
 
 NOTED = 3.0  # times its usual noise from which a signal's is noted as high [1]
 SHOWN = 0.5  # share of repeated rows from which a signal's are noted [1]
@@ -81,7 +82,7 @@ def _conventions(f: FlightFacts) -> str:
         return "not checked: too short, or no two quantities can be compared"
     worst = max(f.misfits, key=lambda law: f.misfits[law])
     own = f"{f.imported['frames'].split(';')[0]}; " if f.imported else ""
-    return f"{own}{len(f.misfits)} checks, worst misfit {f.misfits[worst]:.2g} ({worst}; 0 agrees, 1 contradicts)"
+    return f"{own}{len(f.misfits)} checks, worst misfit {f.misfits[worst]:.2g} ({worst}; {SCALE})"
 
 
 def _noise(f: FlightFacts) -> str:

@@ -18,6 +18,7 @@ from np_drake.diagnosis.decision.causes import joint_posterior
 from np_drake.diagnosis.decision.explanations import explanations_of
 from np_drake.diagnosis.decision.infer import Inference, infer
 from np_drake.diagnosis.decision.second_answer import novelty, second_answer, without_onsets_in
+from np_drake.diagnosis.doctor.doubts import as_lines, doubts
 from np_drake.diagnosis.gap.gap_reduction import measure_gap_reduction
 from np_drake.diagnosis.localisation.identifiability import (
     assess_identifiability,
@@ -81,6 +82,7 @@ def diagnose(
     fitted = [make_flight_residuals(log, vehicle, step) for log in train]
     judging = [make_flight_residuals(log, vehicle, step) for log in held_out]
     names: dict[str, Any] = {"vehicle": vehicle.name, "train": _names(fitted), "held_out": _names(judging)}
+    names["doubts"] = as_lines(doubt for e in (*fitted, *judging) for doubt in doubts(e))
     if not excited(excitation(fitted)):
         nothing = unexcited_diagnosis(fitted, judging)
         return Diagnosis(**names, **nothing, cannot_tell=True, wall=time.perf_counter() - start)

@@ -199,6 +199,7 @@ class Diagnosis:
     posterior: joint, of the parameters of the causes.
     explanations: that still stand, best first; the verdict names the material effects of the first that are probable.
     readings: noise and tolerances by which another flight is read.
+    doubts: what stands against any answer from these flights, as `np-drake doctor` finds it; said before the answer.
     """
 
     vehicle: str
@@ -223,6 +224,7 @@ class Diagnosis:
     posterior: Posterior | None = None
     explanations: tuple[Explanation, ...] = ()
     readings: Readings | None = None
+    doubts: tuple[str, ...] = ()
 
     def as_json(self) -> dict[str, Any]:
         """Return the content of `diagnosis.json` in plain types."""
@@ -249,6 +251,7 @@ def as_json(diagnosis: Diagnosis) -> dict[str, Any]:
         "held_out": diagnosis.held_out,
         "joined": diagnosis.joined,
         "judged_as": diagnosis.judged_as,
+        "doubts": diagnosis.doubts,
         "verdict": diagnosis.verdict,
         "cannot_tell": diagnosis.cannot_tell,
         "unknown_probability": diagnosis.unknown_probability,

@@ -78,6 +78,8 @@ COLUMNS: dict[str, tuple[str, ...]] = {  # field of FlightLog: columns of the fi
     "voltage": ("voltage",),
 }
 STATE = ("t", "p", "q", "v", "w")  # fields that every log has
+DERIVED = ("p", "v", "w")  # of these, those that an import derives from the others
+UNLOGGED = {"p": "height", "v": "velocity"}  # what a log lacks of which these were integrated
 OPTIONAL = ("a", "al", "rotor", "throttle", "voltage")
 THRUST = ("thrust",)  # of u, where torque is not logged
 FIELDS = COLUMNS | {"thrust": THRUST}
@@ -143,7 +145,7 @@ def disassemble(log: FlightLog) -> dict[str, np.ndarray]:
     """
     out: dict[str, np.ndarray] = {}
     for field, names in COLUMNS.items():
-        value = _value(log, field)
+        value = None if field in UNLOGGED and UNLOGGED[field] in log.lacks else _value(log, field)
         if value is None:
             continue
         if field == "u" and log.input == "thrust_only":

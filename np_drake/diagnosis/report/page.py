@@ -95,6 +95,7 @@ def content(diagnosis: Diagnosis, seed: int) -> dict[str, Any]:
             (name, words.measure(value, "N" if name.startswith("force") else "N·m"))
             for name, value in identifiability.noise_floor.items()
         ],
+        "doubts": diagnosis.doubts,
         "warnings": summary.warnings(diagnosis),
         "flights": [*((name, "fit") for name in diagnosis.train), *((n, "judge") for n in diagnosis.held_out)],
         "vehicle": diagnosis.vehicle,

@@ -42,6 +42,7 @@ class Recording:
     path: of the file, for messages.   facts: what its header says (vehicle, firmware, parameters), for the sheet.
     notes: what the decoder left out or mended, one line each.   said: those of them that the screen says as well.
     breaks: times [s] at which the log states a switch, with the reason; one that ends in `?` is a break where it shows.
+    units: that the file states, by column.
     """
 
     path: str
@@ -50,6 +51,7 @@ class Recording:
     notes: tuple[str, ...] = ()
     said: tuple[str, ...] = ()
     breaks: tuple[tuple[float, str], ...] = ()
+    units: Mapping[str, str] = dc.field(default_factory=dict)
 
     @property
     def contents(self) -> Contents:
