@@ -112,8 +112,10 @@ def _in_stated_order(log: FlightLog, vehicle: Vehicle) -> FlightLog:
 
     Raises: LogError: if the stated rotors are not those of the vehicle.
     """
+    if log.layout is None:
+        return log
     layout, log = log.layout, dc.replace(log, layout=None)
-    if layout is None or not (_each(log.rotor) or _each(log.throttle)):
+    if not (_each(log.rotor) or _each(log.throttle)):
         return log
     try:
         order = layout.order_of(vehicle.rotor_positions, vehicle.rotor_directions)
