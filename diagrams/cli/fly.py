@@ -57,13 +57,15 @@ def fly(
     from diagrams.gap.corrected import drawn
     from diagrams.loop.controllers import make_residual_model
     from diagrams.loop.experiments import EXPERIMENTS, load_experiment
+    from diagrams.loop.flight_diagram import make_flight_diagram
+    from diagrams.loop.own_controller import is_own
     from np_drake.vehicle import load_vehicle
 
     if reality is not None and vehicle is not None:
         raise ValueError("give either --reality, which has a vehicle of its own, or --vehicle.")
     config = load_experiment(experiment, None if vehicle is None else load_vehicle(vehicle), reality)
     if controller is not None:
-        config.controller.kind = controller
+        config.controller.kind, config.controller.parameters = controller, {}
     elif experiment in EXPERIMENTS:
         config.controller.kind = _default_controller(config, predictor)
     config.controller.solver = solver or named_solver(experiment) or options.DEFAULT_SOLVER
@@ -76,6 +78,8 @@ def fly(
     config.check()
     believed = config.controller.believed(config.vehicle)
     make_residual_model(config.controller, believed)  # refused before any work
+    if is_own(config.controller.kind):
+        make_flight_diagram(config)
     if sample is not None and (live or mcap is not None):
         one = "--live, which shows" if live else "--mcap, which holds"
         raise ValueError(f"give either {one} one flight, or --sample.")
@@ -108,7 +112,7 @@ def _fly_all(configs: "list[FlightConfig]", seed: int) -> "list[FlightResult]":
     from diagrams.loop.flight_result import fly as simulate
 
     flights, first = [], configs[0]
-    with progress(f"flying {first.name} with {first.controller.kind}", len(configs) * first.end) as advance:
+    with progress(f"flying {first.name} with {first.controller.name}", len(configs) * first.end) as advance:
         for k, own in enumerate(configs):
 
             def tell(t: float, before: float = k * first.end) -> None:
@@ -131,7 +135,7 @@ def _fly_live(config: "FlightConfig", seed: int) -> "FlightResult":
         payload = ", P the payload" if view.has_payload else ""
         say(f"watch it at {view.meshcat.web_url()}: V pushes{payload}; Esc or Ctrl-C ends it.")
         try:
-            with progress(f"flying {config.name} with {config.controller.kind}", config.end) as advance:
+            with progress(f"flying {config.name} with {config.controller.name}", config.end) as advance:
                 flight = simulate(
                     config, seed=seed, monitor=lambda t: advance(t, f"{100 * view.error:.1f} cm off"), watch=view
                 )

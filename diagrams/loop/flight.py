@@ -11,6 +11,7 @@ import numpy as np
 from pydrake.systems.analysis import GetIntegrationSchemes, SimulatorConfig
 
 from diagrams.loop.controllers import ControllerConfig
+from diagrams.loop.own_controller import Factory, beside, is_own, kind_of
 from diagrams.loop.reality import RealityConfig
 from diagrams.loop.scaled import scaled
 from diagrams.loop.track_limits import require_flyable
@@ -195,6 +196,18 @@ def _hook_mobility(vehicle: Vehicle, hook: Sequence[float]) -> float:
     return float(1 / vehicle.mass + np.sum(np.square(hook)) / np.linalg.eigvalsh(vehicle.J)[0])
 
 
+def flown_by(config: FlightConfig, factory: Factory | None) -> FlightConfig:
+    """Return the scenario with the kind of the controller that `factory` makes; as it is where that is None.
+
+    Args:
+        config: of the experiment.
+        factory: of a controller of one's own.
+    """
+    if factory is None:
+        return config
+    return dc.replace(config, controller=dc.replace(config.controller, kind=kind_of(factory)))
+
+
 def default_flight(vehicle: Vehicle) -> FlightConfig:
     """Return the default scenario of `vehicle`: that of the paper's, scaled by size, mass and time."""
     return scaled(FlightConfig(vehicle=vehicle))
@@ -213,6 +226,12 @@ def load_flight(filename: str, vehicle: Vehicle | None = None) -> FlightConfig:
     """
 
     def complete(read: Read) -> FlightConfig:
+        flight = fill(read)
+        if is_own(flight.controller.kind):
+            flight.controller.kind = beside(flight.controller.kind, Path(filename).parent)
+        return flight
+
+    def fill(read: Read) -> FlightConfig:
         named = read(FlightConfig())
         own = vehicle or named.vehicle.check()
         if named.scaled and named.reality.effects:

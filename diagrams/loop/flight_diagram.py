@@ -14,7 +14,8 @@ from pydrake.common import RandomGenerator
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 
 from diagrams.loop.controllers import add_controller
-from diagrams.loop.flight import FlightConfig
+from diagrams.loop.flight import FlightConfig, flown_by
+from diagrams.loop.own_controller import Factory
 from diagrams.loop.real_vehicle import DRAKE, REAL_VEHICLE, RealVehicle
 from np_drake.faults.measurement import MeasurementFault
 from np_drake.faults.solver import SolverFault
@@ -42,7 +43,12 @@ NO_FAULTS = Faults()
 
 
 def make_flight_diagram(
-    config: FlightConfig, *, pushed: bool = False, faults: Faults = NO_FAULTS, real: RealVehicle = DRAKE
+    config: FlightConfig,
+    *,
+    pushed: bool = False,
+    faults: Faults = NO_FAULTS,
+    real: RealVehicle = DRAKE,
+    controller: Factory | None = None,
 ) -> Diagram:
     """Return reference, vehicle with its events, sensors, controller and recorder as one Diagram.
 
@@ -51,8 +57,9 @@ def make_flight_diagram(
         pushed: whether forces from outside may act (`make_tethered_quadrotor`).
         faults: of sensors and solver; none reaches the oracle.
         real: makes the vehicle that flies.
+        controller: makes a controller of one's own, in the place of the one that `config` names.
     """
-    config.check()
+    config = flown_by(config, controller).check()
     period, knows = config.controller.period, config.controller.kind == "oracle"
     builder = DiagramBuilder()
     vehicle = builder.AddNamedSystem(
@@ -71,6 +78,7 @@ def make_flight_diagram(
         truth=vehicle,
         true_model=config.true_model(),
         solver_faults=() if knows else faults.solver,
+        factory=controller,
     )
     builder.Connect(ports["u"], vehicle.GetInputPort("u"))
     signals = {

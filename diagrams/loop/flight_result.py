@@ -9,9 +9,10 @@ import numpy as np
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator
 from pydrake.systems.framework import Context, Diagram
 
-from diagrams.batch.failed_run import FailedRun
-from diagrams.loop.flight import ARENA, FlightConfig
+from diagrams.batch.failed_run import FailedRun, one_line
+from diagrams.loop.flight import ARENA, FlightConfig, flown_by
 from diagrams.loop.flight_diagram import NO_FAULTS, Faults, make_flight_diagram, recorded, set_initial_state
+from diagrams.loop.own_controller import Factory, is_own
 from diagrams.loop.real_vehicle import DRAKE, REAL_VEHICLE, RealVehicle
 from np_drake import metrics, rigid_body
 from np_drake.flight_log import FlightLog
@@ -63,6 +64,7 @@ def simulate(
     tolerance: float = np.inf,
     watch: Watch | None = None,
     real: RealVehicle = DRAKE,
+    controller: Factory | None = None,
 ) -> dict[str, np.ndarray]:
     """Simulate the experiment and return the recorded signals (see `Recorder.read`).
 
@@ -74,10 +76,13 @@ def simulate(
         tolerance: distance from the reference beyond which the flight ends, looked at about every second [m].
         watch: looks at the flight, sets its pace and may end it early.
         real: makes the vehicle that flies.
+        controller: makes a controller of one's own, in the place of the one that `config` names.
     Raises: LostVehicle: if the integrator gives up, or the vehicle leaves arena or tolerance, or is below ground;
-    ValueError: on what `real` cannot do.
+    FailedRun: if a controller of one's own fails; ValueError: on what `real` cannot do, or if such a controller
+    does not fit.
     """
-    diagram = make_flight_diagram(config, pushed=watch is not None, faults=faults, real=real)
+    config = flown_by(config, controller)
+    diagram = make_flight_diagram(config, pushed=watch is not None, faults=faults, real=real, controller=controller)
     simulator = Simulator(diagram)
     ApplySimulatorConfig(config.simulator, simulator)
     context = simulator.get_mutable_context()
@@ -96,14 +101,21 @@ def simulate(
         try:
             simulator.AdvanceTo(t)
         except RuntimeError as error:
+            if is_own(config.controller.kind) and "NaN" in str(error):
+                raise lost(f"{config.controller.name} commanded what is not a number before {t:.1f} s.") from error
             raise lost(f"the simulation ended before {t:.1f} s: {error}") from error
+        except Exception as error:
+            if not is_own(config.controller.kind):
+                raise
+            who = f"{config.name}: {config.controller.name}"
+            raise FailedRun(f"{who} failed at {context.get_time():.2f} s: {one_line(error)}.") from error
         p_WB = vehicle.GetOutputPort("x").Eval(vehicle.GetMyContextFromRoot(context))[:3]
         if not np.linalg.norm(p_WB) < ARENA:
-            raise lost(f"{config.controller.kind} lost the vehicle before {t:.1f} s.")
+            raise lost(f"{config.controller.name} lost the vehicle before {t:.1f} s.")
         if p_WB[2] < GROUND:
-            raise lost(f"{config.controller.kind} flew into the ground before {t:.1f} s.")
+            raise lost(f"{config.controller.name} flew into the ground before {t:.1f} s.")
         if not np.linalg.norm(p_WB - reference.sample(np.array([t]))[0, 0]) < tolerance:
-            raise lost(f"{config.controller.kind} was off its reference at {t:.1f} s.")
+            raise lost(f"{config.controller.name} was off its reference at {t:.1f} s.")
         if monitor is not None:
             monitor(min(t, config.end))
         if watch is not None and not watch.look(context):
@@ -136,7 +148,7 @@ class FlightResult:
     def label(self) -> str:
         """Name of the controller, such as `np` or `nominal + total mass`."""
         told = " + total mass" if self.config.controller.extra_mass else ""
-        return f"{self.config.controller.kind}{told}"
+        return f"{self.config.controller.name}{told}"
 
     def log(self) -> FlightLog:
         """Return what the vehicle itself recorded (docs/reference/flight-log.md)."""
@@ -245,6 +257,7 @@ def fly(
     monitor: Callable[[float], None] | None = None,
     watch: Watch | None = None,
     real: RealVehicle = DRAKE,
+    controller: Factory | None = None,
 ) -> FlightResult:
     """Simulate the experiment and return its result.
 
@@ -254,5 +267,7 @@ def fly(
         monitor: called with the flight's time [s], see `simulate`.
         watch: looks at the flight, sets its pace and may end it early.
         real: makes the vehicle that flies.
+        controller: makes a controller of one's own, in the place of the one that `config` names.
     """
-    return FlightResult(config, seed, simulate(config, seed=seed, monitor=monitor, watch=watch, real=real))
+    signals = simulate(config, seed=seed, monitor=monitor, watch=watch, real=real, controller=controller)
+    return FlightResult(flown_by(config, controller), seed, signals)
