@@ -26,6 +26,7 @@ from systems.payload_event import PayloadEvent
 
 MOST_ROWS = 10**6  # of a record, at one a period, which takes 700 MB; own choice: 5 hours at 50 Hz
 FINEST_STEP = 1e-6  # of the simulator [s]; own choice
+LIFTED = 0.9  # of the rotors' thrust that may hang on them; own choice: the rest steers [1]
 ARENA = 50.0  # farther than this from the origin a vehicle counts as lost [m]
 
 
@@ -68,11 +69,9 @@ class FlightConfig:
         self._check_events()
         if self.controller.kind == "oracle":
             self._check_oracle()
-        # What fails in flight may fail altogether: that is no mistake of the scenario.
-        lift = 4 * self.vehicle.max_rotor_thrust * self.reality.thrust_at(self.vehicle, self.end, failing=False)
-        if self.carried_mass * self.vehicle.gravity > 0.9 * lift:
+        if self.carried_mass * self.vehicle.gravity > LIFTED * self.lift:
             raise ValueError(
-                f"FlightConfig: {self.carried_mass:.4g} kg are more than the rotors can carry ({lift:.3g} N). "
+                f"FlightConfig: {self.carried_mass:.4g} kg are more than the rotors can carry ({self.lift:.3g} N). "
                 "Name a lighter payload, or none, for the default scales with the vehicle."
             )
         self._check_simulator()
@@ -130,6 +129,12 @@ class FlightConfig:
         payload = self.reality.hung
         own = mass_properties(self.vehicle, self.reality.mass_effects()).mass
         return own + (payload.mass if payload.tether != "none" else 0.0)
+
+    @property
+    def lift(self) -> float:
+        """Thrust of all rotors at the end; what fails in flight may fail altogether, and does not count [N]."""
+        share = self.reality.thrust_at(self.vehicle, self.end, failing=False)
+        return 4 * self.vehicle.max_rotor_thrust * share
 
     @property
     def largest_step(self) -> float:

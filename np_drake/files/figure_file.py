@@ -29,6 +29,20 @@ def new_figure(rows: int, columns: int, *, width: float, height: float, **layout
     return figure, figure.subplots(rows, columns, squeeze=False, **layout)
 
 
+def new_mosaic(layout: list[list[str]], *, width: float, height: float, **ratios):
+    """Return a Figure and its axes by name, without global state or display.
+
+    Args:
+        layout: names of the axes, a row each; a name that stands several times spans its cells.
+        width: of the figure [inch].
+        height: likewise [inch].
+        ratios: passed to `Figure.subplot_mosaic`.
+    """
+    figure = Figure(figsize=(width, height), layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure, figure.subplot_mosaic(layout, **ratios)
+
+
 def png(figure: Figure, resolution: float = RESOLUTION) -> bytes:
     """Return the figure as a PNG.
 

@@ -79,6 +79,12 @@ class ReferenceConfig:
         end = self._file().end if self.is_file else np.inf
         return end - self.lead if end < np.inf else None
 
+    @property
+    def waypoints(self) -> np.ndarray | None:
+        """Points that the track is to pass, (k, 3) [m]; None for a track that is none of points."""
+        track = _track(self)
+        return getattr(track, "corners", getattr(track, "points", None))
+
     def _file(self) -> Waypoints | Trajectory:
         return read_track(self.track, speed=self.speed, ramp=self.ramp)
 
