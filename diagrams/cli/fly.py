@@ -74,6 +74,7 @@ def fly(
         told_mass=told_mass,
         numbers=Numbers(payload, length, speed, wind, duration),
     )
+    say(*(f"warning: {text}" for text in configs[0].warnings()))
     _require_one_flight(len(configs), sample=sample, mcap=mcap, live=live)
     if sample is not None:
         from diagrams.gap.corrected import drawn
@@ -101,7 +102,7 @@ def fly(
         config=as_config(configs[0]),
         metrics=summaries[0] if len(flown) == 1 and sample is None else {"flights": summaries},
         summary=[comparison.sentence(flights)] if compared and len(flights) > 1 else [],
-        notes=[*(str(one) for one in lost[1:]), *(note for flight in flights for note in _delay_found(flight))],
+        notes=[*(str(one) for one in lost[1:]), *(note for flight in flights for note in _notes(flight))],
         write=write,
         failure=lost[0] if lost else None,
     )
@@ -183,6 +184,12 @@ def _fly_live(config: "FlightConfig", seed: int) -> "FlightResult":
     return flight
 
 
+def _notes(flight: "FlightResult") -> list[str]:
+    """Return lines about waypoints that a flight did not pass, and about the delay of commands."""
+    before = flight.config.warnings()
+    return [*(f"warning: {text}" for text in flight.warnings() if text not in before), *_delay_found(flight)]
+
+
 def _delay_found(flight: "FlightResult") -> list[str]:
     """Return a line about the delay of commands with which the controller reckoned at the end, where there was one."""
     from np_drake.command_delay import LONGEST_DELAY
@@ -228,6 +235,15 @@ def flights_table(flights: "Sequence[FlightResult]") -> Table:
         ("p95 [ms]", lambda line: line["solve_ms"]["p95"]),
         ("failed", "solve_failures"),
     )
+    if any("payload" in line for line in lines):
+        error = {kind: lambda line, kind=kind: round(100 * line["payload"][kind], 2) for kind in ("E_xy", "E_z")}
+        columns = (
+            *columns[:4],
+            ("payload E_xy [cm]", error["E_xy"]),
+            ("payload E_z [cm]", error["E_z"]),
+            *columns[4:5],
+            *columns[6:],
+        )
     return tabulate(f"seed {flights[0].seed}, {flights[0].config.controller.solver}", lines, columns)
 
 

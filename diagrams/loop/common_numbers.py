@@ -5,13 +5,10 @@ import math
 
 import numpy as np
 
-from diagrams.loop.flight import LIFTED, FlightConfig
+from diagrams.loop.flight import LIFTED, LOOKS, FlightConfig
 from np_drake.effects.suspended_payload import SuspendedPayload
-from np_drake.references.config import make_reference
 from np_drake.references.trajectory import Trajectory
 from systems.payload_config import PayloadConfig
-
-LOOKS = 0.01  # between two looks at the motion [s]
 
 
 def with_payload(config: FlightConfig, *, mass: float | None = None, length: float | None = None) -> FlightConfig:
@@ -70,7 +67,7 @@ def with_speed(config: FlightConfig, speed: float) -> FlightConfig:
     reference = config.reference
     if reference.track == "hover":
         raise ValueError(f"--speed: {config.name} hovers, and has no speed. Leave it out, or name a track.")
-    if isinstance(make_reference(dc.replace(reference, dither=[0.0] * 3)), Trajectory):
+    if isinstance(dc.replace(config, reference=dc.replace(reference, dither=[0.0] * 3)).track, Trajectory):
         raise ValueError(f"--speed: {reference.track} states its own times, and with them the speed. Leave it out.")
     flown = dc.replace(config, reference=dc.replace(reference, speed=speed))
     _require_reach(flown)
@@ -82,7 +79,7 @@ def _require_reach(config: FlightConfig) -> None:
 
     Raises: ValueError: where one is passed.
     """
-    flat = make_reference(config.reference).sample(np.arange(0.0, config.end, LOOKS))
+    flat = config.motion.sample(np.arange(0.0, config.end, LOOKS))
     fastest, most = float(np.abs(flat[1]).max()), config.controller.mpc.max_speed
     pull = float(np.linalg.norm(flat[2] + [0.0, 0.0, config.vehicle.gravity], axis=1).max()) * config.carried_mass
     for value, bound, unit, of in (
@@ -125,7 +122,7 @@ def require_clearance(config: FlightConfig) -> None:
     hung = config.reality.hung
     if hung.tether == "none":
         return
-    lowest = float(make_reference(config.reference).sample(np.arange(0.0, config.end, LOOKS))[0, :, 2].min())
+    lowest = float(config.motion.sample(np.arange(0.0, config.end, LOOKS))[0, :, 2].min())
     room = math.floor(100 * (lowest + hung.hook[2] - hung.radius)) / 100
     if hung.length > room:
         raise ValueError(

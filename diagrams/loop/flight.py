@@ -14,18 +14,24 @@ from diagrams.loop.controllers import ControllerConfig
 from diagrams.loop.own_controller import Factory, beside, is_own, kind_of
 from diagrams.loop.reality import RealityConfig
 from diagrams.loop.scaled import scaled
-from diagrams.loop.track_limits import require_flyable
+from diagrams.loop.track_limits import require_flyable, warnings
 from np_drake.command_delay import LONGEST_DELAY
 from np_drake.effects.combine import mass_properties
 from np_drake.effects.pendulum import Payload
 from np_drake.files.yaml_file import Read, load_checked
+from np_drake.references.base import Reference
 from np_drake.references.config import ReferenceConfig, make_reference
+from np_drake.references.payload_track import PayloadTrack
 from np_drake.residual_models.oracle import TrueModel
 from np_drake.vehicle import Vehicle
 from systems.payload_event import PayloadEvent
 
 MOST_ROWS = 10**6  # of a record, at one a period, which takes 700 MB; own choice: 5 hours at 50 Hz
 FINEST_STEP = 1e-6  # of the simulator [s]; own choice
+LOOKS = 0.01  # between two looks at a motion [s]
+LEAST_PULL = (
+    0.2  # of a cable that is to stay taut, over the payload's weight; own choice: below it gusts slacken it [1]
+)
 LIFTED = 0.9  # of the rotors' thrust that may hang on them; own choice: the rest steers [1]
 ARENA = 50.0  # farther than this from the origin a vehicle counts as lost [m]
 
@@ -75,7 +81,9 @@ class FlightConfig:
                 "Name a lighter payload, or none, for the default scales with the vehicle."
             )
         self._check_simulator()
-        if self.reference.is_file:
+        if self.follows_payload:
+            self._check_followed()
+        if self.reference.is_file or self.follows_payload:
             self._check_track()
         return self
 
@@ -93,12 +101,22 @@ class FlightConfig:
         if reality.dead_time > longest:
             raise ValueError(f"FlightConfig: the oracle knows delays up to {longest:g} s; got {reality.dead_time:g}.")
 
+    def _check_followed(self) -> None:
+        if self.reality.hung.tether != "cable":
+            raise ValueError(
+                f"{self.name}: reference.follow: payload needs a payload on a cable; got {self.reality.hung.tether}."
+            )
+        pull = self._payload_track.least_pull(np.arange(0.0, self.end, LOOKS))
+        if pull < LEAST_PULL:
+            raise ValueError(
+                f"{self.name}: must keep the cable taut; its pull falls to {pull:.2g} of the payload's weight, and at "
+                f"least {LEAST_PULL:g} is needed. Take a lower speed."
+            )
+
     def _check_track(self) -> None:
         vehicle, thrust = (self.vehicle.with_mass(self.carried_mass), self.reality.thrust_at(self.vehicle, self.end))
         try:
-            require_flyable(
-                make_reference(self.reference), vehicle, self.controller.mpc, end=self.end, arena=ARENA, thrust=thrust
-            )
+            require_flyable(self.motion, vehicle, self.controller.mpc, end=self.end, arena=ARENA, thrust=thrust)
         except ValueError as error:
             raise ValueError(f"{self.reference.track}: {error}") from error
 
@@ -122,6 +140,26 @@ class FlightConfig:
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         vars(self).update(state | {"simulator": SimulatorConfig(**state["simulator"])})
+
+    @property
+    def track(self) -> Reference:
+        """Motion that the scenario names: of the vehicle, or of its payload."""
+        return make_reference(self.reference)
+
+    @property
+    def follows_payload(self) -> bool:
+        """Whether the payload is to follow the track, and not the vehicle."""
+        return self.reference.follow == "payload"
+
+    @property
+    def motion(self) -> Reference:
+        """Motion of the vehicle that the controller follows."""
+        return self._payload_track if self.follows_payload else self.track
+
+    @property
+    def _payload_track(self) -> PayloadTrack:
+        hung = self.reality.hung
+        return PayloadTrack(self.track, self.vehicle, length=hung.length, hook=hung.hook)
 
     @property
     def carried_mass(self) -> float:
@@ -183,6 +221,10 @@ class FlightConfig:
     def cut_at(self) -> float:
         """When the cable is cut; infinite: never [s]."""
         return min((event.time for event in self.events if event.kind == "release"), default=np.inf)
+
+    def warnings(self) -> list[str]:
+        """Return sentences on waypoints that the track does not pass, and on legs that it leaves."""
+        return warnings(self.reference, self.track, end=self.end)
 
     def check_and_step(self) -> "FlightConfig":
         """Return a checked copy whose fixed step of the simulator is within `largest_step`."""

@@ -19,7 +19,6 @@ from diagrams.loop.own_controller import Factory
 from diagrams.loop.real_vehicle import DRAKE, REAL_VEHICLE, RealVehicle
 from np_drake.faults.measurement import MeasurementFault
 from np_drake.faults.solver import SolverFault
-from np_drake.references.config import make_reference
 from systems.recorder import add_recorder
 from systems.sensor_faults import add_sensor_faults
 from systems.sensor_model import add_sensor_model
@@ -73,7 +72,7 @@ def make_flight_diagram(
         builder,
         config.controller,
         config.vehicle,
-        make_reference(config.reference),
+        config.motion,
         rig,
         truth=vehicle,
         true_model=config.true_model(),
@@ -110,7 +109,7 @@ def set_initial_state(
         real: made the vehicle.
     """
     diagram.SetRandomContext(context, RandomGenerator(seed))
-    start = make_reference(config.reference).sample(np.zeros(1))[0, 0]
+    start = config.motion.sample(np.zeros(1))[0, 0]
     real.hover(diagram.GetSubsystemByName(REAL_VEHICLE), context, config.reality, start)
 
 

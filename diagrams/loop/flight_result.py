@@ -14,11 +14,12 @@ from diagrams.loop.flight import ARENA, FlightConfig, flown_by
 from diagrams.loop.flight_diagram import NO_FAULTS, Faults, make_flight_diagram, recorded, set_initial_state
 from diagrams.loop.own_controller import Factory, is_own
 from diagrams.loop.real_vehicle import DRAKE, REAL_VEHICLE, RealVehicle
+from diagrams.loop.track_limits import missed
 from np_drake import metrics, rigid_body
 from np_drake.flight_log import FlightLog
 from np_drake.logs.clock import shift_state
 from np_drake.mpc.problem import MpcStatus
-from np_drake.references.config import make_reference
+from np_drake.references.passing import nearest
 from np_drake.rotor_input import acting_command
 from np_drake.training_data.actuator_timing import delayed
 
@@ -87,7 +88,7 @@ def simulate(
     ApplySimulatorConfig(config.simulator, simulator)
     context = simulator.get_mutable_context()
     set_initial_state(diagram, context, config, seed=seed, real=real)
-    vehicle, reference = diagram.GetSubsystemByName(REAL_VEHICLE), make_reference(config.reference)
+    vehicle, reference = diagram.GetSubsystemByName(REAL_VEHICLE), config.motion
 
     def lost(why: str) -> LostVehicle:
         error = LostVehicle(f"{config.name}: {why}")
@@ -182,7 +183,7 @@ class FlightResult:
     def last_lap(self) -> np.ndarray:
         """Rows of the last lap, or the scored rows of a motion that has none, (n,)."""
         rows = np.flatnonzero(self.scored)
-        rate = getattr(make_reference(self.config.reference), "rate", None)
+        rate = getattr(self.config.track, "rate", None)
         return rows[-(int(2 * np.pi / rate / self.config.controller.period) + 1) :] if rate else rows
 
     @cached_property
@@ -226,6 +227,31 @@ class FlightResult:
         s = self.signals["plant_state"]
         return s[:, 11:14] if s.shape[1] == 26 else None
 
+    @cached_property
+    def followed(self) -> np.ndarray:
+        """Position of what is to follow the track, vehicle or payload, in W (n, 3) [m]."""
+        hung = self.payload_position if self.config.follows_payload else None
+        return self.signals["x_true"][:, :3] if hung is None else hung
+
+    @cached_property
+    def wanted(self) -> np.ndarray:
+        """Position of the track, in W (n, 3) [m]."""
+        if self.config.follows_payload:
+            return self.config.track.sample(self.signals["t"])[0]
+        return self.signals["p_ref"]
+
+    @cached_property
+    def waypoint_distances(self) -> np.ndarray | None:
+        """How near the flight came to each waypoint of the track, (k,) [m]; None of a track without any."""
+        points = self.config.reference.waypoints
+        return None if points is None else nearest(points, self.followed)
+
+    def warnings(self) -> list[str]:
+        """Return sentences on waypoints that track or flight do not pass."""
+        flown = self.waypoint_distances
+        found = [] if flown is None else missed(flown, self.config.reference.within, f"the flight with {self.label}")
+        return [*self.config.warnings(), *found]
+
     def metrics(self) -> dict:
         """Return the metrics of the scored part, as `--json` writes them."""
         s, rows = self.signals, self.scored
@@ -238,6 +264,10 @@ class FlightResult:
             "late_solves": int(np.sum(s["solve_time"][rows, 0] > self.config.controller.period)),
             "fallbacks": int(np.sum(status >= MpcStatus.SHIFTED_PLAN)),
         }
+        if self.config.follows_payload:
+            result["payload"] = metrics.tracking_errors(self.followed[rows], self.wanted[rows])
+        if self.waypoint_distances is not None:
+            result["waypoint_distances"] = self.waypoint_distances.tolist()
         if self.chi_foreseen is not None:
             result["wrench_rmse"] = metrics.wrench_rmse(self.chi_foreseen[rows], self.chi_true[rows])
         if "delay" in s:

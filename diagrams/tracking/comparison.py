@@ -16,11 +16,18 @@ TEMPLATE = Path(__file__).with_name("comparison.html.j2")
 
 
 def sentence(flights: Sequence[FlightResult]) -> str:
-    """Return which controller has the least position error, and that of the others."""
-    errors = sorted((flight.metrics()["position_rmse"], flight.label) for flight in flights)
+    """Return which controller has the least {what} error, and that of the others."""
+    errors = sorted((_error(flight), flight.label) for flight in flights)
+    what = "payload" if flights[0].config.follows_payload else "position"
     (least, best), *others = ((f"{100 * error:.2f} cm", label) for error, label in errors)
     rest = "".join(f"; {label} {error}" for error, label in others)
-    return f"{best} has the least position error, {least} RMS after the ramp{rest}."
+    return f"{best} has the least {what} error, {least} RMS after the ramp{rest}."
+
+
+def _error(flight: FlightResult) -> float:
+    """Return the RMS distance from the track, of the payload where that follows it [m]."""
+    m = flight.metrics()
+    return float(m.get("payload", m)["position_rmse"])
 
 
 def stem(flight: FlightResult) -> str:

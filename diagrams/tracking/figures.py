@@ -67,7 +67,7 @@ def _legend(figure: Figure, ax: Axes) -> Figure:
 
 def _aspect(flight: FlightResult) -> float:
     """Return the extent of the reference along y over that along x, at most 1 and at least a third."""
-    x, y = np.ptp(flight.signals["p_ref"][flight.last_lap, :2], axis=0) + 0.3
+    x, y = np.ptp(flight.wanted[flight.last_lap, :2], axis=0) + 0.3
     return float(np.clip(y / x, 1 / 3, 1.0))
 
 
@@ -80,15 +80,15 @@ def _draw_track(ax: Axes, flights: Sequence[FlightResult], title: str) -> None:
         title: above.
     """
     first = flights[0]
-    ref = first.signals["p_ref"][first.last_lap]
+    ref = first.wanted[first.last_lap]
     drawn = "last lap" if len(ref) < np.sum(first.scored) else "as scored"
     ax.plot(ref[:, 0], ref[:, 1], color="0.3", linestyle=":", linewidth=1.5, label="reference")
     points = first.config.reference.waypoints
     if points is not None:
         ax.plot(points[:, 0], points[:, 1], "x", color="black", markersize=7, markeredgewidth=1.6, label="waypoint")
     for k, flight in enumerate(flights):
-        p = flight.signals["x_true"][flight.last_lap]
-        ax.plot(p[:, 0], p[:, 1], **_line(k), linewidth=1.3, label=flight.label)
+        p = flight.followed[flight.last_lap]
+        ax.plot(p[:, 0], p[:, 1], **_line(k), linewidth=1.3, label=_label(flight))
     ax.set(xlabel="x [m]", ylabel="y [m]", title=" · ".join(filter(None, (title, drawn))), aspect="equal")
     ax.set_adjustable("datalim")
     ax.grid(alpha=0.3)
@@ -103,7 +103,7 @@ def _draw_height(ax: Axes, flights: Sequence[FlightResult]) -> None:
     """
     first = flights[0]
     rows = first.last_lap
-    t, ref = first.signals["t"][rows], first.signals["p_ref"][rows]
+    t, ref = first.signals["t"][rows], first.wanted[rows]
     ax.plot(t, ref[:, 2], color="0.3", linestyle=":", linewidth=1.5)
     points = first.config.reference.waypoints
     if points is not None:
@@ -111,7 +111,7 @@ def _draw_height(ax: Axes, flights: Sequence[FlightResult]) -> None:
         ax.plot(t[near], points[:, 2], "x", color="black", markersize=7, markeredgewidth=1.6)
     for k, flight in enumerate(flights):
         own = flight.last_lap
-        ax.plot(flight.signals["t"][own], flight.signals["x_true"][own, 2], **_line(k), linewidth=1.3)
+        ax.plot(flight.signals["t"][own], flight.followed[own, 2], **_line(k), linewidth=1.3)
     low, high = ax.get_ylim()
     middle, half = 0.5 * (low + high), max(0.5 * (high - low), LEAST_HEIGHT)
     ax.set(xlabel="time [s]", ylabel="height z [m]", ylim=(middle - half, middle + half))
@@ -129,13 +129,18 @@ def _draw_errors(axes: Sequence[Axes], flights: Sequence[FlightResult]) -> None:
     for i, ax in enumerate(axes):
         for k, flight in enumerate(flights):
             s = flight.signals
-            e = 100 * (s["x_true"][:, i] - s["p_ref"][:, i])
-            ax.plot(s["t"], e, **_line(k), linewidth=1.0, label=flight.label)
+            e = 100 * (flight.followed[:, i] - flight.wanted[:, i])
+            ax.plot(s["t"], e, **_line(k), linewidth=1.0, label=_label(flight))
         ax.axvspan(0, flights[0].config.reference.lead, color="0.92", zorder=0)
         ax.set_ylabel(f"$e_{_AXES[i]}$ [cm]")
         ax.grid(alpha=0.3)
         ax.margins(x=0)
     axes[-1].set_xlabel("time [s] (grey: ramp, not scored)")
+
+
+def _label(flight: FlightResult) -> str:
+    """Return the controller, and that it is the payload that is shown where that follows the track."""
+    return f"payload, {flight.label}" if flight.config.follows_payload else flight.label
 
 
 def _line(k: int) -> dict[str, Any]:
