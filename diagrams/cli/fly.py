@@ -249,8 +249,9 @@ def flights_table(flights: "Sequence[FlightResult]") -> Table:
 
 def _write_flight(flight: "FlightResult", folder: Path, *, alone: bool) -> None:
     """Write flight log, wrench and replay page, and track and errors of a flight alone, named by its controller."""
+    from diagrams.loop import flight_figures
     from diagrams.loop.replay.flight_page import write_replay
-    from diagrams.tracking import comparison, figures
+    from diagrams.tracking import comparison
     from np_drake.files.figure_file import save
     from np_drake.logs.formats.log_file import write_log
 
@@ -258,8 +259,8 @@ def _write_flight(flight: "FlightResult", folder: Path, *, alone: bool) -> None:
     write_log(flight.log(), folder / f"{stem}.csv")
     title = f"{flight.config.name} · {flight.label} · seed {flight.seed}"
     if alone:
-        save(figures.plane_track([flight], title), folder / f"{stem}_track.png")
-        save(figures.errors([flight], title), folder / f"{stem}_errors.png")
-    save(figures.wrench(flight), folder / f"{stem}_wrench.png")
+        save(flight_figures.plane_track([flight], title), folder / f"{stem}_track.png")
+        save(flight_figures.errors([flight], title), folder / f"{stem}_errors.png")
+    save(flight_figures.wrench(flight), folder / f"{stem}_wrench.png")
     write_replay(flight, folder / f"{stem}_replay.html")
     say(f"log, figures, replay: {folder}/{stem}*")

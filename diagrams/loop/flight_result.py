@@ -3,7 +3,7 @@
 import dataclasses as dc
 from collections.abc import Callable
 from functools import cached_property
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator
@@ -16,13 +16,16 @@ from diagrams.loop.own_controller import Factory, is_own
 from diagrams.loop.real_vehicle import DRAKE, REAL_VEHICLE, RealVehicle
 from diagrams.loop.track_limits import missed
 from np_drake import metrics, rigid_body
-from np_drake.flight_log import FlightLog
+from np_drake.files.notebook import data_frame, flattened, html_table
+from np_drake.flight_log import COLUMNS, FlightLog
 from np_drake.logs.clock import shift_state
 from np_drake.mpc.problem import MpcStatus
 from np_drake.references.passing import nearest
 from np_drake.rotor_input import acting_command
 from np_drake.training_data.actuator_timing import delayed
 
+WRENCH = ("fx", "fy", "fz", "taux", "tauy", "tauz")  # columns of a wrench [N, N·m]
+LEARNED_WRENCHES = (("label", "label"), ("chi_hat", "predicted"))  # signals of a wrench, and the ends of their columns
 GROUND = 0.0  # height below which a vehicle counts as lost: the simulator has no ground, flights do [m]
 
 
@@ -134,7 +137,7 @@ def _stops(config: FlightConfig, watch: Watch | None) -> list[float]:
     return sorted({*seconds, *looks, *(t for t in changes if 0 < t < config.end), end})
 
 
-@dc.dataclass
+@dc.dataclass(repr=False)
 class FlightResult:
     """One simulated flight.
 
@@ -144,6 +147,52 @@ class FlightResult:
     config: FlightConfig
     seed: int  # of the noise
     signals: dict[str, np.ndarray]
+
+    def __repr__(self) -> str:
+        """Return experiment, controller, seed and errors in a line."""
+        m = self.metrics()
+        errors = f"E_xy {100 * m['E_xy']:.2f} cm, E_z {100 * m['E_z']:.2f} cm"
+        return f"FlightResult({self.config.name} with {self.label}, seed {self.seed}: {errors})"
+
+    def _repr_html_(self) -> str:
+        """Return what a notebook shows: the metrics in a short table, and warnings."""
+        m = self.metrics()
+        rows = [(name, f"{100 * m[name]:.2f} cm") for name in ("E_xy", "E_z")]
+        if "payload" in m:
+            rows += [(f"payload {name}", f"{100 * m['payload'][name]:.2f} cm") for name in ("E_xy", "E_z")]
+        rows += [("median time of a solve", f"{m['solve_ms']['median']:.2f} ms"), ("failed", str(m["solve_failures"]))]
+        title = f"{self.config.name} with {self.label}, seed {self.seed}: {self.config.end:g} s"
+        return html_table(title, (), rows, self.warnings())
+
+    def to_dataframe(self) -> Any:
+        """Return the flight as a pandas DataFrame with the times as its index.
+
+        It holds the columns of the log, the reference (`px_ref` …), and of the truth state (`px_true` …) and residual
+        wrench (`fx_true` …).
+        Raises: ImportError: where pandas is not installed.
+        """
+        state = [name for field in ("p", "q", "v", "w") for name in COLUMNS[field]]
+        names = {"p_ref": COLUMNS["p"], "x_true": state, "chi_true": WRENCH, "label": WRENCH, "chi_hat": WRENCH}
+        known = {**self.signals, "chi_true": self.chi_true}
+        more: dict[str, np.ndarray] = {}
+        for signal, end in (("p_ref", "ref"), ("x_true", "true"), ("chi_true", "true"), *LEARNED_WRENCHES):
+            more |= {f"{name}_{end}": v for name, v in flattened({signal: names[signal]}, known).items()}
+        return data_frame({**self._rows().columns(), **more}, index="t")
+
+    def plot(self, what: str = "track") -> Any:
+        """Return a Figure: `track` from above and height, `errors` against time, or the residual `wrench`.
+
+        Raises: ValueError: on another word.
+        """
+        from diagrams.loop import flight_figures
+
+        title = f"{self.config.name} · {self.label} · seed {self.seed}"
+        if what == "wrench":
+            return flight_figures.wrench(self)
+        drawn = {"track": flight_figures.plane_track, "errors": flight_figures.errors}
+        if what not in drawn:
+            raise ValueError(f"plot: must be one of track, errors, wrench; got {what!r}.")
+        return drawn[what]([self], title)
 
     @property
     def label(self) -> str:

@@ -5,8 +5,8 @@ from pathlib import Path
 
 from jinja2 import Environment, StrictUndefined
 
+from diagrams.loop import flight_figures
 from diagrams.loop.flight_result import FlightResult
-from diagrams.tracking import figures
 from np_drake.diagnosis.report import words
 from np_drake.diagnosis.report.page import embedded, style
 from np_drake.files.atomic_file import write_bytes, write_text
@@ -45,7 +45,7 @@ def write_comparison(flights: Sequence[FlightResult], folder: Path, *, lost: Seq
     Raises: OSError: if a file cannot be written.
     """
     first = flights[0]
-    picture = png(figures.overlay(flights, f"{first.config.name} · seed {first.seed}"))
+    picture = png(flight_figures.overlay(flights, f"{first.config.name} · seed {first.seed}"))
     write_bytes(folder / f"{first.config.name}_comparison.png", picture)
     template = Environment(autoescape=True, undefined=StrictUndefined).from_string(TEMPLATE.read_text("utf-8"))
     page = folder / f"{first.config.name}_comparison.html"

@@ -1,20 +1,59 @@
 """Plots of flights: plane track, errors, wrench; every function returns a Figure and shows nothing."""
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from diagrams.loop.flight_result import FlightResult
+from diagrams.loop.flight import FlightConfig
 from np_drake.files.figure_file import DASHES, PALETTE, new_figure, new_mosaic
 
 LEAST_HEIGHT = 0.05  # half the height that is shown at least, so that noise does not fill the panel [m]
 _AXES = ("x", "y", "z")
 
 
-def plane_track(flights: Sequence[FlightResult], title: str = "") -> Figure:
+class Shown(Protocol):
+    """What a figure needs of a flight: the members of `FlightResult`."""
+
+    config: FlightConfig
+    signals: dict[str, np.ndarray]
+
+    @property
+    def label(self) -> str:
+        """Name of the controller."""
+
+    @property
+    def followed(self) -> np.ndarray:
+        """Position of what follows the track (n, 3) [m]."""
+
+    @property
+    def wanted(self) -> np.ndarray:
+        """Position of the track (n, 3) [m]."""
+
+    @property
+    def scored(self) -> np.ndarray:
+        """Whether each row counts (n,)."""
+
+    @property
+    def last_lap(self) -> np.ndarray:
+        """Rows of the last lap (k,)."""
+
+    @property
+    def chi_true(self) -> np.ndarray:
+        """True wrench (n, 6) [N, N·m]."""
+
+    @property
+    def chi_foreseen(self) -> np.ndarray | None:
+        """Predicted wrench (n, 6) [N, N·m]."""
+
+    @property
+    def wrench_label(self) -> np.ndarray | None:
+        """Measured wrench (n, 6) [N, N·m]."""
+
+
+def plane_track(flights: Sequence[Shown], title: str = "") -> Figure:
     """Plot the track of several controllers from above and its height, with the reference; the last lap only.
 
     An error along the track does not show here; `errors` has it.
@@ -30,7 +69,7 @@ def plane_track(flights: Sequence[FlightResult], title: str = "") -> Figure:
     return _legend(figure, axes["track"])
 
 
-def errors(flights: Sequence[FlightResult], title: str = "") -> Figure:
+def errors(flights: Sequence[Shown], title: str = "") -> Figure:
     """Plot the position error against time, one panel an axis.
 
     Args:
@@ -43,7 +82,7 @@ def errors(flights: Sequence[FlightResult], title: str = "") -> Figure:
     return _legend(figure, axes[0, 0])
 
 
-def overlay(flights: Sequence[FlightResult], title: str = "") -> Figure:
+def overlay(flights: Sequence[Shown], title: str = "") -> Figure:
     """Plot the flights of several controllers over each other: track, height, and the position error an axis.
 
     Args:
@@ -65,13 +104,13 @@ def _legend(figure: Figure, ax: Axes) -> Figure:
     return figure
 
 
-def _aspect(flight: FlightResult) -> float:
+def _aspect(flight: Shown) -> float:
     """Return the extent of the reference along y over that along x, at most 1 and at least a third."""
     x, y = np.ptp(flight.wanted[flight.last_lap, :2], axis=0) + 0.3
     return float(np.clip(y / x, 1 / 3, 1.0))
 
 
-def _draw_track(ax: Axes, flights: Sequence[FlightResult], title: str) -> None:
+def _draw_track(ax: Axes, flights: Sequence[Shown], title: str) -> None:
     """Draw the last lap from above, with waypoints.
 
     Args:
@@ -94,7 +133,7 @@ def _draw_track(ax: Axes, flights: Sequence[FlightResult], title: str) -> None:
     ax.grid(alpha=0.3)
 
 
-def _draw_height(ax: Axes, flights: Sequence[FlightResult]) -> None:
+def _draw_height(ax: Axes, flights: Sequence[Shown]) -> None:
     """Draw the height against time, and the heights of waypoints.
 
     Args:
@@ -119,7 +158,7 @@ def _draw_height(ax: Axes, flights: Sequence[FlightResult]) -> None:
     ax.margins(x=0)
 
 
-def _draw_errors(axes: Sequence[Axes], flights: Sequence[FlightResult]) -> None:
+def _draw_errors(axes: Sequence[Axes], flights: Sequence[Shown]) -> None:
     """Draw the position error against time, an axis a panel.
 
     Args:
@@ -138,7 +177,7 @@ def _draw_errors(axes: Sequence[Axes], flights: Sequence[FlightResult]) -> None:
     axes[-1].set_xlabel("time [s] (grey: ramp, not scored)")
 
 
-def _label(flight: FlightResult) -> str:
+def _label(flight: Shown) -> str:
     """Return the controller, and that it is the payload that is shown where that follows the track."""
     return f"payload, {flight.label}" if flight.config.follows_payload else flight.label
 
@@ -148,7 +187,7 @@ def _line(k: int) -> dict[str, Any]:
     return {"color": PALETTE[k % len(PALETTE)], "linestyle": DASHES[k % len(DASHES)]}
 
 
-def wrench(flight: FlightResult, span: float = 8.0) -> Figure:
+def wrench(flight: Shown, span: float = 8.0) -> Figure:
     """Plot external force and torque, as truth, label and prediction, at the end of a flight.
 
     Args:
