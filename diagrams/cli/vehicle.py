@@ -4,16 +4,16 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
 from typer import Argument, Option
 
 from diagrams.cli.output import Table, print_table, say
 from diagrams.cli.runner import held_output
+from diagrams.cli.verbs import Verbs
 
 if TYPE_CHECKING:
     from np_drake.vehicle import Vehicle
 
-vehicle = typer.Typer(help="Vehicle files: new, list, show.", add_completion=False, rich_markup_mode=None)
+vehicle = Verbs(help="Vehicle files: new, list, show.", add_completion=False)
 Preset = Annotated[str | None, Option(metavar="NAME", help="Begin with this vehicle of `vehicle list`.")]
 MassUncertainty = Annotated[
     float | None, Option(help="Standard deviation of the mass over the mass; default: 0.01, or the preset's [1].")
