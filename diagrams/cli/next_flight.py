@@ -71,7 +71,7 @@ def next_flight(
 
     def write(folder: Path) -> None:
         write_trajectory(motion, folder / TRACK, RATE, duration=seconds, vehicle=config.vehicle)
-        scenario = write_scenario(config, explanations, folder, report.resolve())
+        scenario = write_scenario(config, explanations, folder, found.corrected.resolve())
         say(f"trajectory: {folder / TRACK}", f"scenario: {scenario}")
 
     settings = {"box": box, "seconds": seconds, "controller": controller, "report": report}

@@ -122,10 +122,10 @@ def _parameters(shared: Sequence[Shared]) -> list[inspect.Parameter]:
 
 def _show(report: Report) -> None:
     """Print a report."""
-    output.say(*report.lines)
+    output.tell(*report.lines)
     for table in report.tables:
         output.print_table(*table)
-    output.say(*report.summary, *report.notes)
+    output.tell(*report.summary, *report.notes)
 
 
 def _write_folder(report: Report, out: Path | None) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import yaml
 from matplotlib.figure import Figure
 
-from diagrams.gap.corrected import FILE as CORRECTED
+from diagrams.gap.corrected import FILE, SECOND
 from diagrams.loop.flight import FlightConfig, load_flight
 from np_drake.diagnosis.numerics import Readings
 from np_drake.effects.explanation import Explanation
@@ -33,11 +33,12 @@ HEAD = """\
 class DiagnosisReport:
     """What a diagnosis left in its folder.
 
-    simulator: the corrected one.   explanations: that still stand, best first.   readings: how residuals are read.
+    corrected, simulator: file and content of the corrected one.   explanations: that still stand, best first.
+    readings: how residuals are read.
     accelerations: whether its logs had them.
     """
 
-    folder: Path
+    corrected: Path
     simulator: FlightConfig
     explanations: tuple[Explanation, ...]
     readings: Readings
@@ -84,21 +85,23 @@ def read_report(folder: Path) -> DiagnosisReport:
         readings = Readings.of_json(answer["readings"])
     except (AttributeError, KeyError, TypeError) as error:
         raise ValueError(f"{path}: explanations and readings must be whole ({error}).") from error
-    return DiagnosisReport(folder, load_flight(str(folder / CORRECTED)), explanations, readings)
+    second = folder / SECOND
+    corrected = second if content.get("refit") and second.is_file() else folder / FILE
+    return DiagnosisReport(corrected, load_flight(str(corrected)), explanations, readings)
 
 
-def write_scenario(config: FlightConfig, explanations: Sequence[Explanation], folder: Path, report: Path) -> Path:
+def write_scenario(config: FlightConfig, explanations: Sequence[Explanation], folder: Path, corrected: Path) -> Path:
     """Write the scenario that flies the track `TRACK` of the same folder, and return its path.
 
     Args:
         config: vehicle and controller that will fly.
         explanations: that stand.
         folder: to write to.
-        report: folder of the diagnosis, whose corrected simulator flies.
+        corrected: file of the corrected simulator, in which it flies.
     Raises: OSError: if it cannot be written.
     """
     labels = ", ".join(e.label for e in explanations)
-    head = HEAD.format(explanations=labels, file=SCENARIO, corrected=report / CORRECTED)
+    head = HEAD.format(explanations=labels, file=SCENARIO, corrected=corrected)
     content: dict[str, Any] = {
         "name": config.name,
         "vehicle": _named(dc.asdict(config.vehicle)),

@@ -199,6 +199,7 @@ class Diagnosis:
     posterior: joint, of the parameters of the causes.
     explanations: that still stand, best first; the verdict names the material effects of the first that are probable.
     readings: noise and tolerances by which another flight is read.
+    not_flyable: why no plain controller flies the corrected simulator, and what to do; empty: one does, or none tried.
     """
 
     vehicle: str
@@ -223,6 +224,7 @@ class Diagnosis:
     posterior: Posterior | None = None
     explanations: tuple[Explanation, ...] = ()
     readings: Readings | None = None
+    not_flyable: str = ""
 
     def as_json(self) -> dict[str, Any]:
         """Return the content of `diagnosis.json` in plain types."""
@@ -267,6 +269,7 @@ def as_json(diagnosis: Diagnosis) -> dict[str, Any]:
         "novel": _dictionaries(diagnosis.new_on_held_out),
         "coverage": diagnosis.coverage,
         "check": {name: getattr(identifiability, name) for name in ("usable", "excitation", "noise_floor", "warnings")},
+        "not_flyable": diagnosis.not_flyable,
         "warnings": diagnosis.warnings,
         "wall": diagnosis.wall,
         "refit": None if diagnosis.refit is None else _without_schema(as_json(diagnosis.refit)),
