@@ -41,7 +41,7 @@ def next_flight(
     ] = False,
 ) -> Report:
     """Write a flight that tells the explanations of a diagnosis apart; fly it in the simulator first."""
-    from diagrams.cli.next_flight_tables import finding, rank, sentence, tables, verdict
+    from diagrams.cli.next_flight_tables import finding, hopeless, sentence, tables, verdict
     from diagrams.gap.limits_check import InSimulator, keep_limits
     from diagrams.gap.next_flight import RATE, TRACK, read_report, track_figure, write_scenario
     from np_drake.flight_design.limits import limits_for
@@ -60,17 +60,22 @@ def next_flight(
     )
     motions = manoeuvres(limits, seconds, seed=run.seed)
     told = {name: found.predicted(motion, limits) for name, motion in motions.items()}
-    name = max(told, key=lambda kind: rank(told[kind]))  # the multisine, the first, where they are even
-    motion = motions[name]
-    flown: list[Flown] = []
-    if not no_fly:
+    checked: dict[str, list[Flown]] = {}
+    name = _ahead(told)
+    if not no_fly and not hopeless(told):
         in_simulator = InSimulator(config, found, limits, run.scratch, run.seed)
-        with progress(f"flying {name} with {controller}", 1.0) as advance:
-            motion, flown = keep_limits(
-                motion, explanations, in_simulator, controller=controller, tell=lambda share: advance(share, "")
-            )
-    if flown:  # the limits may have made it smaller
-        motions[name], told[name] = motion, found.predicted(motion, limits)
+        while name not in checked:  # what the limits make smaller tells less, and another may then be ahead
+            with progress(f"flying {name} with {controller}", 1.0) as advance:
+                motions[name], checked[name] = keep_limits(
+                    motions[name],
+                    explanations,
+                    in_simulator,
+                    controller=controller,
+                    tell=lambda share: advance(share, ""),
+                )
+            told[name] = found.predicted(motions[name], limits)
+            name = _ahead(told)
+    motion, flown = motions[name], checked.get(name, [])
     usage = {kind: candidate.usage(limits) for kind, candidate in motions.items()}
     order = [name, *(kind for kind in told if kind != name)]
 
@@ -91,6 +96,13 @@ def next_flight(
         figures={"next_flight.png": lambda: track_figure(motion, limits)},
         write=write,
     )
+
+
+def _ahead(told: "Mapping[str, Prediction]") -> str:
+    """Return the manoeuvre that tells most, the multisine where it is even with others."""
+    from diagrams.cli.next_flight_tables import rank
+
+    return max(told, key=lambda kind: rank(told[kind]))  # the first of those that are even
 
 
 def with_controller(config: "FlightConfig", kind: str) -> "FlightConfig":

@@ -11,6 +11,7 @@ from np_drake.files.number_text import number, percent, probability
 from np_drake.flight_design.prediction import Prediction
 
 HARDLY = 1.0  # distance of a pair below which it is hardly told apart [nat]
+EVEN = 0.5  # probability to be named from which an explanation is [1]
 SURE = 10.0  # distance of a pair beyond which more tells nothing more [nat]
 
 
@@ -19,7 +20,13 @@ def rank(prediction: Prediction) -> tuple[float, float]:
     told = prediction.information
     if told.weakest is None:
         return 0.0, round(told.parameters(0), 1)
-    return round(100 * told.outlook.named, 0), float(f"{min(told.distances[told.weakest], SURE):.2g}")
+    return round(100 * told.outlook.worst, 0), float(f"{min(told.distances[told.weakest], SURE):.2g}")
+
+
+def hopeless(told: Mapping[str, Prediction]) -> bool:
+    """Return whether every manoeuvre leads to the same explanation, whichever is true."""
+    outlooks = [prediction.information.outlook for prediction in told.values()]
+    return len(outlooks[0].each) > 1 and all(sum(p >= EVEN for p in o.each) <= 1 for o in outlooks)
 
 
 def sentence(explanations: Sequence[Explanation]) -> str:
@@ -48,12 +55,13 @@ def finding(
     if flown and len(named) == 1:
         always = explanations[named.pop()].label
         return f"No flight will tell these apart: whatever is true, the log names {always}.{_instead(explanations)}"
-    distances = [prediction.information.distances for prediction in told.values()]
-    if max(float(d[best.weakest]) for d in distances) < HARDLY:
-        pair = [explanations[k] for k in best.weakest]
-        return f"No flight within these limits tells {pair[0].label} from {pair[1].label}.{_instead(pair)}"
-    chance = probability(best.outlook.named)
-    return f"Fly the {name}: it leaves one explanation, the right one, with a probability of {chance}."
+    if hopeless(told):
+        each = best.outlook.each
+        always = explanations[each.index(max(each))].label
+        why = f"the log would most likely name {always}" if max(each) >= EVEN else "the log would name none alone"
+        return f"No flight will tell these apart: whatever is true, {why}.{_instead(explanations)}"
+    chance = probability(best.outlook.worst)
+    return f"Fly the {name}: whichever explanation is true, it alone is left with a probability of {chance} or more."
 
 
 def _instead(explanations: Sequence[Explanation]) -> str:
@@ -61,7 +69,7 @@ def _instead(explanations: Sequence[Explanation]) -> str:
     sets = [set(e.named) for e in explanations]
     differ = sorted(set.union(*sets) - set.intersection(*sets))
     checks = [check for effect in differ if (check := effect_of(effect).bench_check)]
-    return f" Measure instead: {'; '.join(checks)}." if checks else ""
+    return f" On the ground: {'; '.join(checks)}." if checks else ""
 
 
 def verdict(flown: Sequence[Flown], usage: Mapping[str, float]) -> str:
@@ -119,8 +127,8 @@ def _manoeuvres(told: Mapping[str, Prediction]) -> Table:
         return title, ["manoeuvre", "about the parameters [nat]"], rows
     pairs = {name: float(i.distances[i.weakest]) for name, i in known.items()}
     cells = {name: number(d, 2) if d < SURE else f"> {SURE:g}" for name, d in pairs.items()}
-    rows = [(name, probability(i.outlook.named), cells[name]) for name, i in known.items()]
-    return title, ["manoeuvre", "one is left, the right one", "weakest pair [nat]"], rows
+    rows = [(name, probability(i.outlook.worst), cells[name]) for name, i in known.items()]
+    return title, ["manoeuvre", "the right one is left alone, at least", "weakest pair [nat]"], rows
 
 
 def _pairs(explanations: Sequence[Explanation], prediction: Prediction) -> list[tuple[str, ...]]:

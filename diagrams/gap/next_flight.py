@@ -12,8 +12,10 @@ from matplotlib.figure import Figure
 from diagrams.gap.corrected import FILE, SECOND
 from diagrams.loop.flight import FlightConfig, load_flight
 from np_drake.diagnosis.numerics import Readings
+from np_drake.diagnosis.report.figures import legend
 from np_drake.effects.explanation import Explanation
 from np_drake.files.atomic_file import plain, write_text
+from np_drake.files.figure_file import DASHES, PALETTE, new_figure
 from np_drake.files.input_file import read_json
 from np_drake.flight_design.limits import Limits
 from np_drake.flight_design.multisine import FadedMultisine
@@ -24,7 +26,7 @@ SCENARIO = "next_flight.yaml"
 TRACK = "next_flight.csv"
 RATE = 100.0  # of the trajectory file [Hz]
 HEAD = """\
-# Next flight: a random multisine, to separate {explanations}.
+# Next flight, to separate {explanations}.
 #   np-drake fly {file} --reality {corrected}
 """
 
@@ -126,16 +128,16 @@ def track_figure(motion: FadedMultisine, limits: Limits) -> Figure:
     """
     t = np.linspace(0.0, motion.end, round(motion.end * RATE) + 1)
     flat = motion.sample(t)
-    figure = Figure(figsize=(11, 4), layout="constrained")
-    above, moved, fast = figure.subplots(1, 3)
-    above.plot(flat[0, :, 0], flat[0, :, 1], linewidth=0.8)
+    figure, ((above, moved, fast),) = new_figure(1, 3, width=11.0, height=4.0)
+    above.plot(flat[0, :, 0], flat[0, :, 1], color=PALETTE[0], linewidth=0.8)
     (x, y, _), (x_, y_, _) = limits.lower, limits.upper
-    above.plot([x, x_, x_, x, x], [y, y, y_, y_, y], "k--", linewidth=0.8)
-    above.set(xlabel="x [m]", ylabel="y [m]", title="from above; dashed: the room", aspect="equal")
-    moved.plot(t, flat[0], linewidth=0.8, label=["x", "y", "z"])
+    above.plot([x, x_, x_, x, x], [y, y, y_, y_, y], "k--", linewidth=0.8, label="limit")
+    above.set(xlabel="x [m]", ylabel="y [m]", aspect="equal")
+    for axis, colour, dash in zip("xyz", PALETTE, DASHES, strict=False):
+        moved.plot(t, flat[0, :, "xyz".index(axis)], color=colour, linestyle=dash, linewidth=0.9, label=axis)
     moved.set(xlabel="time [s]", ylabel="position [m]")
-    moved.legend(loc="upper right")
-    fast.plot(t, np.linalg.norm(flat[1], axis=1), linewidth=0.8)
-    fast.axhline(limits.speed, color="k", linestyle="--", linewidth=0.8)
-    fast.set(xlabel="time [s]", ylabel="speed [m/s]", title="dashed: its limit")
+    fast.plot(t, np.linalg.norm(flat[1], axis=1), color=PALETTE[0], linewidth=0.8)
+    fast.axhline(limits.speed, color="k", linestyle="--", linewidth=0.8, label="limit")
+    fast.set(xlabel="time [s]", ylabel="speed [m/s]", ylim=(0.0, None))
+    legend(figure)
     return figure
