@@ -92,6 +92,7 @@ def evaluate(
         distances += label_distances(models, held_out)
     settings = {"configurations": list(models), "horizons": steps, "step": step}
     settings |= {"leave_one_out": leave_one_out, "training": [flight.data.name for flight in training]}
+    said = wrapped(ending(rows, models), screen_width())
     lost = diverged(rows) or [line["flight"] for line in windows if line["unstable"]]
     return Report(
         [table for zeta in MOTIONS for table in tables(rows, zeta, mean=leave_one_out)],
