@@ -98,11 +98,7 @@ def evaluate(
         [table for zeta in MOTIONS for table in tables(rows, zeta, mean=leave_one_out)],
         config=settings,
         metrics={"rows": rows, "stability": windows, "label_distances": distances},
-        notes=[
-            *stability_text(windows, rows),
-            *distance_text(distances),
-            *wrapped(ending(rows, models), screen_width()),
-        ],
+        notes=[*stability_text(windows, rows), *distance_text(distances), *said],
         failure=FailedRun(f"a forecast diverged on {', '.join(sorted(set(lost)))}.") if lost else None,
     )
 
