@@ -139,10 +139,10 @@ def _removed_at_failure(folder: Path | None) -> Iterator[None]:
 
 def _show(report: Report) -> None:
     """Print a report."""
-    output.say(*report.lines)
+    output.tell(*report.lines)
     for table in report.tables:
         output.print_table(*table)
-    output.say(*report.summary, *report.notes)
+    output.tell(*report.summary, *report.notes)
 
 
 def _write_folder(report: Report, out: Path | None) -> None:

@@ -14,7 +14,7 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from np_drake.diagnosis.decision.causes import joint_posterior
+from np_drake.diagnosis.decision.causes import joint_posterior, without_late_onsets
 from np_drake.diagnosis.decision.explanations import explanations_of
 from np_drake.diagnosis.decision.infer import Inference, infer
 from np_drake.diagnosis.decision.second_answer import novelty, second_answer, without_onsets_in
@@ -111,6 +111,9 @@ def diagnose(
 
 def _answer(found: Inference, names: dict[str, Any], replay: Replay | None) -> Diagnosis:
     """Return the diagnosis of an inference: its causes, what these logs cannot tell, where the gap lies, how far."""
+    ends = {e.name: float(e.log.t[-1]) for e in (*found.flights, *found.held_out)}
+    causes, late = without_late_onsets(found.causes, ends)
+    found = dc.replace(found, causes=causes, below_threshold=[*found.below_threshold, *late])
     noise, held = found.ranking.noise, found.held
     checked = assess_identifiability(found.flights, found.held_out, found.ranking.problem.candidates, noise)
     located = localise(found.held_out, held.residual, noise, held.rows)

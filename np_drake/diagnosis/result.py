@@ -202,6 +202,7 @@ class Diagnosis:
     explanations: that still stand, best first; the verdict names the material effects of the first that are probable.
     readings: noise and tolerances by which another flight is read.
     doubts: what stands against any answer from these flights, as `np-drake doctor` finds it; said before the answer.
+    not_flyable: why no plain controller flies the corrected simulator, and what to do; empty: one does, or none tried.
     """
 
     vehicle: str
@@ -227,6 +228,7 @@ class Diagnosis:
     explanations: tuple[Explanation, ...] = ()
     readings: Readings | None = None
     doubts: tuple[str, ...] = ()
+    not_flyable: str = ""
 
     def __repr__(self) -> str:
         """Return vehicle, verdict and remaining gap in a line."""
@@ -317,6 +319,7 @@ def as_json(diagnosis: Diagnosis) -> dict[str, Any]:
         "novel": _dictionaries(diagnosis.new_on_held_out),
         "coverage": diagnosis.coverage,
         "check": {name: getattr(identifiability, name) for name in ("usable", "excitation", "noise_floor", "warnings")},
+        "not_flyable": diagnosis.not_flyable,
         "warnings": diagnosis.warnings,
         "wall": diagnosis.wall,
         "refit": None if diagnosis.refit is None else _without_schema(as_json(diagnosis.refit)),

@@ -137,7 +137,6 @@ def disassemble(log: FlightLog) -> dict[str, np.ndarray]:
     if log.input == "thrust_only":
         left_out |= {*COLUMNS["u"]} - {*THRUST}
     return {name: values for name, values in out.items() if name not in left_out}
-    return out
 
 
 def _shorten(names: list[str]) -> str:

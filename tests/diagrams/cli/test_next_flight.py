@@ -14,6 +14,7 @@ from np_drake.diagnosis.numerics import NoiseModel, Readings
 from np_drake.diagnosis.options import IDEAL_SENSORS
 from np_drake.effects.explanation import Explanation
 from np_drake.effects.linear_drag import LinearDrag
+from np_drake.effects.thrust_scale import ThrustScale
 from np_drake.references.track_file import read_track
 
 RMS = np.repeat([0.5, 0.05, 0.05, 0.2, 0.05], 3)
@@ -56,14 +57,16 @@ def report(tmp_path):
 def test_a_flight_is_checked_written_and_can_be_flown_again(report, tmp_path, capsys):
     out, values = tmp_path / "out", tmp_path / "a.json"
     assert run(["next-flight", str(report), *QUICK, "--out", str(out), "--json", str(values)]) == 0
-    text = capsys.readouterr().out
-    assert "2 explanations stand: " in text
+    text = " ".join(capsys.readouterr().out.split())
+    assert "2 explanations stand: nothing (40 %), linear_drag (60 %)." in text
+    assert "Fly the multisine: whichever explanation is true, it alone is left with a probability of > 99.9 %" in text
     assert "Limits: kept in the simulator under each of 2 explanations" in text
     assert {path.name for path in out.iterdir()} == {"next_flight.csv", "next_flight.png", "next_flight.yaml"}
     content = json.loads(values.read_text())
     assert content["schema"] == "np_drake.next-flight/1"
-    (told,) = content["candidates"]
+    told, *others = content["candidates"]
     assert told["name"] == "multisine"
+    assert {other["name"] for other in others} == {"sprints", "climbs", "circle", "shakes"}
     assert told["distances"][0][1] > 1.0
     assert told["weakest"] == ["nothing", "linear_drag"]
     assert len(told["intervals"]) == 2
@@ -115,6 +118,41 @@ def test_what_an_interval_becomes_is_printed(report, tmp_path, capsys):
     ((before, after),) = json.loads(values.read_text())["candidates"][0]["intervals"][0].values()
     assert before == pytest.approx(1.96 * 0.1)
     assert after < 0.97 * before
+
+
+def test_explanations_that_no_flight_tells_apart_are_said_to_be_in_seconds(report, tmp_path, capsys):
+    twins = [
+        Explanation((name,), p, (LinearDrag(0.5, 0.5, 0.5),))
+        for name, p in (("mass_error", 0.7), ("thrust_scale", 0.3))
+    ]
+    (report / REPORT).write_text(json.dumps(told() | {"explanations": [e.as_json() for e in twins]}))
+    values = tmp_path / "a.json"
+    assert run(["next-flight", str(report), *BOX, "--json", str(values)]) == 0
+    text = " ".join(capsys.readouterr().out.split())
+    assert "No flight will tell these apart" in text
+    assert "On the ground: weigh the vehicle" in text
+    assert "measure thrust on a stand" in text
+    assert json.loads(values.read_text())["flown"] == []
+
+
+def test_a_naive_manoeuvre_that_its_table_puts_ahead_is_proposed(report, tmp_path, capsys):
+    windy = [Explanation((), 0.5, ()), Explanation(("thrust_scale",), 0.5, (ThrustScale(1.0 + 4e-4),))]
+    (report / REPORT).write_text(json.dumps(told() | {"explanations": [e.as_json() for e in windy]}))
+    values = tmp_path / "a.json"
+    assert run(["next-flight", str(report), *QUICK, "--no-fly", "--json", str(values)]) == 0
+    first, *others = json.loads(values.read_text())["candidates"]
+    assert first["distances"][0][1] >= max(other["distances"][0][1] for other in others)
+    rows = [line.split()[0] for line in capsys.readouterr().out.splitlines() if line.split()[:1]]
+    rows = [word for word in rows if word in {"multisine", *(other["name"] for other in others), first["name"]}]
+    assert rows[0] == first["name"] != "multisine"
+
+
+def test_limits_that_no_motion_keeps_are_refused_before_the_flights(report, capsys):
+    (report / REPORT).write_text(json.dumps(told() | {"explanations": [STAND[0].as_json() | {"probability": 1.0}]}))
+    assert run(["next-flight", str(report), *BOX, "--seconds", "120", "--speed", "0.001"]) == 2  # [m/s]
+    error = capsys.readouterr().err
+    assert "no motion keeps them with controller hold: speed is" in error
+    assert "Name another --controller, or wider limits." in error
 
 
 def test_an_option_of_the_former_search_warns(report, capsys):
