@@ -5,8 +5,8 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.logs.importing.airborne import before_the_crash
 from np_drake.logs.importing.conventions import WrongConventions
+from np_drake.logs.importing.crash import before_the_crash, before_the_fall
 
 
 def tumbling(streams, at: float, seed: int = 0):
@@ -76,3 +76,11 @@ def test_a_landing_and_a_hover_are_no_crash():
     p[:, 2] = np.clip(3.2 - 0.8 * (t - 3.0), 0.0, 3.2)
     assert before_the_crash(t, p, np.gradient(p, t, axis=0), level) == len(t)
     assert before_the_crash(t[:500], p[:500], v[:500], q[:500]) == 500
+
+
+def test_a_fall_with_running_rotors_ends_the_flight_and_one_without_does_not():
+    t, _, v, q = fallen()
+    lift = np.where(t < 5.8, 1.0, 0.0)
+    assert t[before_the_fall(t, v, q, lift)] == pytest.approx(4.95, abs=0.15)
+    assert before_the_fall(t, v, q, np.where(t < 5.0, 1.0, 0.0)) == len(t)
+    assert before_the_fall(t, v, q, None) == len(t)
