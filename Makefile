@@ -11,7 +11,7 @@ CODE := np_drake systems diagrams tests docs
 export OMP_NUM_THREADS := 1
 export MPLBACKEND := Agg
 
-.PHONY: venv demo test suite fuzz campaigns golden lint format docs clean
+.PHONY: venv demo test suite fuzz mutants campaigns golden lint format docs clean
 
 venv: $(STAMP)
 
@@ -42,6 +42,11 @@ FUZZ_SECONDS ?= 3600
 fuzz: venv
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[fuzz]'
 	$(BIN)/python tests/fuzz/fuzz.py --seconds $(FUZZ_SECONDS) --out out/fuzz
+
+# Small changes of the formulas, one at a time, and whether a test notices. Minutes each; not in CI.
+MUTANTS ?= --count 50 --seed 0
+mutants: venv
+	$(BIN)/python tests/mutants.py $(MUTANTS)
 
 # All frozen diagnoses against their stored answers, the real flights too where NP_DRAKE_NEUROBEM names them.
 golden: venv

@@ -11,6 +11,7 @@ NAMES = {
     "FlightConfig": "diagrams.loop.flight",
     "load_experiment": "diagrams.loop.experiments",
     "make_flight_diagram": "diagrams.loop.flight_diagram",
+    "fly": "diagrams.loop.flight_result",
     "simulate": "diagrams.loop.flight_result",
     "DrakeReplay": "diagrams.gap.drake_replay",
 }

@@ -1,12 +1,15 @@
 """Compilation of inner loops, and the compiled functions that many of them share."""
 
+import hashlib
 import logging
+import pickle
 import sys
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 from numba import njit
-from numba.core import event
+from numba.core import caching, event
 
 _log = logging.getLogger(__name__)
 
@@ -34,12 +37,73 @@ class Notice(event.Listener):
 event.register("numba:compile", Notice())
 
 
+class _CheckedFile(caching.IndexDataCacheFile):
+    """Cache file of machine code that ends in its SHA-256, so that damaged code is never run."""
+
+    def _dump(self, obj: Any) -> bytes:
+        data = super()._dump(obj)
+        return data + hashlib.sha256(data).digest()
+
+    def _load_data(self, name: str) -> Any:
+        data = Path(self._data_path(name)).read_bytes()
+        code, digest = data[:-32], data[-32:]
+        if hashlib.sha256(code).digest() != digest:
+            raise ValueError(f"{name}: damaged.")
+        return pickle.loads(code)
+
+
+class Cache(caching.FunctionCache):
+    """Cache of one compiled function. Damaged files are thrown away; where none can be written, there is no cache.
+
+    Args:
+        function: whose machine code it keeps.
+    Raises: RuntimeError: if no folder takes it.
+    """
+
+    def __init__(self, function: Callable[..., Any]):
+        super().__init__(function)
+        file = self._cache_file
+        self._cache_file = _CheckedFile(self._cache_path, self._impl.filename_base, file._source_stamp)
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """Return the compiled function for a signature; None where there is none, or its files are damaged.
+
+        Args:
+            sig: the signature.
+            target_context: of the machine.
+        """
+        try:
+            return super().load_overload(sig, target_context)
+        except Exception as error:  # unpickling damaged bytes raises nearly anything
+            _log.debug("cache of %s: %s", self._name, error)
+        try:
+            self.flush()
+        except OSError:
+            self.disable()
+        return None
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Keep the compiled function, where the disk takes it.
+
+        Args:
+            sig: the signature.
+            data: of the compiler.
+        """
+        try:
+            super().save_overload(sig, data)
+        except OSError as error:
+            _log.debug("cache of %s: %s", self._name, error)
+            self.disable()
+
+
 def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
     """Return the function compiled, once for all processes; where no cache can be written, once for each."""
+    dispatcher = njit(error_model="numpy")(function)
     try:
-        return njit(cache=True, error_model="numpy")(function)
+        dispatcher._cache = Cache(function)
     except RuntimeError:
-        return njit(error_model="numpy")(function)
+        _log.debug("no folder takes the compiled code of %s", function)
+    return dispatcher
 
 
 @compiled

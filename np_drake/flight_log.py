@@ -5,10 +5,27 @@ from typing import Any
 
 import numpy as np
 
+from np_drake.files.notebook import data_frame, html_table
 from np_drake.rotor_layout import RotorLayout
 
+MOST_NOTES = 5  # that a notebook shows
+COLUMNS: dict[str, tuple[str, ...]] = {  # field of FlightLog: columns of the file
+    "t": ("t",),
+    "p": ("px", "py", "pz"),
+    "q": ("qw", "qx", "qy", "qz"),
+    "v": ("vx", "vy", "vz"),
+    "w": ("wx", "wy", "wz"),
+    "a": ("ax", "ay", "az"),
+    "al": ("alx", "aly", "alz"),
+    "u": ("thrust", "tx", "ty", "tz"),
+    "rotor": ("rotor1", "rotor2", "rotor3", "rotor4"),
+    "throttles": ("throttle1", "throttle2", "throttle3", "throttle4"),
+    "throttle": ("throttle",),
+    "voltage": ("voltage",),
+}
 
-@dc.dataclass
+
+@dc.dataclass(repr=False)
 class FlightLog:
     """One flight in SI units, W z up, quaternions w, x, y, z body to world (docs/reference/flight-log.md).
 
@@ -22,6 +39,7 @@ class FlightLog:
     NaN), `normalised` (throttle; thrust and torque by an estimated map).
     timing: standard deviation of the time at which a row's command acts [s]; 0 where it is held from its row.
     layout: where the rotors of `rotor` and `throttle` are; None: in the order of the vehicle file.
+    lacks: what was not logged and is integrated: `height` (position), `velocity`; keys of `library.REQUIREMENTS`.
     """
 
     t: np.ndarray
@@ -40,6 +58,7 @@ class FlightLog:
     input: str = "command"  # command | rotor_speed | thrust_only | normalised
     timing: float = 0.0
     layout: RotorLayout | None = None
+    lacks: tuple[str, ...] = ()
     notes: list[str] = dc.field(default_factory=list)  # what a reader derived, differentiated or repaired
 
     def __len__(self) -> int:
@@ -54,6 +73,59 @@ class FlightLog:
     def step(self) -> float:
         """Median sampling interval [s]."""
         return float(np.median(np.diff(self.t)))
+
+    def __repr__(self) -> str:
+        """Return name, length, rate and input in a line."""
+        span = float(self.t[-1] - self.t[0]) if len(self) else 0.0
+        rate = f" at {1 / self.step:.0f} Hz" if len(self) > 1 else ""
+        return f"FlightLog({self.name!r}: {len(self)} rows, {span:.1f} s{rate}, input {self.input})"
+
+    def _repr_html_(self) -> str:
+        """Return what a notebook shows: ranges of the quantities, and the notes of the reader."""
+        ranges = [
+            ("height [m]", self.p[:, 2]),
+            ("speed [m/s]", np.linalg.norm(self.v, axis=1)),
+            ("body rate [rad/s]", np.linalg.norm(self.w, axis=1)),
+            ("thrust [N]", self.u[:, 0]),
+            ("rotor speed [rad/s]", self.rotor),
+            ("voltage [V]", self.voltage),
+        ]
+        rows = [(n, f"{np.nanmin(v):.3g} to {np.nanmax(v):.3g}") for n, v in ranges if v is not None and len(v)]
+        return html_table(repr(self), ("", "range"), rows, self.notes[:MOST_NOTES])
+
+    def columns(self) -> dict[str, np.ndarray]:
+        """Return columns (n,) by the names of a flight log's file (docs/reference/flight-log.md)."""
+        found: dict[str, np.ndarray] = {}
+        for field, names in COLUMNS.items():
+            value = getattr(self, "throttle" if field == "throttles" else field)
+            if value is not None and np.size(value) == len(self) * len(names):
+                found |= dict(zip(names, np.reshape(value, (len(self), len(names))).T, strict=True))
+        return found
+
+    def to_dataframe(self) -> Any:
+        """Return the log as a pandas DataFrame, with the times as its index and the columns of its file.
+
+        Raises: ImportError: where pandas is not installed.
+        """
+        return data_frame(self.columns(), index="t")
+
+    def plot(self) -> Any:
+        """Return a Figure of the track from above, and of position, speed and thrust against time."""
+        from np_drake.files.figure_file import PALETTE, new_mosaic
+
+        panels = {"height": ("z [m]", self.p[:, 2]), "speed": ("speed [m/s]", np.linalg.norm(self.v, axis=1))}
+        panels["thrust"] = ("thrust [N]", self.u[:, 0])
+        figure, axes = new_mosaic([["track", name] for name in panels], width=10.0, height=4.8)
+        axes["track"].plot(self.p[:, 0], self.p[:, 1], color=PALETTE[0], linewidth=1.2)
+        axes["track"].set(xlabel="x [m]", ylabel="y [m]", title=self.name, aspect="equal", adjustable="datalim")
+        for name, (label, values) in panels.items():
+            axes[name].plot(self.t, values, color=PALETTE[0], linewidth=1.0)
+            axes[name].set(ylabel=label)
+            axes[name].margins(x=0)
+        axes[name].set(xlabel="time [s]")
+        for ax in axes.values():
+            ax.grid(alpha=0.3)
+        return figure
 
     def rows(self, start: int, stop: int) -> "FlightLog":
         """Return a part of the flight as a separate log.

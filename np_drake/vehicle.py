@@ -8,6 +8,7 @@ import numpy as np
 
 from np_drake.files.yaml_file import load_checked
 from np_drake.files.yaml_text import read_yaml
+from np_drake.vehicle_physics import implausible
 
 PRESETS = Path(__file__).parent / "vehicles"  # vehicle files by name
 SLOWEST_ROTOR = 1.0  # time constant beyond which the file's is in another unit than seconds [s]
@@ -133,6 +134,8 @@ class Vehicle:
             f"max_rotor_thrust must let four rotors carry the weight, {weight:.4g} N; got {self.max_rotor_thrust} N "
             "each. Is it in N, of one rotor, and the mass in kg?",
         )
+        if wrong := implausible(self):
+            raise ValueError(f"Vehicle: {wrong}")
 
     @cached_property
     def J(self) -> np.ndarray:

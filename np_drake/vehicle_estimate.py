@@ -19,7 +19,7 @@ THRUST_NUMBER = 0.12
 FIGURE_OF_MERIT = 0.5  # ideal over actual hover power. Source: own choice; the presets span 0.32 to 0.71 [1]
 # Standard deviations over the value [1].
 MASS_SPREAD = 0.01  # source: own choice, a kitchen scale, and batteries that are changed
-THRUST_SPREAD = 0.4  # source: C_T of the presets, whose standard deviation is 0.39 of their mean
+THRUST_SPREAD = 0.4  # source: C_T of the presets, whose standard deviation is 0.36 of their mean; rounded up
 CURVES = {"quadratic": 2, "linear": 1}  # thrust over throttle: its power
 LIGHTEST, HEAVIEST = 0.005, 1000.0  # [kg]
 

@@ -80,7 +80,7 @@ def test_a_table_states_every_default(page, name, config):
             assert text == (value or "empty"), field
         elif value is None:
             assert text == "none", field
-        elif isinstance(value, list):
+        elif isinstance(value, list | dict):
             assert np.array_equal(eval(text), value), field
         else:
             assert float(text) == value, field

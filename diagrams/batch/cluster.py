@@ -60,11 +60,12 @@ def client(address: str, patience: float = PATIENCE) -> Iterator[Any]:
 async def _reach(address: str, patience: float) -> None:
     """Connect to the address and close the connection.
 
-    Raises: OSError, ValueError, TypeError: where nothing listens.
+    Raises: OSError, ValueError, TypeError: where nothing listens, or does not answer within `patience` [s].
     """
     from distributed.comm import connect
 
-    await (await connect(address, timeout=patience)).close()
+    # Dask's own limit is for the connection; its handshake waits for ever.
+    await (await asyncio.wait_for(connect(address, timeout=patience), patience)).close()
 
 
 def on_cluster(work: Callable[[Any], Any], cases: Sequence[Any], address: str) -> Iterator[tuple[int, Any]]:

@@ -23,13 +23,12 @@ from diagrams.cli.challenge import challenge
 from diagrams.cli.outcome import PROGRAM
 from diagrams.cli.output import say
 from diagrams.cli.reproduce import VERB, reproduce
+from diagrams.cli.verbs import Verbs
 
-app = typer.Typer(
+app = Verbs(
     name=PROGRAM,
     help="Neural Predictor and NP-MPC for a quadrotor with a tethered payload, on Drake.",
     epilog=options.EPILOG,
-    rich_markup_mode=None,  # units stand in brackets, which markup would swallow
-    pretty_exceptions_enable=False,
 )
 app.command("demo")(demo.demo)
 app.command("fly")(fly.fly)

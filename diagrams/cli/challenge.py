@@ -4,13 +4,12 @@ import math
 from pathlib import Path
 from typing import Annotated, Any
 
-import typer
 from typer import Argument, Option
-from typer.core import TyperGroup
 
 from diagrams.cli import options
 from diagrams.cli.output import require_folder
 from diagrams.cli.runner import Report, Run, counting, reports
+from diagrams.cli.verbs import Group, Verbs
 
 RETIRED = {
     "golden": "the frozen cases are tests: `make golden`",
@@ -20,7 +19,7 @@ RETIRED = {
 }
 
 
-class _Challenge(TyperGroup):
+class _Challenge(Group):
     """Verbs of challenge sets; one that is gone says what took its place."""
 
     def resolve_command(self, context, arguments):
@@ -29,9 +28,7 @@ class _Challenge(TyperGroup):
         return super().resolve_command(context, arguments)
 
 
-challenge = typer.Typer(
-    cls=_Challenge, help="Withheld-effect challenge sets.", add_completion=False, rich_markup_mode=None
-)
+challenge = Verbs(cls=_Challenge, help="Withheld-effect challenge sets.", add_completion=False)
 
 
 @challenge.command("make")

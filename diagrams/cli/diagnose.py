@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 from typer import Argument, Option
 
 from diagrams.cli import options
-from diagrams.cli.output import progress, say
+from diagrams.cli.output import progress, say, screen_width
 from diagrams.cli.runner import Report, Run, reports
+from diagrams.cli.table_text import wrapped
 
 if TYPE_CHECKING:
     from np_drake.diagnosis.result import Diagnosis
@@ -50,11 +51,20 @@ def diagnose(
     repair: options.Repair = False,
 ) -> Report:
     """Diagnose the gap between the nominal simulator and flights; with --out: report, replay, figures, JSON."""
+    from np_drake.logs.hover_thrust import with_hover_thrust
+
     files = _choose_files(case, vehicle, list(train or ()), list(held_out or ()))
     nominal = nominal_vehicle(files)
-    logs = files.open(nominal, repair=repair)
-    say(*(f"{log.name}: {note}" for flights in logs for log in flights for note in log.notes))
+    nominal, *logs = with_hover_thrust(nominal, *files.open(nominal, repair=repair))
+    for note in [f"{log.name}: {note}" for flights in logs for log in flights for note in log.notes]:
+        say(*wrapped(note, screen_width(), indent="  "))
     found = diagnose_logs(nominal, *logs, replay=not no_replay, second_look=not no_second_look, rig=rig)
+    if run.folder is not None:
+        from diagrams.gap.trial import with_trial
+
+        with progress("trying the corrected simulator", 1.0) as advance:
+            found = with_trial(found, nominal)
+            advance(1.0)
     config: dict[str, Any] = {"vehicle": nominal.name, "train": files.train, "held_out": files.held_out}
     config |= {"replay": not no_replay, "second_look": not no_second_look, "rig": rig, "repair": repair}
 
@@ -64,10 +74,7 @@ def diagnose(
         beside = {}
         if page := _write_overlay(found, nominal, logs[1] if not no_replay else [], folder):
             beside[page.name] = "Watch the flight beside its simulators"
-        if not found.cannot_tell:
-            simulator = _write_simulator(found, nominal, folder)
-            say(f"corrected simulator: {simulator}")
-            beside[simulator.name] = "Corrected simulator, to fly"
+        beside |= _write_simulators(found, nominal, folder)
         say(f"report: {write_report(found, folder, seed=run.seed, config=config, beside=beside)}")
 
     from diagrams.cli.diagnosis_tables import judgement, notes, tables
@@ -79,15 +86,28 @@ def diagnose(
     )
 
 
-def _write_simulator(found: "Diagnosis", vehicle: "Vehicle", folder: Path) -> Path:
-    """Write `corrected.yaml` to a folder, and return its path.
+def _write_simulators(found: "Diagnosis", vehicle: "Vehicle", folder: Path) -> dict[str, str]:
+    """Write the corrected simulator of each answer to a folder, and return the texts of links by file.
 
-    Raises: ValueError: if no vehicle can fly so; OSError: if it cannot be written.
+    Raises: OSError: if one cannot be written.
     """
-    from diagrams.gap.corrected import FILE, corrected_simulator, write_corrected
+    from diagrams.gap.corrected import FILE, SECOND, corrected_simulator, write_corrected
 
-    write_corrected(corrected_simulator(found, vehicle), found, folder / FILE)
-    return folder / FILE
+    links = {}
+    for answer, name, which in ((found, FILE, ""), (found.refit, SECOND, " of the second answer")):
+        (folder / name).unlink(missing_ok=True)  # of an earlier diagnosis
+        if answer is None or answer.cannot_tell:
+            continue
+        try:
+            config = corrected_simulator(answer, vehicle)
+        except ValueError as error:
+            say(f"no {name}: {' '.join(str(error).split())}")
+            continue
+        write_corrected(config, answer, folder / name)
+        say(f"corrected simulator{which}: {folder / name}")
+        how = "which no controller keeps in the air" if answer.not_flyable else "to fly"
+        links[name] = f"Corrected simulator{which}, {how}"
+    return links
 
 
 def _write_overlay(found: "Diagnosis", vehicle: "Vehicle", held_out: "list[FlightLog]", folder: Path) -> Path | None:
@@ -157,7 +177,8 @@ def vehicle_of(path: Path) -> "Vehicle":
 
     vehicle = load_vehicle(path)
     if missing := left_out(path):
-        say(f"{path}: {', '.join(missing)} not named: those of the paper's vehicle are taken.")
+        text = f"{path}: {', '.join(missing)} not named: those of the paper's vehicle are taken."
+        say(*wrapped(text, screen_width(), indent="  "))
     return vehicle
 
 

@@ -1,62 +1,70 @@
 """A diagnosis on the terminal: the answer, its causes, what to do next, what was tested, and how far."""
 
-from diagrams.cli.output import Table
+from diagrams.cli.output import Table, screen_width
+from diagrams.cli.table_text import wrapped
 from np_drake.diagnosis.report import words
-from np_drake.diagnosis.report.summary import (
-    GAP_HEADER,
-    cause_table,
-    gap_rows,
-    headline,
-    lead,
-    next_steps,
-    unseen,
-    warnings,
-)
+from np_drake.diagnosis.report.headline import headline, lead, named_causes
+from np_drake.diagnosis.report.summary import GAP_HEADER, cause_table, gap_rows, next_steps, unseen, warnings
 from np_drake.diagnosis.result import Diagnosis
 
 SENSORS = {"rig": "real", "laboratory": "ideal"}  # value in --json: words
 _QUANTITIES = {"position [m]": "position", "velocity [m/s]": "velocity", "attitude [deg]": "attitude"}
-_NAME = 14  # characters of a flight's name in a table
+_WIDE = 5  # columns of the table of causes that a terminal shows
 
 
 def judgement(diagnosis: Diagnosis) -> list[str]:
-    """Return the headline, the sentence below it, and the same of a second answer."""
-    return [_plain(line) for line in (headline(diagnosis), lead(diagnosis), *second_answer(diagnosis), "")]
+    """Return what stands against any answer, the headline, the sentence below it, and the same of a second answer."""
+    before = [f"Before the answer: {doubt}." for doubt in diagnosis.doubts]
+    said = (*before, headline(diagnosis) + ".", lead(diagnosis), *second_answer(diagnosis), "")
+    return [line for text in said for line in wrapped(text, screen_width())]
 
 
 def tables(diagnosis: Diagnosis) -> list[Table]:
     """Return the tables that have rows, the answer first."""
     refit = diagnosis.refit
     tested = [*diagnosis.coverage, *filter(None, [unseen(diagnosis)])]
-    left = [(finding.name, words.described(finding)) for finding in diagnosis.unexplained]
-    left += [(f"minor: {finding.name}", finding.text) for finding in diagnosis.below_threshold]
+    left = [f"{finding.name}: {words.described(finding)}" for finding in diagnosis.unexplained]
+    left += [f"minor: {finding.name}: {finding.text}" for finding in diagnosis.below_threshold]
     every: list[Table] = [
-        ("causes", *cause_table(diagnosis, _NAME)),
-        *([("second answer: causes", *cause_table(refit, _NAME))] if refit else []),
+        *_causes(diagnosis, "causes"),
+        *(_causes(refit, "second answer: causes") if refit else []),
         ("what to do next", ["step"], [(text,) for text in next_steps(diagnosis)]),
         ("what the flights tested", ["finding"], [(text,) for text in tested]),
         ("how far", GAP_HEADER, gap_rows(diagnosis)),
         *([("second answer: how far", GAP_HEADER, gap_rows(refit))] if refit else []),
         ("replay, median error, nominal → with causes", ["horizon [s]", *_QUANTITIES], replay_rows(diagnosis)),
-        ("what remains, and minor findings", ["finding", "what was found"], left),
+        ("what remains, and minor findings", ["finding"], [(text,) for text in left]),
     ]
-    return [(title, header, [tuple(map(_plain, row)) for row in rows]) for title, header, rows in every if rows]
+    return [table for table in every if table[-1]]
+
+
+def _causes(diagnosis: Diagnosis, title: str) -> list[Table]:
+    """Return the table of causes, and a list of when they begin and what they cannot be told from."""
+    header, rows = cause_table(diagnosis)
+    said = []
+    for cause in named_causes(diagnosis):
+        begins = [words.onset(t, words.plain_name(n)) for n, t in cause.onset.items() if t is not None]
+        said += [f"{cause.identifier} begins in {', '.join(begins)}"] if begins else []
+        others = words.listed(cause.indistinguishable_from, "or")
+        said += [f"{cause.identifier}, or else {others}: these logs cannot tell"] if others else []
+    return [(title, header[:_WIDE], [row[:_WIDE] for row in rows]), ("of these causes", ["said"], [(t,) for t in said])]
 
 
 def notes(diagnosis: Diagnosis) -> list[str]:
     """Return the sensors that were assumed, and every warning once."""
     sensors = SENSORS.get(diagnosis.judged_as, diagnosis.judged_as)
     judged = [f"Judged as logs of {sensors} sensors (--rig, --laboratory)."] if sensors else []
-    return [*judged, *(f"warning: {text}" for text in warnings(diagnosis))]
+    said = [*judged, *(f"warning: {text}" for text in warnings(diagnosis))]
+    return [line for text in said for line in wrapped(text, screen_width(), indent="  ")]
 
 
 def second_answer(diagnosis: Diagnosis) -> list[str]:
-    """Return the answer with the first halves of held-out flights in the fit, in two lines."""
+    """Return the answer with the first halves of held-out flights in the fit, in two sentences."""
     refit = diagnosis.refit
     if refit is None:
         return []
     first = f"Second answer, with the first halves of {words.flights(len(diagnosis.held_out))} in the fit:"
-    return ["", f"{first} {headline(refit)}", lead(refit)]
+    return ["", f"{first} {headline(refit)}.", lead(refit)]
 
 
 def replay_rows(diagnosis: Diagnosis) -> list[tuple]:
@@ -71,7 +79,3 @@ def replay_rows(diagnosis: Diagnosis) -> list[tuple]:
             cells.append(" → ".join(words.number(float(getattr(gap, name)[k, 0]), 2) for gap in gaps))
         rows.append((f"{horizon:g}", *cells))
     return rows
-
-
-def _plain(text: str) -> str:
-    return text.replace(words.NBSP, " ")

@@ -1,16 +1,18 @@
-"""The one screen of `np-drake doctor`: lines of at most `WIDTH` columns from a report."""
+"""The one screen of `np-drake doctor`: lines of at most `WIDTH` columns from a report, broken between words."""
 
-import textwrap
-
-from diagrams.cli.output import WIDTH
+from diagrams.cli.table_text import wrapped
 from np_drake.diagnosis.doctor.log_report import NEVER, YES, Answer, FlightFacts, LogReport
+from np_drake.files.number_text import NBSP, fixed, measure, number, percent, with_unit
+from np_drake.logs.importing.consistency import SCALE
 
+WIDTH = 80  # columns of the usual terminal
 NOTED = 3.0  # times its usual noise from which a signal's is noted as high [1]
 SHOWN = 0.5  # share of repeated rows from which a signal's are noted [1]
-LABEL, NAME, SIZE, USUAL = 14, 24, 38, 8  # widths of columns
+LABEL, NAME, SIZE, USUAL = 14, 24, 32, 8  # widths of columns
 MOST_FLIGHTS = 8  # that have a line of their own
 MOST_TODO = 6  # manoeuvres that are named; --json has all
 MOST_PROBLEMS = 4
+MOST_LINES = 3  # of a text behind its label
 PREFIXES = ((1.0, ""), (1e-3, "m"), (1e-6, "µ"))
 
 
@@ -18,10 +20,11 @@ def screen(report: LogReport) -> list[str]:
     """Return the lines of a report."""
     lines = [] if len(report.flights) == 1 else _flights(report)
     first = report.flights[0]
-    head = first.name[:40] if len(report.flights) == 1 else f"{len(report.flights)} flights"
+    head = first.name[:36] if len(report.flights) == 1 else f"{len(report.flights)} flights"
     verdict = "usable: no" if not report.usable else "usable: with limits" if report.problems else "usable: yes"
-    title = head + (f", vehicle {report.vehicle[:20]}, {report.sensors} sensors" if report.sensors else "")
-    body = [f"{title}{verdict:>{max(2, WIDTH - len(title))}}"]
+    title = head + (f", {report.vehicle[:16]}, {report.sensors} sensors" if report.sensors else "")
+    room = WIDTH - len(title)
+    body = [f"{title}{verdict:>{room}}"] if room > len(verdict) + 1 else [title, f"{verdict:>{WIDTH}}"]
     for problem in report.problems[:MOST_PROBLEMS]:
         body += _labelled("!", problem)
     if len(report.flights) == 1:
@@ -37,11 +40,14 @@ def screen(report: LogReport) -> list[str]:
 
 
 def _labelled(label: str, text: str) -> list[str]:
-    """Return a text behind its label, in two lines at most."""
+    """Return a text behind its label, in `MOST_LINES` at most."""
     if not text:
         return []
-    wrapped = textwrap.wrap(text, WIDTH - LABEL, max_lines=2, placeholder=" …")
-    return [f"  {label if i == 0 else '':<{LABEL - 2}}{line}" for i, line in enumerate(wrapped)]
+    lines = wrapped(text, WIDTH - LABEL)
+    if len(lines) > MOST_LINES:
+        lines = [*lines[: MOST_LINES - 1], wrapped(lines[MOST_LINES - 1], WIDTH - LABEL - 2)[0] + " …"]
+    shown = [line if len(line) <= WIDTH - LABEL else f"{line[: WIDTH - LABEL - 1]}…" for line in lines]  # a path
+    return [f"  {label if i == 0 else '':<{LABEL - 2}}{line}" for i, line in enumerate(shown)]
 
 
 def _flights(report: LogReport) -> list[str]:
@@ -50,19 +56,20 @@ def _flights(report: LogReport) -> list[str]:
     for f in report.flights[:MOST_FLIGHTS]:
         test = tests.get(f.name)
         swings = "" if test is None else f", swings: {'yes' if test.swings else 'no'} ({test.log_bayes_factor:.0f})"
-        lines.append(f"  {f.name[:40]:<41}{f.duration:.3g} s at {1 / f.step:.3g} Hz, {_gaps(f)}{swings}"[:WIDTH])
+        text = f"{number(f.duration)} s at {number(1 / f.step)} Hz, {_gaps(f)}{swings}"
+        lines += [f"  {f.name[:22] if i == 0 else '':<23}{line}" for i, line in enumerate(wrapped(text, WIDTH - 25))]
     if len(report.flights) > MOST_FLIGHTS:
         lines.append(f"  … and {len(report.flights) - MOST_FLIGHTS} more (--json has all)")
     return lines
 
 
 def _facts(f: FlightFacts) -> list[str]:
-    lines = _labelled("rows", f"{f.duration:.3g} s, {f.rows} rows at {1 / f.step:.3g} Hz, {_gaps(f)}")
-    timing = f", its time known to {1e3 * f.timing:.2g} ms" if f.timing else ""
+    lines = _labelled("rows", f"{number(f.duration)} s, {f.rows} rows at {number(1 / f.step)} Hz, {_gaps(f)}")
+    timing = f", its time known to {number(1e3 * f.timing, 2)} ms" if f.timing else ""
     lines += _labelled(
         "input",
         f"{f.input}{timing}"
-        + ("" if f.saturated is None else f"; a rotor at its limit in {f.saturated:.0%} of the rows"),
+        + ("" if f.saturated is None else f"; a rotor at its limit in {percent(f.saturated)} of the rows"),
     )
     sheet = f.imported
     if sheet:
@@ -72,7 +79,7 @@ def _facts(f: FlightFacts) -> list[str]:
 
 
 def _gaps(f: FlightFacts) -> str:
-    gaps = f"{f.gaps} gap{'s' * (f.gaps != 1)} up to {f.longest:.2g} s" if f.gaps else "no gaps"
+    gaps = f"{f.gaps} gap{'s' * (f.gaps != 1)} up to {number(f.longest, 2)} s" if f.gaps else "no gaps"
     return gaps + (f", {f.bridged} rows bridged" if f.bridged else "")
 
 
@@ -81,7 +88,7 @@ def _conventions(f: FlightFacts) -> str:
         return "not checked: too short, or no two quantities can be compared"
     worst = max(f.misfits, key=lambda law: f.misfits[law])
     own = f"{f.imported['frames'].split(';')[0]}; " if f.imported else ""
-    return f"{own}{len(f.misfits)} checks, worst misfit {f.misfits[worst]:.2g} ({worst}; 0 agrees, 1 contradicts)"
+    return f"{own}{len(f.misfits)} checks, worst misfit {number(f.misfits[worst], 2)} ({worst}; {SCALE})"
 
 
 def _noise(f: FlightFacts) -> str:
@@ -91,7 +98,7 @@ def _noise(f: FlightFacts) -> str:
         if s.usual and s.white > NOTED * s.usual:
             notes.append(f"usual {_si(s.usual, s.unit)}")
         if s.repeated > SHOWN:
-            notes.append(f"{s.repeated:.0%} of the rows repeat")
+            notes.append(f"{percent(s.repeated)} of the rows repeat")
         if s.resolution > s.white:
             notes.append(f"rounded to {_si(s.resolution, s.unit)}")
         parts.append(f"{s.name} {_si(s.white, s.unit)}" + (f" ({', '.join(notes)})" if notes else ""))
@@ -101,7 +108,9 @@ def _noise(f: FlightFacts) -> str:
 def _clocks(f: FlightFacts) -> str:
     return (
         "; ".join(
-            f"{lag.late} {1e3 * lag.seconds:+.1f} ± {1e3 * lag.deviation:.1f} ms after {lag.early}" for lag in f.lags
+            f"{lag.late} {'+' * (lag.seconds > 0)}{fixed(1e3 * lag.seconds, 1)} ± {fixed(1e3 * lag.deviation, 1)} ms "
+            f"after {lag.early}"
+            for lag in f.lags
         )
         or "no two signals move alike enough to tell their lag"
     )
@@ -113,11 +122,11 @@ def _motion(report: LogReport) -> str:
     own = every[0] | m
     fastest = max(motion["fastest [m/s]"] for motion in every)
     text = (
-        f"speed {own['speed [m/s]']:.2g} m/s (at most {fastest:.2g}), rates {own['rate [rad/s]']:.2g} rad/s, "
-        f"tilt {own['tilt [deg]']:.2g} deg, height from {min(x['lowest [m]'] for x in every):.2g} m over "
-        f"{own['height span [m]']:.2g} m"
+        f"speed {number(own['speed [m/s]'], 2)} m/s (at most {number(fastest, 2)}), "
+        f"rates {number(own['rate [rad/s]'], 2)} rad/s, tilt {number(own['tilt [deg]'], 2)} deg, "
+        f"height from {number(min(x['lowest [m]'] for x in every), 2)} m over {number(own['height span [m]'], 2)} m"
     )
-    return text + (f"; thrust varies by {m['thrust variation [1]']:.1%}" if m else "")
+    return text + (f"; thrust varies by {percent(m['thrust variation [1]'])}" if m else "")
 
 
 def _residual(report: LogReport) -> str:
@@ -125,16 +134,18 @@ def _residual(report: LogReport) -> str:
     force = max(floor[f"force {axis}"] for axis in "xyz")
     torques = [floor[f"torque {axis}"] for axis in "xyz"]
     turning = f", torque up to {_si(max(torques), 'N·m')}" if max(torques) > 0 else ", torque not known"
-    before = ", ".join(f"{share:.1f}" for share in shares)
+    before = ", ".join(fixed(share, 1) for share in shares)
     return f"force x, y, z {before} % of weight (RMS); when every effect helps up to {_si(force, 'N')}{turning}"
 
 
 def _swings(report: LogReport) -> str:
     best = max(report.swings, key=lambda test: test.log_bayes_factor)
-    factor = f"(log Bayes factor of a pendulum {best.log_bayes_factor:.0f}; evident from {best.evident:.1f})"
+    factor = (
+        f"(log Bayes factor of a pendulum {fixed(best.log_bayes_factor, 0)}; evident from {fixed(best.evident, 1)})"
+    )
     if not report.something_swings:
         return f"nothing does {factor}"
-    return f"SOMETHING SWINGS, as {_si(1e3 * best.mass, 'g')} on {best.length:.2g} m {factor}"
+    return f"SOMETHING SWINGS, as {measure(best.mass, 'kg')} on {measure(best.length, 'm')} {factor}"
 
 
 def _effects(report: LogReport) -> list[str]:
@@ -145,14 +156,14 @@ def _effects(report: LogReport) -> list[str]:
         return []
     told = {n: a for n, a in groups.items() if any(x.verdict == YES for x in a)}
     never = {n: a for n, a in groups.items() if a[0].verdict == NEVER}
-    lines = [_row("can be told", "from this size on, 99.7 % (in brackets: not)", "usual", "")]
-    lines += [_told(name, answers) for name, answers in told.items()]
+    lines = _row("can be told", "from this size (brackets: not)", "usual", "")
+    lines += [line for name, answers in told.items() for line in _told(name, answers)]
     rest = {n: a for n, a in groups.items() if n not in told and n not in never}
     if rest:
-        lines.append(_row("cannot be told", "but from this size on", "usual", "why"))
+        lines += _row("cannot be told", "but from this size", "usual", "why")
         for name, answers in rest.items():
             why = "like " + answers[0].beside[0] if answers[0].reason.startswith("it cannot") else "no clear trace"
-            lines.append(_row(f"  {name}", _sizes(answers), f"{answers[0].typical:.2g}", why))
+            lines += _row(f"  {name}", _sizes(answers), number(answers[0].typical, 2), why)
         todo: dict[str, list[str]] = {}
         for name, answers in rest.items():
             todo.setdefault(answers[0].todo, []).append(name)
@@ -169,32 +180,35 @@ def _effects(report: LogReport) -> list[str]:
     return lines
 
 
-def _told(name: str, answers: list[Answer]) -> str:
+def _told(name: str, answers: list[Answer]) -> list[str]:
     note = next((a.reason.split(":")[0] for a in answers if a.verdict == YES), "")
-    return _row(f"  {name}", _sizes(answers), f"{answers[-1].typical:.2g}", note)
+    return _row(f"  {name}", _sizes(answers), number(answers[-1].typical, 2), note)
 
 
 def _sizes(answers: list[Answer]) -> str:
     told = any(a.verdict == YES for a in answers)
     shown = [_size(a, told=told, named=len(answers) > 1) for a in answers]
-    return f"{', '.join(shown)} {answers[0].unit if answers[0].unit != '1' else ''}".rstrip()
+    return with_unit(", ".join(shown), answers[0].unit)
 
 
 def _size(a: Answer, *, told: bool, named: bool) -> str:
-    size = f"{a.smallest:.2g}" if a.smallest < float("inf") else "–"
-    text = f"{a.parameter.split('_')[-1]} {size}" if named else size
+    size = number(a.smallest, 2)
+    text = f"{a.parameter.split('_')[-1]}{NBSP}{size}" if named else size
     return f"({text})" if told and a.verdict != YES else text
 
 
-def _row(name: str, size: str, usual: str, note: str) -> str:
-    return f"{name:<{NAME}} {size:<{SIZE}} {usual:<{USUAL}}{note}".rstrip()[:WIDTH]
+def _row(name: str, size: str, usual: str, note: str) -> list[str]:
+    """Return the lines of a row; a size or a note that is too long goes on below."""
+    sizes = wrapped(size, SIZE - 1)
+    room = WIDTH - NAME - SIZE - USUAL
+    first, *more = wrapped(note, room) if len(note) <= room else ["", *wrapped(f"({note})", SIZE + USUAL)]
+    head = f"{name[: NAME - 1]:<{NAME}}{sizes[0]:<{SIZE}}{usual:<{USUAL}}{first}".rstrip()
+    return [head, *(f"{'':<{NAME}}{line}" for line in (*sizes[1:], *more))]
 
 
 def _si(value: float, unit: str) -> str:
     """Return a value with unit, in thousandths or millionths where it is small."""
     if unit == "1":
-        return f"{value:.2g}"
-    for scale, prefix in PREFIXES:
-        if value >= 0.1 * scale or scale == PREFIXES[-1][0]:
-            return f"{value / scale:.2g} {prefix}{unit}"
-    return f"{value:.2g} {unit}"
+        return number(value, 2)
+    scale, prefix = next(((s, p) for s, p in PREFIXES if value >= 0.1 * s), PREFIXES[-1])
+    return f"{number(value / scale, 2)}{NBSP}{prefix}{unit}"

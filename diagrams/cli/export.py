@@ -85,11 +85,11 @@ def export_corrected(vehicle: "Vehicle", effects: Sequence[Any], to: str, out: P
     account = form.write(vehicle, effects, out)
     rows = [(line.identifier, line.how, line.note) for line in account]
     table = (f"{vehicle.name} as {form.title}", ["effect", "carried", "how, or why not"], rows)
-    nothing = f"{vehicle.name} as {form.title}: nothing is left out."
+    nothing = f"{vehicle.name} as {form.title}: no effect is left out."
     return Report(
         [table] if rows else [],
         config={"vehicle": vehicle.name, "format": to},
-        metrics={"carried": [dc.asdict(line) for line in account], "files": [str(out)]},
+        metrics={"carried": [dc.asdict(line) for line in account], "shape": form.shape, "files": [str(out)]},
         summary=[] if rows else [nothing],
-        notes=[f"{to}: {out}"],
+        notes=[f"shape: {form.shape}.", f"{to}: {out}"],
     )

@@ -1,6 +1,5 @@
 """`np-drake fly`: simulate one experiment with one controller."""
 
-import dataclasses as dc
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -8,9 +7,11 @@ from typing import TYPE_CHECKING, Annotated
 from typer import Argument, Option
 
 from diagrams.batch.columns import Column, tabulate
+from diagrams.batch.failed_run import FailedRun
 from diagrams.cli import options
 from diagrams.cli.output import Table, progress, say
 from diagrams.cli.runner import Report, Run, reports
+from diagrams.cli.scenario import Numbers, scenarios
 
 if TYPE_CHECKING:
     from diagrams.loop.flight import FlightConfig
@@ -22,10 +23,11 @@ def fly(
     run: Run,
     experiment: Annotated[str, Argument(help="circle, lemniscate, hover, … or a scenario file (YAML).")],
     controller: Annotated[
-        str | None,
+        list[str] | None,
         Option(
-            help="nominal | hold | observer | oracle | cascade | np | payload_filter | gp | knode; "
-            "default: the scenario's, or np."
+            metavar="KIND",
+            help="nominal | hold | observer | oracle | cascade | np | payload_filter | gp | knode, or MODULE:NAME of "
+            "your own; several times: fly each and compare them. Default: the scenario's, or np.",
         ),
     ] = None,
     solver: Annotated[
@@ -40,6 +42,12 @@ def fly(
         bool, Option("--told-mass", help="Known mass: controller and estimator have the payload's.")
     ] = False,
     duration: Annotated[float | None, Option(help="Scored time after the ramp [s].")] = None,
+    payload: Annotated[float | None, Option(metavar="KG", help="Mass of the payload; 0: none [kg].")] = None,
+    length: Annotated[float | None, Option(metavar="M", help="Length of the cable [m].")] = None,
+    speed: Annotated[float | None, Option(metavar="M/S", help="Mean speed along the track [m/s].")] = None,
+    wind: Annotated[
+        str | None, Option(metavar="X[,Y,Z]", help="Mean wind, along x or as a vector in world axes [m/s].")
+    ] = None,
     vehicle: options.VehicleFile = None,
     reality: options.Reality = None,
     sample: Annotated[
@@ -54,67 +62,98 @@ def fly(
     ] = False,
 ) -> Report:
     """Simulate an experiment; with --out: flight log, figures and a 3-D replay page."""
-    from diagrams.gap.corrected import drawn
-    from diagrams.loop.controllers import make_residual_model
-    from diagrams.loop.experiments import EXPERIMENTS, load_experiment
-    from np_drake.vehicle import load_vehicle
+    from diagrams.tracking import comparison
 
-    if reality is not None and vehicle is not None:
-        raise ValueError("give either --reality, which has a vehicle of its own, or --vehicle.")
-    config = load_experiment(experiment, None if vehicle is None else load_vehicle(vehicle), reality)
-    if controller is not None:
-        config.controller.kind = controller
-    elif experiment in EXPERIMENTS:
-        config.controller.kind = _default_controller(config, predictor)
-    config.controller.solver = solver or named_solver(experiment) or options.DEFAULT_SOLVER
-    if predictor is not None:
-        config.controller.predictor = str(predictor)
-    if told_mass:
-        config.controller.extra_mass = config.reality.hung.mass
-    if duration is not None:
-        config.duration = duration
-    config.check()
-    believed = config.controller.believed(config.vehicle)
-    make_residual_model(config.controller, believed)  # refused before any work
-    if sample is not None and (live or mcap is not None):
-        one = "--live, which shows" if live else "--mcap, which holds"
-        raise ValueError(f"give either {one} one flight, or --sample.")
-    if mcap is not None:
-        _require_mcap_output(mcap)
-    configs = [config] if sample is None else drawn(config, sample, run.seed)
-    flights = [_fly_live(config, run.seed)] if live else _fly_all(configs, run.seed)
+    configs = scenarios(
+        experiment,
+        controller or [],
+        vehicle=vehicle,
+        reality=reality,
+        solver=solver,
+        predictor=predictor,
+        told_mass=told_mass,
+        numbers=Numbers(payload, length, speed, wind, duration),
+    )
+    say(*(f"warning: {text}" for text in configs[0].warnings()))
+    _require_one_flight(len(configs), sample=sample, mcap=mcap, live=live)
+    if sample is not None:
+        from diagrams.gap.corrected import drawn
+
+        flown = drawn(configs[0], sample, run.seed)
+    else:
+        flown = configs
+    compared, lost = len(configs) > 1, []  # type: ignore[var-annotated]
+    flights = [_fly_live(configs[0], run.seed)] if live else _fly_all(flown, run.seed, lost if compared else None)
     if mcap is not None:
         from diagrams.loop.mcap_flight import write_flight_mcap
 
         write_flight_mcap(flights[0], mcap)
         say(f"MCAP: {mcap}")
+    summaries = [flight.summary() for flight in flights]
 
     def write(folder: Path) -> None:
         for flight in flights:
-            _write_flight(flight, folder)
+            _write_flight(flight, folder, alone=not compared)
+        if compared:
+            say(f"comparison: {comparison.write_comparison(flights, folder, lost=[str(one) for one in lost])}")
 
-    summaries = [flight.summary() for flight in flights]
     return Report(
         [flights_table(flights)],
-        config=as_config(config),
-        metrics=summaries[0] if sample is None else {"flights": summaries},
-        notes=[note for flight in flights for note in _delay_found(flight)],
+        config=as_config(configs[0]),
+        metrics=summaries[0] if len(flown) == 1 and sample is None else {"flights": summaries},
+        summary=[comparison.sentence(flights)] if compared and len(flights) > 1 else [],
+        notes=[*(str(one) for one in lost[1:]), *(note for flight in flights for note in _notes(flight))],
         write=write,
+        failure=lost[0] if lost else None,
     )
 
 
-def _fly_all(configs: "list[FlightConfig]", seed: int) -> "list[FlightResult]":
-    """Simulate scenarios that begin and end alike, one after the other, behind one progress bar."""
+def _require_one_flight(controllers: int, *, sample: int | None, mcap: Path | None, live: bool) -> None:
+    """Check that nothing that takes one flight is asked of several.
+
+    Args:
+        controllers: number of them.
+        sample: of simulators, of `--sample`.
+        mcap: file of `--mcap`.
+        live: whether it flies in a browser.
+    Raises: ValueError: where it is; OSError: if the MCAP file cannot be written.
+    """
+    one = "--live, which shows" if live else "--mcap, which holds"
+    if sample is not None and (live or mcap is not None):
+        raise ValueError(f"give either {one} one flight, or --sample.")
+    if controllers > 1 and (live or mcap is not None):
+        raise ValueError(f"give either {one} one flight, or several --controller.")
+    if controllers > 1 and sample is not None:
+        raise ValueError("give either --sample, or several --controller.")
+    if mcap is not None:
+        _require_mcap_output(mcap)
+
+
+def _fly_all(configs: "list[FlightConfig]", seed: int, lost: list[FailedRun] | None) -> "list[FlightResult]":
+    """Simulate scenarios that begin and end alike, one after the other, behind one progress bar.
+
+    Args:
+        configs: of the flights.
+        seed: of each.
+        lost: takes what ended a flight early; None: nothing may.
+    Raises: FailedRun: where nothing may end one early, or no flight is left.
+    """
     from diagrams.loop.flight_result import fly as simulate
 
     flights, first = [], configs[0]
-    with progress(f"flying {first.name} with {first.controller.kind}", len(configs) * first.end) as advance:
+    names = ", ".join(dict.fromkeys(config.controller.name for config in configs))
+    with progress(f"flying {first.name} with {names}", len(configs) * first.end) as advance:
         for k, own in enumerate(configs):
 
             def tell(t: float, before: float = k * first.end) -> None:
                 advance(before + t)
 
-            flights.append(simulate(own, seed=seed, monitor=tell))
+            try:
+                flights.append(simulate(own, seed=seed, monitor=tell))
+            except FailedRun as failed:
+                if lost is None or (not flights and k == len(configs) - 1):
+                    raise
+                lost.append(failed)
     return flights
 
 
@@ -131,7 +170,7 @@ def _fly_live(config: "FlightConfig", seed: int) -> "FlightResult":
         payload = ", P the payload" if view.has_payload else ""
         say(f"watch it at {view.meshcat.web_url()}: V pushes{payload}; Esc or Ctrl-C ends it.")
         try:
-            with progress(f"flying {config.name} with {config.controller.kind}", config.end) as advance:
+            with progress(f"flying {config.name} with {config.controller.name}", config.end) as advance:
                 flight = simulate(
                     config, seed=seed, monitor=lambda t: advance(t, f"{100 * view.error:.1f} cm off"), watch=view
                 )
@@ -143,6 +182,12 @@ def _fly_live(config: "FlightConfig", seed: int) -> "FlightResult":
     if view.stopped:
         say(f"stopped at {flight.signals['t'][-1]:.1f} s.")
     return flight
+
+
+def _notes(flight: "FlightResult") -> list[str]:
+    """Return lines about waypoints that a flight did not pass, and about the delay of commands."""
+    before = flight.config.warnings()
+    return [*(f"warning: {text}" for text in flight.warnings() if text not in before), *_delay_found(flight)]
 
 
 def _delay_found(flight: "FlightResult") -> list[str]:
@@ -170,35 +215,6 @@ def _require_mcap_output(file: Path) -> None:
         raise ValueError(f"--mcap: must be a file whose name ends in .mcap; got {file}.")
 
 
-def _default_controller(config: "FlightConfig", predictor: Path | None) -> str:
-    """Return `np` where there is a model for the vehicle, else `hold`, which needs none, and say so.
-
-    The packaged model knows the paper's vehicle.
-    """
-    from diagrams.loop.controllers import make_residual_model
-
-    if predictor is not None:
-        return "np"
-    try:
-        make_residual_model(dc.replace(config.controller, kind="np"), config.vehicle)
-    except ValueError:
-        say(
-            f"controller: hold, as the packaged predictor is for the paper's vehicle and not for "
-            f"{config.vehicle.name}; np-drake train LOG makes one of its own."
-        )
-        return "hold"
-    return "np"
-
-
-def named_solver(experiment: str) -> str | None:
-    """Return the solver that a scenario names; None where it names none."""
-    from diagrams.loop.experiments import EXPERIMENTS, FOLDER
-    from np_drake.files.yaml_text import read_yaml
-
-    file = FOLDER / f"{experiment}.yaml" if experiment in EXPERIMENTS else experiment
-    return (read_yaml(file).get("controller") or {}).get("solver")
-
-
 def as_config(config: "FlightConfig") -> dict:
     """Return the scenario as plain data, for `--json`."""
     from diagrams.loop.experiments import settings_of
@@ -219,21 +235,32 @@ def flights_table(flights: "Sequence[FlightResult]") -> Table:
         ("p95 [ms]", lambda line: line["solve_ms"]["p95"]),
         ("failed", "solve_failures"),
     )
+    if any("payload" in line for line in lines):
+        error = {kind: lambda line, kind=kind: round(100 * line["payload"][kind], 2) for kind in ("E_xy", "E_z")}
+        columns = (
+            *columns[:4],
+            ("payload E_xy [cm]", error["E_xy"]),
+            ("payload E_z [cm]", error["E_z"]),
+            *columns[4:5],
+            *columns[6:],
+        )
     return tabulate(f"seed {flights[0].seed}, {flights[0].config.controller.solver}", lines, columns)
 
 
-def _write_flight(flight: "FlightResult", folder: Path) -> None:
-    """Write flight log, track, errors, wrench and replay page, named by experiment and controller."""
+def _write_flight(flight: "FlightResult", folder: Path, *, alone: bool) -> None:
+    """Write flight log, wrench and replay page, and track and errors of a flight alone, named by its controller."""
+    from diagrams.loop import flight_figures
     from diagrams.loop.replay.flight_page import write_replay
-    from diagrams.tracking import figures
+    from diagrams.tracking import comparison
     from np_drake.files.figure_file import save
     from np_drake.logs.formats.log_file import write_log
 
-    stem = f"{flight.config.name}_{flight.label.replace(' + ', '_').replace(' ', '_')}"
+    stem = comparison.stem(flight)
     write_log(flight.log(), folder / f"{stem}.csv")
     title = f"{flight.config.name} · {flight.label} · seed {flight.seed}"
-    save(figures.plane_track([flight], title), folder / f"{stem}_track.png")
-    save(figures.errors([flight], title), folder / f"{stem}_errors.png")
-    save(figures.wrench(flight), folder / f"{stem}_wrench.png")
+    if alone:
+        save(flight_figures.plane_track([flight], title), folder / f"{stem}_track.png")
+        save(flight_figures.errors([flight], title), folder / f"{stem}_errors.png")
+    save(flight_figures.wrench(flight), folder / f"{stem}_wrench.png")
     write_replay(flight, folder / f"{stem}_replay.html")
     say(f"log, figures, replay: {folder}/{stem}*")

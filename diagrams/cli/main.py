@@ -4,6 +4,8 @@ Exit code 0; 2 for bad input (one clear line on stderr, nothing half-written); 1
 the program; 128 + number for a signal. `--debug` prints the traceback before the line.
 """
 
+import codecs
+import locale
 import os
 import sys
 from collections.abc import Sequence
@@ -17,6 +19,8 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and leave with its exit code."""
     end_at_once()
+    if arguments is None:
+        _require_utf8()
     arguments = list(sys.argv[1:] if arguments is None else arguments)
     import logging
 
@@ -34,6 +38,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
         print(f"np-drake: standard output: {failure.strerror}. Print somewhere else.", file=sys.stderr)
         code = code or BAD_INPUT
     sys.exit(code)
+
+
+def _require_utf8() -> None:
+    """Start again in Python's UTF-8 mode where the locale is none: Drake and the files of a run are read as text."""
+    if not sys.flags.utf8_mode and codecs.lookup(locale.getencoding()).name != "utf-8":
+        command = [sys.executable, "-X", "utf8", "-m", "np_drake", *sys.argv[1:]]
+        os.execve(sys.executable, command, os.environ | {"PYTHONUTF8": "1"})
 
 
 def run(arguments: list[str]) -> int:

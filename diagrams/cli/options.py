@@ -12,9 +12,10 @@ from diagrams.batch.options import Solver as Solver
 
 EPILOG = (
     "Shared options: --seed fixes every random draw. --out DIR is created where it is missing and holds figures, "
-    "logs and models. --json FILE holds schema, version, seed, configuration and every value. --markdown FILE "
-    "holds the printed tables. Files and folders are checked before long work; a file appears whole or not at all. "
-    "--solver: sqp unless a scenario file names another; ipopt (MathematicalProgram) is the reference. "
+    "logs and models. --json FILE, of every verb but vehicle, holds schema, version, seed, configuration and every "
+    "value. --markdown FILE holds the printed tables. Files and folders are checked before long work; a file appears "
+    "whole or not at all. --solver: sqp unless a scenario file names another; ipopt (MathematicalProgram) is the "
+    "reference. "
     "Verbs of many cases: --jobs N local processes, or --scheduler ADDRESS of a Dask cluster; with --out DIR a case is "
     "a file in DIR/cases, and the same command goes on where it was interrupted."
 )

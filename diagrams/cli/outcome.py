@@ -55,10 +55,10 @@ def inputs_of(arguments: list[str]) -> list[Path]:
         name, _, value = argument.partition("=") if argument.startswith("--") else ("", "", argument)
         if not value or option in OUTPUTS or name in OUTPUTS:
             continue
-        if os.path.isfile(value):
-            found.append(Path(value))
-        elif os.path.isdir(value):
+        if os.path.isdir(value):
             found += _case_files(Path(value))
+        elif os.path.exists(value):
+            found.append(Path(value))
     return found
 
 

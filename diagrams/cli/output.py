@@ -3,6 +3,7 @@
 Only the command line prints. Files appear whole or not at all (`np_drake.files.atomic_file`).
 """
 
+import os
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -12,18 +13,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
-from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
-from rich.table import Table as Grid
 
 from diagrams.batch.run import Advance, Table
+from diagrams.cli.table_text import cell_text, table_lines, wrapped
 from np_drake.files.atomic_file import is_regular, require_writable, write_json, write_text
 from np_drake.files.interruption import raise_again
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-WIDTH = 100  # columns a table may take
+WIDTH, NARROW, LEAST = 100, 80, 40  # columns that a table may take: at most, where no terminal tells, at least
 
 
 def console(*, stderr: bool = False) -> Console:
@@ -43,8 +43,7 @@ def say(*lines: str) -> None:
 def progress(description: str, total: float) -> Iterator[Advance]:
     """Show a progress bar on stderr and yield `advance(done, text)`.
 
-    `text` stands behind the bar. Where stderr is no terminal nothing moves: the bar is printed once, at its end, and
-    not at all where an error ends it.
+    `text` stands behind the bar. Where stderr is no terminal nothing is shown: the one line of an error stands alone.
 
     Args:
         description: what stands before the bar.
@@ -58,35 +57,40 @@ def progress(description: str, total: float) -> Iterator[Advance]:
         TimeRemainingColumn(),
         TextColumn("{task.fields[text]}"),
     )
-    with Progress(*columns, console=console(stderr=True)) as bar:
+    err = console(stderr=True)
+    with Progress(*columns, console=err, disable=not err.is_interactive) as bar:
         task = bar.add_task(description, total=total, text="")
 
         def advance(done: float, text: str = "") -> None:
             raise_again()
             bar.update(task, completed=done, text=text)
 
-        try:
-            yield advance
-        except BaseException:  # of which one line is said, where nobody watches the bar
-            bar.console.quiet = not bar.console.is_interactive
-            raise
+        yield advance
+
+
+def screen_width() -> int:
+    """Return the columns that tables and sentences may take: those of the terminal, `WIDTH` at most; else `NARROW`."""
+    if not sys.stdout.isatty() and "COLUMNS" not in os.environ:
+        return NARROW
+    return max(min(WIDTH, Console(file=sys.stdout).width), LEAST)
+
+
+def tell(*lines: str) -> None:
+    """Print sentences on stdout, broken between words where a terminal would break them anywhere."""
+    watched = sys.stdout.isatty() or "COLUMNS" in os.environ
+    for line in lines:
+        say(*(wrapped(line, screen_width()) if watched else [line]))
 
 
 def print_table(title: str, header: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
-    """Print a table in `WIDTH` columns: text to the left, numbers to the right with three digits.
+    """Print a table in the columns of the terminal: text to the left, numbers to the right with three digits.
 
     Args:
         title: above the table.
         header: name of each column.
         rows: a value a column each.
     """
-    table = Grid(title=escape(title), title_justify="left", pad_edge=False)
-    for column, name in enumerate(header):
-        numeric = all(isinstance(row[column], float | int | None) for row in rows)
-        table.add_column(escape(name), justify="right" if numeric else "left", overflow="fold")
-    for row in rows:
-        table.add_row(*(escape(_cell(value)) for value in row))
-    console().print(table)
+    say(*table_lines(title, header, rows, screen_width()), "")
 
 
 def write_markdown(path: Path | None, *tables: Table, lines: Sequence[str] = ()) -> None:
@@ -102,17 +106,11 @@ def write_markdown(path: Path | None, *tables: Table, lines: Sequence[str] = ())
     blocks = []
     for title, header, rows in tables:
         body = ["| " + " | ".join(header) + " |", "|---" * len(header) + "|"]
-        body += ["| " + " | ".join(_cell(v).strip().replace("|", "\\|") for v in row) + " |" for row in rows]
+        body += ["| " + " | ".join(cell_text(v).strip().replace("|", "\\|") for v in row) + " |" for row in rows]
         blocks.append("\n".join([f"{title}:", "", *body]))
     blocks += ["\n".join(f"- {line}" for line in lines)] if lines else []
     write_text(path, "\n\n".join(blocks) + "\n")
     say(f"table: {path}")
-
-
-def _cell(value: Any) -> str:
-    if value is None:
-        return "–"
-    return f"{value:.3g}" if isinstance(value, float) else str(value)
 
 
 def write_metrics(path: Path | None, verb: str, *, seed: int, config: dict, **content: Any) -> None:

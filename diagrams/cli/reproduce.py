@@ -17,6 +17,7 @@ from diagrams.batch.run import Report, Run
 from diagrams.cli import options
 from diagrams.cli.output import print_table, say
 from diagrams.cli.runner import reports
+from diagrams.cli.verbs import Verbs
 
 VERB = "reproduce"
 
@@ -53,7 +54,7 @@ class Study:
 
     def command(self, name: str) -> Any:
         """Return the study as a command, named as it is called."""
-        app = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
+        app = Verbs(add_completion=False)
         app.command(name)(self.verb())
         return typer.main.get_command(app)
 

@@ -73,9 +73,10 @@ def reports(
             held = lock_outputs(folders, [path for path in paths if is_regular(path)])
             with tempfile.TemporaryDirectory() as scratch, held:
                 paths_of_run = (files.get("out"), files["json"], Path(scratch))
-                report = body(Run(files["seed"], *paths_of_run, workers, output.progress), **given)
-                _show(dc.replace(report, notes=[*report.notes, *workers.cost()]))
-                _write_folder(report, files.get("out"))
+                with _removed_at_failure(None if many else files.get("out")):
+                    report = body(Run(files["seed"], *paths_of_run, workers, output.progress), **given)
+                    _show(dc.replace(report, notes=[*report.notes, *workers.cost()]))
+                    _write_folder(report, files.get("out"))
                 _require_unchanged(asked, before)
                 values = {"seed": files["seed"], "config": report.config, **report.metrics}
                 output.write_metrics(asked.get("json"), schema, **values)
@@ -120,12 +121,28 @@ def _parameters(shared: Sequence[Shared]) -> list[inspect.Parameter]:
     return [inspect.Parameter(name, KEYWORD, default=value, annotation=kind) for name, kind, value in shared]
 
 
+@contextmanager
+def _removed_at_failure(folder: Path | None) -> Iterator[None]:
+    """Remove what a run that fails has added to its folder; cases of many stay, for the next run to go on from."""
+
+    def content() -> set[Path]:
+        return set() if folder is None else set(folder.rglob("*"))
+
+    before = content()
+    try:
+        yield
+    except BaseException:
+        for path in sorted(content() - before, reverse=True):  # what a folder holds comes before it
+            path.rmdir() if path.is_dir() and not path.is_symlink() else path.unlink(missing_ok=True)
+        raise
+
+
 def _show(report: Report) -> None:
     """Print a report."""
-    output.say(*report.lines)
+    output.tell(*report.lines)
     for table in report.tables:
         output.print_table(*table)
-    output.say(*report.summary, *report.notes)
+    output.tell(*report.summary, *report.notes)
 
 
 def _write_folder(report: Report, out: Path | None) -> None:

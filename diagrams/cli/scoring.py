@@ -1,11 +1,13 @@
 """Skill of trained predictors on flights as tables."""
 
+from collections.abc import Iterable
 from functools import partial
 from typing import Any
 
 import numpy as np
 
 from diagrams.cli.output import Table
+from np_drake.files.number_text import number
 from np_drake.skill.flight_skill import diverged
 from np_drake.skill.skill import mean_interval
 
@@ -41,7 +43,7 @@ def tables(rows: list[dict[str, Any]], zeta: str, *, mean: bool) -> list[Table]:
 
 
 def _cell(kind: str, cell: list[dict[str, Any]]) -> str:
-    return f"{cell[-1][f'{kind}_rmse']:.3g} ({cell[-1][f'{kind}_skill']:.2f})"
+    return f"{number(cell[-1][f'{kind}_rmse'])} ({cell[-1][f'{kind}_skill']:.2f})"
 
 
 def _mean_cell(kind: str, cell: list[dict[str, Any]]) -> str:
@@ -52,7 +54,42 @@ def _mean_cell(kind: str, cell: list[dict[str, Any]]) -> str:
 
 def _short(value: float) -> str:
     """Format with two digits behind the point, or two significant ones."""
-    return f"{value:.2f}" if 0.1 <= value < 1000 or value != value else f"{value:.2g}"
+    return f"{value:.2f}" if 0.1 <= value < 1000 or value != value else number(value, 2)
+
+
+def ending(rows: list[dict[str, Any]], models: Iterable[str]) -> str:
+    """Return in a sentence how far the best of the models beats the naive forecasts, the coming motion held.
+
+    Args:
+        rows: of `score_flights`.
+        models: names of the trained ones.
+    """
+    held = [row for row in rows if row["zeta"] == "held"]
+    skills = {name: {kind: _skill(held, name, kind) for kind in ("force", "torque")} for name in models}
+    best = min(skills, key=lambda name: np.mean([*skills[name]["force"].values()]))
+    told = " and ".join(f"{kind} {_beaten(skills[best][kind])}" for kind in ("force", "torque"))
+    which = f", the best of {len(skills)}," if len(skills) > 1 else ""
+    return f"With the coming motion held, {best}{which} forecasts {told}."
+
+
+def _skill(rows: list[dict[str, Any]], model: str, kind: str) -> dict[float, float]:
+    """Return by horizon [s] the mean over flights of error over that of the best naive forecast [1]."""
+    found: dict[float, list[float]] = {}
+    for row in rows:
+        if row["model"] == model:
+            found.setdefault(row["horizon"], []).append(row[f"{kind}_skill"])
+    return {horizon: float(np.mean(values)) for horizon, values in sorted(found.items())}
+
+
+def _beaten(skill: dict[float, float]) -> str:
+    """Return at how many horizons a forecast beats the naive ones, and where it does so best."""
+    better = [horizon for horizon, value in skill.items() if value < 1]
+    if not better:
+        return "no better than a naive forecast at any horizon"
+    where = min(better, key=lambda horizon: skill[horizon])
+    horizons = "every horizon" if len(better) == len(skill) else f"{len(better)} of {len(skill)} horizons"
+    error = f"{number(skill[where], 2)} of its error at {where:.4g} s"
+    return f"better than every naive one at {horizons} ({error})"
 
 
 def stability_text(lines: list[dict[str, Any]], rows: list[dict[str, Any]]) -> list[str]:
@@ -82,7 +119,7 @@ def stability_text(lines: list[dict[str, Any]], rows: list[dict[str, Any]]) -> l
 def distance_text(lines: list[dict[str, Any]]) -> list[str]:
     """Return a sentence for every flight on which a model forecasts the wrench without low-pass."""
     return [
-        f"{line['model']} forecasts without low-pass; such labels of {line['flight']} are {line['force']:.3g} N and "
-        f"{line['torque']:.3g} N·m from the target"
+        f"{line['model']} forecasts without low-pass; such labels of {line['flight']} are {number(line['force'])} N "
+        f"and {number(line['torque'])} N·m from the target"
         for line in lines
     ]

@@ -4,16 +4,16 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
 from typer import Argument, Option
 
 from diagrams.cli.output import Table, print_table, say
 from diagrams.cli.runner import held_output
+from diagrams.cli.verbs import Verbs
 
 if TYPE_CHECKING:
     from np_drake.vehicle import Vehicle
 
-vehicle = typer.Typer(help="Vehicle files: new, list, show.", add_completion=False, rich_markup_mode=None)
+vehicle = Verbs(help="Vehicle files: new, list, show.", add_completion=False)
 Preset = Annotated[str | None, Option(metavar="NAME", help="Begin with this vehicle of `vehicle list`.")]
 MassUncertainty = Annotated[
     float | None, Option(help="Standard deviation of the mass over the mass; default: 0.01, or the preset's [1].")
@@ -107,7 +107,7 @@ def _copy_of(preset: str, mass: float | None, name: str | None, stated: Mapping[
         preset: name of `vehicle list`.
         mass: of the copy; None: the preset's [kg].
         name: of the copy; None: the preset's.
-        stated: uncertainties of mass and thrust by field [1], put at the end.
+        stated: uncertainties of mass and thrust by field [1], in the place of the preset's or at the end.
     Raises: ValueError: if there is no such preset, it cannot carry that mass, or an uncertainty is impossible.
     """
     import dataclasses as dc
@@ -128,8 +128,11 @@ def _copy_of(preset: str, mass: float | None, name: str | None, stated: Mapping[
             r"^mass: .*$", f"mass: {mass:.15g} # given; the preset's is {known.mass:g} [kg]", text, flags=re.M
         )
     dc.replace(known, **stated).check()  # type: ignore[arg-type]
-    lines = [f"{field}: {value:.15g} # given: standard deviation over the value [1]" for field, value in stated.items()]
-    return "\n".join([text.rstrip("\n"), *lines, ""]) if lines else text
+    for field, value in stated.items():
+        line = f"{field}: {value:.15g} # given: standard deviation over the value [1]"
+        text, named = re.subn(rf"^{field}: .*$", line, text, flags=re.M)
+        text = text if named else f"{text.rstrip(chr(10))}\n{line}\n"
+    return text
 
 
 def _preset_table() -> Table:

@@ -6,8 +6,8 @@ from diagrams.demo.figures import foretold
 from diagrams.demo.page import write_index
 from diagrams.demo.story import HELD_OUT, LEARNED, Demo
 from diagrams.gap import corrected, side_by_side
+from diagrams.loop import flight_figures
 from diagrams.loop.replay.flight_page import write_replay
-from diagrams.tracking import figures
 from diagrams.tracking.tracking import TRACKS
 from np_drake.diagnosis.report.page import write_report
 from np_drake.files.atomic_file import write_bytes
@@ -37,12 +37,13 @@ def write_demo(demo: Demo, folder: Path) -> Path:
 def _pictures(demo: Demo) -> dict[str, bytes]:
     """Return PNG bytes by name."""
     learned = demo.flown(HELD_OUT, LEARNED.kind)
-    pictures = {"foretold": png(foretold(demo)), f"{HELD_OUT}_{LEARNED.kind}_wrench": png(figures.wrench(learned))}
+    wrench = png(flight_figures.wrench(learned))
+    pictures = {"foretold": png(foretold(demo)), f"{HELD_OUT}_{LEARNED.kind}_wrench": wrench}
     for track in TRACKS:
         flights = [f for f in demo.flights if f.config.name == track]
         title = f"{track} · seed {flights[0].seed}"
-        pictures[f"{track}_track"] = png(figures.plane_track(flights, title))
-        pictures[f"{track}_errors"] = png(figures.errors(flights, title))
+        pictures[f"{track}_track"] = png(flight_figures.plane_track(flights, title))
+        pictures[f"{track}_errors"] = png(flight_figures.errors(flights, title))
     return pictures
 
 

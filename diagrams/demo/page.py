@@ -11,8 +11,8 @@ from diagrams.demo.figures import LABELS
 from diagrams.demo.story import HELD_OUT, SIMULATORS, Demo
 from diagrams.tracking.tracking import TRACKS
 from np_drake.diagnosis.report import words
+from np_drake.diagnosis.report.headline import named_causes
 from np_drake.diagnosis.report.page import embedded, style
-from np_drake.diagnosis.report.summary import named_causes
 from np_drake.diagnosis.result import UNKNOWN, Estimate
 from np_drake.files.atomic_file import write_text
 

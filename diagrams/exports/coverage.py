@@ -19,12 +19,15 @@ class Format:
     title: str
     write: Callable[[Vehicle, Sequence[Any], Path], list[Carried]]
     law: Law
+    shape: str  # whether the file holds one, for the account
 
 
+SHAPE = "approximate; a box as wide as the rotors reach collides, body, arms and discs are seen"
+NO_SHAPE = "left out; RotorPy has none: nothing collides, nothing is drawn"
 FORMATS = {
-    "sdf": Format("SDF", sdf.write_sdf, sdf.LAW),
-    "mujoco": Format("MuJoCo", mujoco_xml.write_mujoco, mujoco_xml.LAW),
-    "rotorpy": Format("RotorPy", rotorpy.write_rotorpy, rotorpy.LAW),
+    "sdf": Format("SDF", sdf.write_sdf, sdf.LAW, SHAPE),
+    "mujoco": Format("MuJoCo", mujoco_xml.write_mujoco, mujoco_xml.LAW, SHAPE),
+    "rotorpy": Format("RotorPy", rotorpy.write_rotorpy, rotorpy.LAW, NO_SHAPE),
 }
 
 

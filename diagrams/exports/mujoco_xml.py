@@ -3,6 +3,7 @@
 Body `quadrotor` (body axes B, origin Bo) on a free joint, with sites `rotor_1` to `rotor_4`, `origin` and `hook`.
 Motors have the names of the rotors; their `ctrl` is commanded thrust [N]. The payload is a free body on a limited
 spatial tendon, which pulls and never pushes. The keyframe `hover` is level flight at rest.
+A box as wide as the rotors reach collides (group 3, which is not drawn); body, arms and rotor discs are seen.
 Drag is an actuator at `origin` whose force is -d times its own velocity, which for a site is that along its axis in B.
 Source: MuJoCo's XML reference.
 """
@@ -15,6 +16,7 @@ import numpy as np
 
 from diagrams.exports.carried import APPROXIMATE, EXACT, LEFT_OUT, Carried, Law, carried
 from diagrams.exports.corrected import Corrected, corrected
+from diagrams.exports.shapes import DARK, PALE, disc, hull, seen
 from diagrams.exports.xml_file import Element, plain_name, put, write_xml
 from np_drake.vehicle import Vehicle
 from systems.payload_config import payload_config
@@ -80,11 +82,26 @@ def _body(world: Element, c: Corrected) -> None:
     J, m = c.mass.J, c.mass
     moments = [J[0, 0], J[1, 1], J[2, 2], J[0, 1], J[0, 2], J[1, 2]]
     put(body, "inertial", pos=m.p_BoBcm_B, mass=m.mass, fullinertia=moments)
+    _shape(body, c.vehicle)
     put(body, "site", name="origin", pos=np.zeros(3))
     for i, p in enumerate(np.array(c.vehicle.rotor_positions, float)):
         put(body, "site", name=f"rotor_{i + 1}", pos=p)
     if c.payload is not None:
         put(body, "site", name="hook", pos=payload_config(c.payload).hook)
+
+
+def _shape(body: Element, vehicle: Vehicle) -> None:
+    """Add the box that collides, in group 3, which is not drawn, and in group 2 what is seen."""
+    box = hull(vehicle)
+    put(body, "geom", name=box.name, type="box", pos=box.center, size=0.5 * box.size, group=3)
+    only = {"contype": 0, "conaffinity": 0, "group": 2}
+    for part in seen(vehicle):
+        place = {"pos": part.center, "quat": [np.cos(0.5 * part.yaw), 0, 0, np.sin(0.5 * part.yaw)]}
+        put(body, "geom", name=part.name, type="box", size=0.5 * part.size, rgba=DARK, **place, **only)
+    radius, thickness = disc(vehicle)
+    for i, p in enumerate(np.array(vehicle.rotor_positions, float)):
+        size = [radius, 0.5 * thickness]
+        put(body, "geom", name=f"disc_{i + 1}", type="cylinder", pos=p, size=size, rgba=PALE, **only)
 
 
 def _payload(root: Element, world: Element, c: Corrected) -> None:
@@ -95,7 +112,7 @@ def _payload(root: Element, world: Element, c: Corrected) -> None:
     put(body, "joint", name="payload", type="free", damping=config.air_damping * config.mass)
     moment = 0.4 * config.mass * config.radius**2
     put(body, "inertial", pos=np.zeros(3), mass=config.mass, diaginertia=[moment] * 3)
-    put(body, "geom", type="sphere", size=config.radius, contype=0, conaffinity=0)
+    put(body, "geom", name="payload", type="sphere", size=config.radius)
     put(body, "site", name="payload", pos=np.zeros(3))
     tendon = put(put(root, "tendon"), "spatial", name="tether", range=[0, config.length], solreflimit=LIMIT)
     put(tendon, "site", site="hook")

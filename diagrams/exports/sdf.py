@@ -6,6 +6,7 @@ of two plugins of gz-sim 7.2 (Garden) and later, which Drake ignores:
         momentConstant thrust about its axis on the body; omega follows the command by a first-order lag.
     Hydrodynamics: force and torque at a link's origin in its axes, linear and quadratic in the velocity [u, v, w]
         through a current: X = xU u + xUabsU |u| u + …; its water and added mass are off. Here it is the air.
+A box as wide as the rotors reach collides; body, arms, rotor discs and payload are seen.
 Source: sdformat.org, specification 1.9; gz-sim, MulticopterMotorModel.cc and Hydrodynamics.{hh,cc}.
 """
 
@@ -17,6 +18,7 @@ import numpy as np
 
 from diagrams.exports.carried import APPROXIMATE, EXACT, LEFT_OUT, Carried, Law, carried
 from diagrams.exports.corrected import Corrected, corrected
+from diagrams.exports.shapes import DARK, PALE, Box, disc, hull, seen
 from diagrams.exports.xml_file import Element, plain_name, put, write_xml
 from np_drake.vehicle import Vehicle
 from systems.payload_config import payload_config
@@ -111,7 +113,24 @@ def _body(model: Element, c: Corrected) -> None:
             "write_sdf: the rotor links must leave a rigid body; they take "
             f"{4 * m_r:g} kg and {4 * I_r[2]:g} kg·m² from {c.mass.mass:g} kg and {c.mass.J.diagonal()} kg·m²."
         )
-    _inertial(put(model, "link", name="quadrotor"), mass, p_cm, J)
+    link = put(model, "link", name="quadrotor")
+    _inertial(link, mass, p_cm, J)
+    _box(put(link, "collision", name="hull"), hull(c.vehicle))
+    for part in seen(c.vehicle):
+        visual = put(link, "visual", name=part.name)
+        _box(visual, part)
+        _colour(visual, DARK)
+
+
+def _box(element: Element, box: Box) -> None:
+    put(element, "pose", [*box.center, 0, 0, box.yaw])
+    put(put(put(element, "geometry"), "box"), "size", box.size)
+
+
+def _colour(visual: Element, colour: Sequence[float]) -> None:
+    material = put(visual, "material")
+    put(material, "ambient", colour)
+    put(material, "diffuse", colour)
 
 
 def _inertial(link: Element, mass: float, p_cm: np.ndarray, J: np.ndarray) -> None:
@@ -131,6 +150,12 @@ def _rotor(model: Element, c: Corrected, i: int) -> None:
     link = put(model, "link", name=name)
     put(link, "pose", [*c.rotor_positions[i], 0, 0, 0], relative_to="quadrotor")
     _inertial(link, mass, np.zeros(3), np.diag(moments))
+    radius, thickness = disc(c.vehicle)
+    visual = put(link, "visual", name="disc")
+    shape = put(put(visual, "geometry"), "cylinder")
+    put(shape, "radius", radius)
+    put(shape, "length", thickness)
+    _colour(visual, PALE)
     joint = put(model, "joint", name=f"{name}_joint", type="revolute")
     put(joint, "parent", "quadrotor")
     put(joint, "child", name)
@@ -150,8 +175,9 @@ def _payload(model: Element, c: Corrected) -> None:
     put(link, "pose", [*place, 0, 0, 0], relative_to="quadrotor")
     moment = 0.4 * config.mass * config.radius**2
     _inertial(link, config.mass, np.zeros(3), np.diag([moment] * 3))
-    visual = put(link, "visual", name="payload")
-    put(put(put(visual, "geometry"), "sphere"), "radius", config.radius)
+    for kind in ("collision", "visual"):
+        shape = put(link, kind, name="payload")
+        put(put(put(shape, "geometry"), "sphere"), "radius", config.radius)
     joint = put(model, "joint", name="tether", type="ball")
     put(joint, "pose", [0, 0, config.length, 0, 0, 0])
     put(joint, "parent", "quadrotor")

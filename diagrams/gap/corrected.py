@@ -21,32 +21,34 @@ from np_drake.vehicle import Vehicle
 NAME = "corrected"
 SHORTEST, LONGEST = 0.02, 20.0  # of a correlation time that a log can show [s]; own choice
 FILE = "corrected.yaml"
+SECOND = "corrected_second.yaml"  # of the second answer
 HEAD = """\
 # Corrected simulator: the vehicle file with the effects that the diagnosis found. Units are SI.
-#   np-drake fly {file}                    fly it
-#   np-drake fly {file} --sample 10        fly ten simulators drawn from the posterior
-#   np-drake fly lemniscate --reality {file}
+{use}
 # verdict: {verdict}
 """
+USE = """\
+#   np-drake fly {file}                    fly it
+#   np-drake fly {file} --sample 10        fly ten simulators drawn from the posterior
+#   np-drake fly lemniscate --reality {file}"""
 
 
 def corrected_simulator(diagnosis: Diagnosis, vehicle: Vehicle) -> FlightConfig:
     """Return the scenario of `vehicle` with the causes of a diagnosis and the disturbance that remains.
 
-    Where held-out flights gave a second answer, that one counts: it knows all flights. The reference is the default
-    circle of the vehicle, the noise that of its sensors in the simulator.
+    They are the causes that its verdict names. A second answer (`Diagnosis.refit`) has a simulator of its own. The
+    reference is the default circle of the vehicle, the noise that of its sensors in the simulator.
 
     Args:
         diagnosis: the result.
         vehicle: the nominal vehicle.
     """
-    answer = diagnosis.refit or diagnosis
     config = default_flight(vehicle)
     reality = dc.replace(
         config.reality.nominal(),
-        effects=[entry for cause in answer.causes if (entry := _entry(cause)) is not None],
-        disturbance=remaining_disturbance(answer.localisation),
-        posterior=answer.posterior or Posterior(),
+        effects=[entry for cause in diagnosis.causes if (entry := _entry(cause)) is not None],
+        disturbance=remaining_disturbance(diagnosis.localisation),
+        posterior=diagnosis.posterior or Posterior(),
     )
     return dc.replace(config, name=NAME, reality=reality).check_and_step()
 
@@ -144,8 +146,9 @@ def write_corrected(config: FlightConfig, diagnosis: Diagnosis, path: Path) -> N
         path: of the file.
     Raises: OSError: if the file cannot be written.
     """
-    verdict = ", ".join((diagnosis.refit or diagnosis).verdict) or "nothing is missing"
-    head = HEAD.format(file=path.name, verdict=verdict)
+    verdict = ", ".join(diagnosis.verdict) or "nothing is missing"
+    use = f"# Do not fly it: {diagnosis.not_flyable}." if diagnosis.not_flyable else USE.format(file=path.name)
+    head = HEAD.format(use=use, verdict=verdict)
     reality, posterior = config.reality, config.reality.posterior
     plain = {
         "payload": {"tether": "none"},

@@ -15,6 +15,7 @@ from np_drake.diagnosis.residuals import make_flight_residuals
 from np_drake.effects.effect_entry import EffectEntry
 from np_drake.effects.explanation import Explanation
 from np_drake.effects.posterior import Posterior
+from np_drake.files.number_text import number
 from np_drake.flight_design.limits import Limits
 from np_drake.flight_design.multisine import FadedMultisine
 from np_drake.flight_design.prediction import predict
@@ -22,6 +23,7 @@ from np_drake.references.track_file import write_trajectory
 
 ROOM = 0.95  # of what a limit leaves that a smaller motion takes [1]; own choice
 TRIES = 4  # of making it smaller
+PROBE = 3.5  # of the smallest motion, flown before all else [s]; own choice
 STEP = 0.01  # of the simulator, which is fine enough for limits [s]; own choice
 
 
@@ -138,6 +140,7 @@ def keep_limits(
         tell: called with the share done [1].
     Raises: ValueError: if even the smallest motion tried breaks a limit; one line with the remedy.
     """
+    _require_flyable(motion, explanations, fly_one, controller)
     order = list(range(len(explanations)))
     for attempt in range(TRIES):
         flown: dict[int, Flown] = {}
@@ -153,8 +156,31 @@ def keep_limits(
         order = [k, *(i for i in order if i != k)]  # the next try begins where this one failed
         if attempt + 1 < TRIES:
             motion = motion.scaled(max(0.5, ROOM / worst.worst))
-    why = worst.lost or f"{max(worst.usage, key=lambda n: worst.usage[n])} is {worst.worst:.2f} of its limit"
-    raise ValueError(
-        f"limits: no motion keeps them with controller {controller}: {why} under "
-        f"{worst.explanation.label}. Name another controller, or wider limits."
+    raise _breaks(worst, controller)
+
+
+def _require_flyable(
+    motion: FadedMultisine,
+    explanations: Sequence[Explanation],
+    fly_one: Callable[[FadedMultisine, Explanation], Flown],
+    controller: str,
+) -> None:
+    """Check by a few seconds of the smallest motion that would be tried that it keeps the limits.
+
+    Raises: ValueError: if it does not; one line with the remedy.
+    """
+    least = dc.replace(motion.scaled(0.5 ** (TRIES - 1)), end=min(motion.end, PROBE))
+    for explanation in explanations:
+        flown = fly_one(least, explanation)
+        if flown.worst > 1.0:
+            raise _breaks(flown, controller)
+
+
+def _breaks(flown: Flown, controller: str) -> ValueError:
+    """Return the error of a flight that breaks a limit however small its motion is."""
+    most = max(flown.usage, key=lambda name: flown.usage[name], default="")
+    why = flown.lost.rstrip(".") or f"{most} is {number(flown.usage[most])} of its limit"
+    remedy = "Name another --controller, give --no-fly" if flown.lost else "Name another --controller, or wider limits"
+    return ValueError(
+        f"limits: no motion keeps them with controller {controller}: {why} under {flown.explanation.label}. {remedy}."
     )

@@ -9,11 +9,13 @@ import numpy as np
 import yaml
 from matplotlib.figure import Figure
 
-from diagrams.gap.corrected import FILE as CORRECTED
+from diagrams.gap.corrected import FILE, SECOND
 from diagrams.loop.flight import FlightConfig, load_flight
 from np_drake.diagnosis.numerics import Readings
+from np_drake.diagnosis.report.figures import legend
 from np_drake.effects.explanation import Explanation
 from np_drake.files.atomic_file import plain, write_text
+from np_drake.files.figure_file import DASHES, PALETTE, new_figure
 from np_drake.files.input_file import read_json
 from np_drake.flight_design.limits import Limits
 from np_drake.flight_design.multisine import FadedMultisine
@@ -22,9 +24,10 @@ from np_drake.flight_design.prediction import Prediction, nominal_residuals, pre
 REPORT = "diagnosis.json"
 SCENARIO = "next_flight.yaml"
 TRACK = "next_flight.csv"
+MOST_EXPLANATIONS = 100  # of a report; a diagnosis leaves those within a factor of 20 of the best, at most a few dozen
 RATE = 100.0  # of the trajectory file [Hz]
 HEAD = """\
-# Next flight: a random multisine, to separate {explanations}.
+# Next flight, to separate {explanations}.
 #   np-drake fly {file} --reality {corrected}
 """
 
@@ -33,11 +36,12 @@ HEAD = """\
 class DiagnosisReport:
     """What a diagnosis left in its folder.
 
-    simulator: the corrected one.   explanations: that still stand, best first.   readings: how residuals are read.
+    corrected, simulator: file and content of the corrected one.   explanations: that still stand, best first.
+    readings: how residuals are read.
     accelerations: whether its logs had them.
     """
 
-    folder: Path
+    corrected: Path
     simulator: FlightConfig
     explanations: tuple[Explanation, ...]
     readings: Readings
@@ -79,26 +83,32 @@ def read_report(folder: Path) -> DiagnosisReport:
         raise ValueError(f"{path}: the logs excite nothing; fly with more motion and diagnose again.")
     if not answer.get("explanations") or not answer.get("readings"):
         raise ValueError(f"{path}: must tell the explanations that stand; diagnose again with this version.")
+    if len(answer["explanations"]) > MOST_EXPLANATIONS:
+        raise ValueError(f"{path}: must hold at most {MOST_EXPLANATIONS} explanations. Is it damaged?")
     try:
         explanations = tuple(Explanation.of_json(e) for e in answer["explanations"])
         readings = Readings.of_json(answer["readings"])
     except (AttributeError, KeyError, TypeError) as error:
         raise ValueError(f"{path}: explanations and readings must be whole ({error}).") from error
-    return DiagnosisReport(folder, load_flight(str(folder / CORRECTED)), explanations, readings)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from error
+    second = folder / SECOND
+    corrected = second if content.get("refit") and second.is_file() else folder / FILE
+    return DiagnosisReport(corrected, load_flight(str(corrected)), explanations, readings)
 
 
-def write_scenario(config: FlightConfig, explanations: Sequence[Explanation], folder: Path, report: Path) -> Path:
+def write_scenario(config: FlightConfig, explanations: Sequence[Explanation], folder: Path, corrected: Path) -> Path:
     """Write the scenario that flies the track `TRACK` of the same folder, and return its path.
 
     Args:
         config: vehicle and controller that will fly.
         explanations: that stand.
         folder: to write to.
-        report: folder of the diagnosis, whose corrected simulator flies.
+        corrected: file of the corrected simulator, in which it flies.
     Raises: OSError: if it cannot be written.
     """
     labels = ", ".join(e.label for e in explanations)
-    head = HEAD.format(explanations=labels, file=SCENARIO, corrected=report / CORRECTED)
+    head = HEAD.format(explanations=labels, file=SCENARIO, corrected=corrected)
     content: dict[str, Any] = {
         "name": config.name,
         "vehicle": _named(dc.asdict(config.vehicle)),
@@ -123,16 +133,16 @@ def track_figure(motion: FadedMultisine, limits: Limits) -> Figure:
     """
     t = np.linspace(0.0, motion.end, round(motion.end * RATE) + 1)
     flat = motion.sample(t)
-    figure = Figure(figsize=(11, 4), layout="constrained")
-    above, moved, fast = figure.subplots(1, 3)
-    above.plot(flat[0, :, 0], flat[0, :, 1], linewidth=0.8)
+    figure, ((above, moved, fast),) = new_figure(1, 3, width=11.0, height=4.0)
+    above.plot(flat[0, :, 0], flat[0, :, 1], color=PALETTE[0], linewidth=0.8)
     (x, y, _), (x_, y_, _) = limits.lower, limits.upper
-    above.plot([x, x_, x_, x, x], [y, y, y_, y_, y], "k--", linewidth=0.8)
-    above.set(xlabel="x [m]", ylabel="y [m]", title="from above; dashed: the room", aspect="equal")
-    moved.plot(t, flat[0], linewidth=0.8, label=["x", "y", "z"])
+    above.plot([x, x_, x_, x, x], [y, y, y_, y_, y], "k--", linewidth=0.8, label="limit")
+    above.set(xlabel="x [m]", ylabel="y [m]", aspect="equal")
+    for axis, colour, dash in zip("xyz", PALETTE, DASHES, strict=False):
+        moved.plot(t, flat[0, :, "xyz".index(axis)], color=colour, linestyle=dash, linewidth=0.9, label=axis)
     moved.set(xlabel="time [s]", ylabel="position [m]")
-    moved.legend(loc="upper right")
-    fast.plot(t, np.linalg.norm(flat[1], axis=1), linewidth=0.8)
-    fast.axhline(limits.speed, color="k", linestyle="--", linewidth=0.8)
-    fast.set(xlabel="time [s]", ylabel="speed [m/s]", title="dashed: its limit")
+    fast.plot(t, np.linalg.norm(flat[1], axis=1), color=PALETTE[0], linewidth=0.8)
+    fast.axhline(limits.speed, color="k", linestyle="--", linewidth=0.8, label="limit")
+    fast.set(xlabel="time [s]", ylabel="speed [m/s]", ylim=(0.0, None))
+    legend(figure)
     return figure

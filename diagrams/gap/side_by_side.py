@@ -67,7 +67,8 @@ def side_by_side(
 ) -> SideBySide:
     """Return the first held-out flight that can be replayed, in both simulators.
 
-    Of a flight whose first half joined the fit, the second half is shown.
+    The corrected simulator has the causes that the verdict names. Of a flight whose first half joined the fit, the
+    second half is shown.
 
     Args:
         diagnosis: the result.
@@ -76,13 +77,12 @@ def side_by_side(
         replay: of the nominal vehicle, with what it has built; None: a new one.
     Raises: NoReplay: where no flight can be replayed.
     """
-    answer = diagnosis.refit or diagnosis
     replay = replay or DrakeReplay(vehicle)
-    flights = [_rebased(log, answer) for log in held_out if np.isfinite(log.u).all()]
+    flights = [_rebased(log, diagnosis) for log in held_out if np.isfinite(log.u).all()]
     if not flights:
         raise NoReplay("the held-out logs do not tell the torque of the rotors, and a simulator needs it.")
     for log, effects in flights:
-        rows = _shown(log, effects, joined=log.name in answer.joined)
+        rows = _shown(log, effects, joined=log.name in diagnosis.joined)
         if len(rows) >= SHORTEST * FRAME_RATE:
             break
     else:

@@ -15,7 +15,6 @@ from diagrams.loop.real_vehicle import make_real_vehicle
 from np_drake.control.tracking_task import ACTION_SIZE, TrackingTask, command_span
 from np_drake.effects.sensor_noise import SensorNoise
 from np_drake.references.base import Reference
-from np_drake.references.config import make_reference
 from systems.cascade_target import CascadeTarget
 from systems.cascaded_controller import CascadedController
 from systems.sensor_model import add_sensor_model
@@ -54,7 +53,7 @@ def _make_tracking_diagram(config: FlightConfig, task: TrackingTask, action: Act
     """
     config.check()
     builder = DiagramBuilder()
-    reference, tick = make_reference(config.reference), cascade_period(config)
+    reference, tick = config.motion, cascade_period(config)
     vehicle = builder.AddSystem(make_real_vehicle(config.vehicle, config.reality, command_period=tick))
     noise = [SensorNoise(config.reality.noise)]
     rig = add_sensor_model(builder, vehicle, config.vehicle, noise, period=config.controller.period)
@@ -107,7 +106,7 @@ class TrackingSimulator:
     """
 
     def __init__(self, config: FlightConfig, task: TrackingTask, action: ActionConfig, period: float | None = None):
-        self.config, self.task, self.reference = config, task, make_reference(config.reference)
+        self.config, self.task, self.reference = config, task, config.motion
         self.period = config.controller.period if period is None else period
         ratio = self.period / config.controller.period
         if not (np.isfinite(ratio) and ratio > 0.5 and abs(ratio - round(ratio)) < 1e-9):

@@ -9,6 +9,7 @@ import numpy as np
 from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
 from pydrake.systems.primitives import ConstantVectorSource
 
+from diagrams.loop.own_controller import Factory, add_own_controller, is_own, load_factory, make_own_controller
 from np_drake.command_delay import LONGEST_DELAY, DelayFilter
 from np_drake.faults.solver import FaultySolver, SolverFault
 from np_drake.labels import LabelConfig, ReadsLabels, labelled
@@ -52,7 +53,9 @@ CONTROLLERS = ("nominal", "hold", "observer", "oracle", "cascade", *LEARNED)  # 
 class ControllerConfig:
     """Kind of controller, its residual model, solver and timing."""
 
-    kind: str = "nominal"  # nominal | hold | observer | oracle | cascade | np | payload_filter | gp | knode
+    # nominal | hold | observer | oracle | cascade | np | payload_filter | gp | knode, or one's own: MODULE:NAME
+    kind: str = "nominal"
+    parameters: dict[str, float] = dc.field(default_factory=dict)  # of one's own, by name
     extra_mass: float = 0.0  # that controller and estimator add to the vehicle's [kg]
     hold_bandwidth: float = np.inf  # of kind hold: a low-pass on top of the labels' own [Hz]
     predictor: str = ""  # model file of a learned kind; np, payload_filter: empty for the packaged one
@@ -71,8 +74,12 @@ class ControllerConfig:
         """
         self.mpc.check()
         self.label.check()
-        if self.kind not in CONTROLLERS:
-            raise ValueError(f"controller: must be one of {', '.join(CONTROLLERS)}; got {self.kind!r}.")
+        if self.kind not in CONTROLLERS and not is_own(self.kind):
+            raise ValueError(
+                f"controller: must be one of {', '.join(CONTROLLERS)}, or MODULE:NAME of your own; got {self.kind!r}."
+            )
+        if self.parameters and not is_own(self.kind):
+            raise ValueError(f"controller: parameters are of one of your own (MODULE:NAME); got kind {self.kind}.")
         require_solver(self.solver)
         if not SHORTEST_PERIOD <= self.period < np.inf:
             raise ValueError(f"controller: period must be at least {SHORTEST_PERIOD:g} s; got {self.period}.")
@@ -101,6 +108,11 @@ class ControllerConfig:
     def believed(self, vehicle: Vehicle) -> Vehicle:
         """Return the vehicle that controller and estimator assume."""
         return vehicle.with_mass(vehicle.mass + self.extra_mass)
+
+    @property
+    def name(self) -> str:
+        """Kind, or the name alone of one's own."""
+        return self.kind.rpartition(":")[2]
 
     @property
     def stride(self) -> int:
@@ -194,6 +206,7 @@ def add_controller(
     true_model: TrueModel | None = None,
     model: ResidualModel | None = None,
     solver_faults: Sequence[SolverFault] = (),
+    factory: Factory | None = None,
 ) -> dict[str, OutputPort]:
     """Add reference source, estimator, predictor and MPC, and return their vector ports by signal name.
 
@@ -207,9 +220,15 @@ def add_controller(
         true_model: what the nominal vehicle leaves out; likewise.
         model: used in place of the one that `config` names.
         solver_faults: while which solves have no answer.
-    Raises: ValueError: if an oracle lacks the real vehicle.
+        factory: makes a controller in the place of the one that `config` names.
+    Raises: ValueError: if an oracle lacks the real vehicle, or a controller of one's own does not fit.
     """
     believed = config.believed(vehicle)
+    if factory is not None or is_own(config.kind):
+        own = {"vehicle": believed, "reference": reference, "period": config.period}
+        system = make_own_controller(factory or load_factory(config.kind), config.parameters, **own)
+        timing = {"period": config.period, "step": config.mpc.step}
+        return add_own_controller(builder, system, believed, reference, rig, label=config.label, **timing)
     if config.kind == "cascade":
         return _add_cascade(builder, believed, reference, rig, period=config.period)
     N, period = config.mpc.horizon, config.period

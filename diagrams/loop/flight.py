@@ -11,20 +11,28 @@ import numpy as np
 from pydrake.systems.analysis import GetIntegrationSchemes, SimulatorConfig
 
 from diagrams.loop.controllers import ControllerConfig
+from diagrams.loop.own_controller import Factory, beside, is_own, kind_of
 from diagrams.loop.reality import RealityConfig
 from diagrams.loop.scaled import scaled
-from diagrams.loop.track_limits import require_flyable
+from diagrams.loop.track_limits import require_flyable, warnings
 from np_drake.command_delay import LONGEST_DELAY
 from np_drake.effects.combine import mass_properties
 from np_drake.effects.pendulum import Payload
 from np_drake.files.yaml_file import Read, load_checked
+from np_drake.references.base import Reference
 from np_drake.references.config import ReferenceConfig, make_reference
+from np_drake.references.payload_track import PayloadTrack
 from np_drake.residual_models.oracle import TrueModel
 from np_drake.vehicle import Vehicle
 from systems.payload_event import PayloadEvent
 
 MOST_ROWS = 10**6  # of a record, at one a period, which takes 700 MB; own choice: 5 hours at 50 Hz
 FINEST_STEP = 1e-6  # of the simulator [s]; own choice
+LOOKS = 0.01  # between two looks at a motion [s]
+LEAST_PULL = (
+    0.2  # of a cable that is to stay taut, over the payload's weight; own choice: below it gusts slacken it [1]
+)
+LIFTED = 0.9  # of the rotors' thrust that may hang on them; own choice: the rest steers [1]
 ARENA = 50.0  # farther than this from the origin a vehicle counts as lost [m]
 
 
@@ -67,15 +75,15 @@ class FlightConfig:
         self._check_events()
         if self.controller.kind == "oracle":
             self._check_oracle()
-        # What fails in flight may fail altogether: that is no mistake of the scenario.
-        lift = 4 * self.vehicle.max_rotor_thrust * self.reality.thrust_at(self.vehicle, self.end, failing=False)
-        if self.carried_mass * self.vehicle.gravity > 0.9 * lift:
+        if self.carried_mass * self.vehicle.gravity > LIFTED * self.lift:
             raise ValueError(
-                f"FlightConfig: {self.carried_mass:.4g} kg are more than the rotors can carry ({lift:.3g} N). "
+                f"FlightConfig: {self.carried_mass:.4g} kg are more than the rotors can carry ({self.lift:.3g} N). "
                 "Name a lighter payload, or none, for the default scales with the vehicle."
             )
         self._check_simulator()
-        if self.reference.is_file:
+        if self.follows_payload:
+            self._check_followed()
+        if self.reference.is_file or self.follows_payload:
             self._check_track()
         return self
 
@@ -93,12 +101,22 @@ class FlightConfig:
         if reality.dead_time > longest:
             raise ValueError(f"FlightConfig: the oracle knows delays up to {longest:g} s; got {reality.dead_time:g}.")
 
+    def _check_followed(self) -> None:
+        if self.reality.hung.tether != "cable":
+            raise ValueError(
+                f"{self.name}: reference.follow: payload needs a payload on a cable; got {self.reality.hung.tether}."
+            )
+        pull = self._payload_track.least_pull(np.arange(0.0, self.end, LOOKS))
+        if pull < LEAST_PULL:
+            raise ValueError(
+                f"{self.name}: must keep the cable taut; its pull falls to {pull:.2g} of the payload's weight, and at "
+                f"least {LEAST_PULL:g} is needed. Take a lower speed."
+            )
+
     def _check_track(self) -> None:
         vehicle, thrust = (self.vehicle.with_mass(self.carried_mass), self.reality.thrust_at(self.vehicle, self.end))
         try:
-            require_flyable(
-                make_reference(self.reference), vehicle, self.controller.mpc, end=self.end, arena=ARENA, thrust=thrust
-            )
+            require_flyable(self.motion, vehicle, self.controller.mpc, end=self.end, arena=ARENA, thrust=thrust)
         except ValueError as error:
             raise ValueError(f"{self.reference.track}: {error}") from error
 
@@ -124,11 +142,37 @@ class FlightConfig:
         vars(self).update(state | {"simulator": SimulatorConfig(**state["simulator"])})
 
     @property
+    def track(self) -> Reference:
+        """Motion that the scenario names: of the vehicle, or of its payload."""
+        return make_reference(self.reference)
+
+    @property
+    def follows_payload(self) -> bool:
+        """Whether the payload is to follow the track, and not the vehicle."""
+        return self.reference.follow == "payload"
+
+    @property
+    def motion(self) -> Reference:
+        """Motion of the vehicle that the controller follows."""
+        return self._payload_track if self.follows_payload else self.track
+
+    @property
+    def _payload_track(self) -> PayloadTrack:
+        hung = self.reality.hung
+        return PayloadTrack(self.track, self.vehicle, length=hung.length, hook=hung.hook)
+
+    @property
     def carried_mass(self) -> float:
         """Mass of quadrotor and payload [kg]."""
         payload = self.reality.hung
         own = mass_properties(self.vehicle, self.reality.mass_effects()).mass
         return own + (payload.mass if payload.tether != "none" else 0.0)
+
+    @property
+    def lift(self) -> float:
+        """Thrust of all rotors at the end; what fails in flight may fail altogether, and does not count [N]."""
+        share = self.reality.thrust_at(self.vehicle, self.end, failing=False)
+        return 4 * self.vehicle.max_rotor_thrust * share
 
     @property
     def largest_step(self) -> float:
@@ -178,6 +222,10 @@ class FlightConfig:
         """When the cable is cut; infinite: never [s]."""
         return min((event.time for event in self.events if event.kind == "release"), default=np.inf)
 
+    def warnings(self) -> list[str]:
+        """Return sentences on waypoints that the track does not pass, and on legs that it leaves."""
+        return warnings(self.reference, self.track, end=self.end)
+
     def check_and_step(self) -> "FlightConfig":
         """Return a checked copy whose fixed step of the simulator is within `largest_step`."""
         simulator = copy.copy(self.simulator)
@@ -193,6 +241,18 @@ class FlightConfig:
 def _hook_mobility(vehicle: Vehicle, hook: Sequence[float]) -> float:
     """Return the acceleration of the hook over a pull across its lever, 1 / m + |p_BoTo_B|² / J [1/kg]."""
     return float(1 / vehicle.mass + np.sum(np.square(hook)) / np.linalg.eigvalsh(vehicle.J)[0])
+
+
+def flown_by(config: FlightConfig, factory: Factory | None) -> FlightConfig:
+    """Return the scenario with the kind of the controller that `factory` makes; as it is where that is None.
+
+    Args:
+        config: of the experiment.
+        factory: of a controller of one's own.
+    """
+    if factory is None:
+        return config
+    return dc.replace(config, controller=dc.replace(config.controller, kind=kind_of(factory)))
 
 
 def default_flight(vehicle: Vehicle) -> FlightConfig:
@@ -213,6 +273,12 @@ def load_flight(filename: str, vehicle: Vehicle | None = None) -> FlightConfig:
     """
 
     def complete(read: Read) -> FlightConfig:
+        flight = fill(read)
+        if is_own(flight.controller.kind):
+            flight.controller.kind = beside(flight.controller.kind, Path(filename).parent)
+        return flight
+
+    def fill(read: Read) -> FlightConfig:
         named = read(FlightConfig())
         own = vehicle or named.vehicle.check()
         if named.scaled and named.reality.effects:

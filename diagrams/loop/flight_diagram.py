@@ -14,11 +14,11 @@ from pydrake.common import RandomGenerator
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 
 from diagrams.loop.controllers import add_controller
-from diagrams.loop.flight import FlightConfig
+from diagrams.loop.flight import FlightConfig, flown_by
+from diagrams.loop.own_controller import Factory
 from diagrams.loop.real_vehicle import DRAKE, REAL_VEHICLE, RealVehicle
 from np_drake.faults.measurement import MeasurementFault
 from np_drake.faults.solver import SolverFault
-from np_drake.references.config import make_reference
 from systems.recorder import add_recorder
 from systems.sensor_faults import add_sensor_faults
 from systems.sensor_model import add_sensor_model
@@ -42,7 +42,12 @@ NO_FAULTS = Faults()
 
 
 def make_flight_diagram(
-    config: FlightConfig, *, pushed: bool = False, faults: Faults = NO_FAULTS, real: RealVehicle = DRAKE
+    config: FlightConfig,
+    *,
+    pushed: bool = False,
+    faults: Faults = NO_FAULTS,
+    real: RealVehicle = DRAKE,
+    controller: Factory | None = None,
 ) -> Diagram:
     """Return reference, vehicle with its events, sensors, controller and recorder as one Diagram.
 
@@ -51,8 +56,9 @@ def make_flight_diagram(
         pushed: whether forces from outside may act (`make_tethered_quadrotor`).
         faults: of sensors and solver; none reaches the oracle.
         real: makes the vehicle that flies.
+        controller: makes a controller of one's own, in the place of the one that `config` names.
     """
-    config.check()
+    config = flown_by(config, controller).check()
     period, knows = config.controller.period, config.controller.kind == "oracle"
     builder = DiagramBuilder()
     vehicle = builder.AddNamedSystem(
@@ -66,11 +72,12 @@ def make_flight_diagram(
         builder,
         config.controller,
         config.vehicle,
-        make_reference(config.reference),
+        config.motion,
         rig,
         truth=vehicle,
         true_model=config.true_model(),
         solver_faults=() if knows else faults.solver,
+        factory=controller,
     )
     builder.Connect(ports["u"], vehicle.GetInputPort("u"))
     signals = {
@@ -102,7 +109,7 @@ def set_initial_state(
         real: made the vehicle.
     """
     diagram.SetRandomContext(context, RandomGenerator(seed))
-    start = make_reference(config.reference).sample(np.zeros(1))[0, 0]
+    start = config.motion.sample(np.zeros(1))[0, 0]
     real.hover(diagram.GetSubsystemByName(REAL_VEHICLE), context, config.reality, start)
 
 

@@ -3,24 +3,29 @@
 import dataclasses as dc
 from collections.abc import Callable
 from functools import cached_property
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator
 from pydrake.systems.framework import Context, Diagram
 
-from diagrams.batch.failed_run import FailedRun
-from diagrams.loop.flight import ARENA, FlightConfig
+from diagrams.batch.failed_run import FailedRun, one_line
+from diagrams.loop.flight import ARENA, FlightConfig, flown_by
 from diagrams.loop.flight_diagram import NO_FAULTS, Faults, make_flight_diagram, recorded, set_initial_state
+from diagrams.loop.own_controller import Factory, is_own
 from diagrams.loop.real_vehicle import DRAKE, REAL_VEHICLE, RealVehicle
+from diagrams.loop.track_limits import missed
 from np_drake import metrics, rigid_body
-from np_drake.flight_log import FlightLog
+from np_drake.files.notebook import data_frame, flattened, html_table
+from np_drake.flight_log import COLUMNS, FlightLog
 from np_drake.logs.clock import shift_state
 from np_drake.mpc.problem import MpcStatus
-from np_drake.references.config import make_reference
+from np_drake.references.passing import nearest
 from np_drake.rotor_input import acting_command
 from np_drake.training_data.actuator_timing import delayed
 
+WRENCH = ("fx", "fy", "fz", "taux", "tauy", "tauz")  # columns of a wrench [N, N·m]
+LEARNED_WRENCHES = (("label", "label"), ("chi_hat", "predicted"))  # signals of a wrench, and the ends of their columns
 GROUND = 0.0  # height below which a vehicle counts as lost: the simulator has no ground, flights do [m]
 
 
@@ -63,6 +68,7 @@ def simulate(
     tolerance: float = np.inf,
     watch: Watch | None = None,
     real: RealVehicle = DRAKE,
+    controller: Factory | None = None,
 ) -> dict[str, np.ndarray]:
     """Simulate the experiment and return the recorded signals (see `Recorder.read`).
 
@@ -74,15 +80,18 @@ def simulate(
         tolerance: distance from the reference beyond which the flight ends, looked at about every second [m].
         watch: looks at the flight, sets its pace and may end it early.
         real: makes the vehicle that flies.
+        controller: makes a controller of one's own, in the place of the one that `config` names.
     Raises: LostVehicle: if the integrator gives up, or the vehicle leaves arena or tolerance, or is below ground;
-    ValueError: on what `real` cannot do.
+    FailedRun: if a controller of one's own fails; ValueError: on what `real` cannot do, or if such a controller
+    does not fit.
     """
-    diagram = make_flight_diagram(config, pushed=watch is not None, faults=faults, real=real)
+    config = flown_by(config, controller)
+    diagram = make_flight_diagram(config, pushed=watch is not None, faults=faults, real=real, controller=controller)
     simulator = Simulator(diagram)
     ApplySimulatorConfig(config.simulator, simulator)
     context = simulator.get_mutable_context()
     set_initial_state(diagram, context, config, seed=seed, real=real)
-    vehicle, reference = diagram.GetSubsystemByName(REAL_VEHICLE), make_reference(config.reference)
+    vehicle, reference = diagram.GetSubsystemByName(REAL_VEHICLE), config.motion
 
     def lost(why: str) -> LostVehicle:
         error = LostVehicle(f"{config.name}: {why}")
@@ -96,14 +105,21 @@ def simulate(
         try:
             simulator.AdvanceTo(t)
         except RuntimeError as error:
+            if is_own(config.controller.kind) and "NaN" in str(error):
+                raise lost(f"{config.controller.name} commanded what is not a number before {t:.1f} s.") from error
             raise lost(f"the simulation ended before {t:.1f} s: {error}") from error
+        except Exception as error:
+            if not is_own(config.controller.kind):
+                raise
+            who = f"{config.name}: {config.controller.name}"
+            raise FailedRun(f"{who} failed at {context.get_time():.2f} s: {one_line(error)}.") from error
         p_WB = vehicle.GetOutputPort("x").Eval(vehicle.GetMyContextFromRoot(context))[:3]
         if not np.linalg.norm(p_WB) < ARENA:
-            raise lost(f"{config.controller.kind} lost the vehicle before {t:.1f} s.")
+            raise lost(f"{config.controller.name} lost the vehicle before {t:.1f} s.")
         if p_WB[2] < GROUND:
-            raise lost(f"{config.controller.kind} flew into the ground before {t:.1f} s.")
+            raise lost(f"{config.controller.name} flew into the ground before {t:.1f} s.")
         if not np.linalg.norm(p_WB - reference.sample(np.array([t]))[0, 0]) < tolerance:
-            raise lost(f"{config.controller.kind} was off its reference at {t:.1f} s.")
+            raise lost(f"{config.controller.name} was off its reference at {t:.1f} s.")
         if monitor is not None:
             monitor(min(t, config.end))
         if watch is not None and not watch.look(context):
@@ -121,7 +137,7 @@ def _stops(config: FlightConfig, watch: Watch | None) -> list[float]:
     return sorted({*seconds, *looks, *(t for t in changes if 0 < t < config.end), end})
 
 
-@dc.dataclass
+@dc.dataclass(repr=False)
 class FlightResult:
     """One simulated flight.
 
@@ -132,11 +148,57 @@ class FlightResult:
     seed: int  # of the noise
     signals: dict[str, np.ndarray]
 
+    def __repr__(self) -> str:
+        """Return experiment, controller, seed and errors in a line."""
+        m = self.metrics()
+        errors = f"E_xy {100 * m['E_xy']:.2f} cm, E_z {100 * m['E_z']:.2f} cm"
+        return f"FlightResult({self.config.name} with {self.label}, seed {self.seed}: {errors})"
+
+    def _repr_html_(self) -> str:
+        """Return what a notebook shows: the metrics in a short table, and warnings."""
+        m = self.metrics()
+        rows = [(name, f"{100 * m[name]:.2f} cm") for name in ("E_xy", "E_z")]
+        if "payload" in m:
+            rows += [(f"payload {name}", f"{100 * m['payload'][name]:.2f} cm") for name in ("E_xy", "E_z")]
+        rows += [("median time of a solve", f"{m['solve_ms']['median']:.2f} ms"), ("failed", str(m["solve_failures"]))]
+        title = f"{self.config.name} with {self.label}, seed {self.seed}: {self.config.end:g} s"
+        return html_table(title, (), rows, self.warnings())
+
+    def to_dataframe(self) -> Any:
+        """Return the flight as a pandas DataFrame with the times as its index.
+
+        It holds the columns of the log, the reference (`px_ref` …), and of the truth state (`px_true` …) and residual
+        wrench (`fx_true` …).
+        Raises: ImportError: where pandas is not installed.
+        """
+        state = [name for field in ("p", "q", "v", "w") for name in COLUMNS[field]]
+        names = {"p_ref": COLUMNS["p"], "x_true": state, "chi_true": WRENCH, "label": WRENCH, "chi_hat": WRENCH}
+        known = {**self.signals, "chi_true": self.chi_true}
+        more: dict[str, np.ndarray] = {}
+        for signal, end in (("p_ref", "ref"), ("x_true", "true"), ("chi_true", "true"), *LEARNED_WRENCHES):
+            more |= {f"{name}_{end}": v for name, v in flattened({signal: names[signal]}, known).items()}
+        return data_frame({**self._rows().columns(), **more}, index="t")
+
+    def plot(self, what: str = "track") -> Any:
+        """Return a Figure: `track` from above and height, `errors` against time, or the residual `wrench`.
+
+        Raises: ValueError: on another word.
+        """
+        from diagrams.loop import flight_figures
+
+        title = f"{self.config.name} · {self.label} · seed {self.seed}"
+        if what == "wrench":
+            return flight_figures.wrench(self)
+        drawn = {"track": flight_figures.plane_track, "errors": flight_figures.errors}
+        if what not in drawn:
+            raise ValueError(f"plot: must be one of track, errors, wrench; got {what!r}.")
+        return drawn[what]([self], title)
+
     @property
     def label(self) -> str:
         """Name of the controller, such as `np` or `nominal + total mass`."""
         told = " + total mass" if self.config.controller.extra_mass else ""
-        return f"{self.config.controller.kind}{told}"
+        return f"{self.config.controller.name}{told}"
 
     def log(self) -> FlightLog:
         """Return what the vehicle itself recorded (docs/reference/flight-log.md)."""
@@ -170,7 +232,7 @@ class FlightResult:
     def last_lap(self) -> np.ndarray:
         """Rows of the last lap, or the scored rows of a motion that has none, (n,)."""
         rows = np.flatnonzero(self.scored)
-        rate = getattr(make_reference(self.config.reference), "rate", None)
+        rate = getattr(self.config.track, "rate", None)
         return rows[-(int(2 * np.pi / rate / self.config.controller.period) + 1) :] if rate else rows
 
     @cached_property
@@ -214,6 +276,31 @@ class FlightResult:
         s = self.signals["plant_state"]
         return s[:, 11:14] if s.shape[1] == 26 else None
 
+    @cached_property
+    def followed(self) -> np.ndarray:
+        """Position of what is to follow the track, vehicle or payload, in W (n, 3) [m]."""
+        hung = self.payload_position if self.config.follows_payload else None
+        return self.signals["x_true"][:, :3] if hung is None else hung
+
+    @cached_property
+    def wanted(self) -> np.ndarray:
+        """Position of the track, in W (n, 3) [m]."""
+        if self.config.follows_payload:
+            return self.config.track.sample(self.signals["t"])[0]
+        return self.signals["p_ref"]
+
+    @cached_property
+    def waypoint_distances(self) -> np.ndarray | None:
+        """How near the flight came to each waypoint of the track, (k,) [m]; None of a track without any."""
+        points = self.config.reference.waypoints
+        return None if points is None else nearest(points, self.followed)
+
+    def warnings(self) -> list[str]:
+        """Return sentences on waypoints that track or flight do not pass."""
+        flown = self.waypoint_distances
+        found = [] if flown is None else missed(flown, self.config.reference.within, f"the flight with {self.label}")
+        return [*self.config.warnings(), *found]
+
     def metrics(self) -> dict:
         """Return the metrics of the scored part, as `--json` writes them."""
         s, rows = self.signals, self.scored
@@ -226,6 +313,10 @@ class FlightResult:
             "late_solves": int(np.sum(s["solve_time"][rows, 0] > self.config.controller.period)),
             "fallbacks": int(np.sum(status >= MpcStatus.SHIFTED_PLAN)),
         }
+        if self.config.follows_payload:
+            result["payload"] = metrics.tracking_errors(self.followed[rows], self.wanted[rows])
+        if self.waypoint_distances is not None:
+            result["waypoint_distances"] = self.waypoint_distances.tolist()
         if self.chi_foreseen is not None:
             result["wrench_rmse"] = metrics.wrench_rmse(self.chi_foreseen[rows], self.chi_true[rows])
         if "delay" in s:
@@ -245,6 +336,7 @@ def fly(
     monitor: Callable[[float], None] | None = None,
     watch: Watch | None = None,
     real: RealVehicle = DRAKE,
+    controller: Factory | None = None,
 ) -> FlightResult:
     """Simulate the experiment and return its result.
 
@@ -254,5 +346,7 @@ def fly(
         monitor: called with the flight's time [s], see `simulate`.
         watch: looks at the flight, sets its pace and may end it early.
         real: makes the vehicle that flies.
+        controller: makes a controller of one's own, in the place of the one that `config` names.
     """
-    return FlightResult(config, seed, simulate(config, seed=seed, monitor=monitor, watch=watch, real=real))
+    signals = simulate(config, seed=seed, monitor=monitor, watch=watch, real=real, controller=controller)
+    return FlightResult(flown_by(config, controller), seed, signals)

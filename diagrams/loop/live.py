@@ -25,7 +25,6 @@ from diagrams.loop.replay.scene import (
     tether_pose,
 )
 from np_drake import attitude
-from np_drake.references.config import make_reference
 
 REALTIME = 1.0  # [1]
 PERIOD = 0.04  # between two pictures [s]
@@ -56,7 +55,7 @@ class LiveView:
         self.period, self.rate = PERIOD, REALTIME if rate is None else rate
         self.stopped = False
         self.error = 0.0  # distance from the reference at the last look [m]
-        self._config, self._reference = config, make_reference(config.reference)
+        self._config, self._reference = config, config.motion
         self.has_payload = config.reality.hung.tether == "cable"
         self.meshcat = new_scene()
         self._trail: deque[np.ndarray] = deque(maxlen=_TRAIL)

@@ -17,7 +17,7 @@ REALITY = {
     **dict.fromkeys(("wind", "gust"), (1, 0, -1)),
 }
 REFERENCE = {
-    **dict.fromkeys(("radius", "length", "width", "rise", "height", "dither"), (1, 0, 0)),
+    **dict.fromkeys(("radius", "length", "width", "rise", "height", "dither", "within"), (1, 0, 0)),
     "speed": (1, 0, -1),
     **dict.fromkeys(("ramp", "rest"), (0, 0, 1)),
     "dither_frequencies": (0, 0, -1),

@@ -4,9 +4,12 @@ import numpy as np
 
 from np_drake.mpc.problem import MpcConfig
 from np_drake.references.base import Reference
+from np_drake.references.config import ReferenceConfig
 from np_drake.references.flatness import targets
+from np_drake.references.passing import nearest, off_legs
 from np_drake.vehicle import Vehicle
 
+MOST_TOLD = 5  # waypoints in a sentence
 RATE = 100.0  # at which the motion is looked at [Hz]
 MOST_INSTANTS = 200_000  # that are looked at
 
@@ -48,6 +51,45 @@ def require_flyable(
     bound = f"must be within controller.mpc.max_tilt, {mpc.max_tilt:.3g} rad; demands {{:.3g}} rad"
     _require(t, tilt, mpc.max_tilt, bound, slower)
     _require(t, -rotors.min(axis=1), 0.0, "must pull no rotor down; demands {:.3g} N of one", remedy)
+
+
+def warnings(config: ReferenceConfig, track: Reference, *, end: float) -> list[str]:
+    """Return a sentence on the waypoints that a track does not pass, and one on how far it leaves their legs.
+
+    Args:
+        config: with the waypoints, and the distance that is allowed.
+        track: that it describes.
+        end: of the flight [s].
+    """
+    points = config.waypoints
+    if points is None:
+        return []
+    p = track.sample(np.linspace(0.0, end, min(int(end * RATE) + 2, MOST_INSTANTS)))[0]
+    said = missed(nearest(points, p), config.within, "the track")
+    off, leg = off_legs(points, p)
+    if off > config.within:
+        said.append(
+            f"the track leaves the straight leg from waypoint {leg + 1} to {leg + 2} by {off:.2f} m; "
+            "reference.corners: stop keeps to the legs."
+        )
+    return said
+
+
+def missed(distances: np.ndarray, within: float, who: str) -> list[str]:
+    """Return a sentence on the waypoints that were not passed within a distance; none where all were.
+
+    Args:
+        distances: how near each was passed (k,) [m].
+        within: the distance [m].
+        who: passed them.
+    """
+    rows = np.flatnonzero(distances > within)
+    if not len(rows):
+        return []
+    told = ", ".join(f"{k + 1} ({distances[k]:.2f} m)" for k in rows[:MOST_TOLD])
+    more = f" and {len(rows) - MOST_TOLD} more" if len(rows) > MOST_TOLD else ""
+    many = "waypoint" if len(rows) == 1 else "waypoints"
+    return [f"{who} does not come within {within:g} m of {many} {told}{more}."]
 
 
 def _require(t: np.ndarray, values: np.ndarray, most: float, what: str, remedy: str) -> None:

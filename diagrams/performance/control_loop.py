@@ -9,7 +9,6 @@ from diagrams.loop.flight_result import FlightResult
 from np_drake.labels import LabelFilter, labelled
 from np_drake.mpc.controller import MpcController
 from np_drake.mpc.solvers import make_solver
-from np_drake.references.config import make_reference
 from np_drake.residual_model import Memory, Sample, WrenchForecast
 
 
@@ -29,7 +28,7 @@ class ControlLoop:
         self._config, self._model = config, make_residual_model(config.controller, believed)
         self._labels = LabelFilter(labelled(believed, self._model), config.controller.label, step=period)
         self._mpc = MpcController(believed, mpc, make_solver(solver, believed, mpc), period=period)
-        self._reference = make_reference(config.reference)
+        self._reference = config.motion
         self._ahead = mpc.step * np.arange(mpc.horizon + 1)
         self._kept, self._last = self._labels.initial_memory(), self._mpc.initial_memory()
         self._memory: Memory = {} if self._model is None else self._model.initial_memory()

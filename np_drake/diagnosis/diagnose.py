@@ -14,10 +14,11 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from np_drake.diagnosis.decision.causes import joint_posterior
+from np_drake.diagnosis.decision.causes import joint_posterior, without_late_onsets
 from np_drake.diagnosis.decision.explanations import explanations_of
 from np_drake.diagnosis.decision.infer import Inference, infer
 from np_drake.diagnosis.decision.second_answer import novelty, second_answer, without_onsets_in
+from np_drake.diagnosis.doctor.doubts import as_lines, doubts
 from np_drake.diagnosis.gap.gap_reduction import measure_gap_reduction
 from np_drake.diagnosis.localisation.identifiability import (
     assess_identifiability,
@@ -81,6 +82,7 @@ def diagnose(
     fitted = [make_flight_residuals(log, vehicle, step) for log in train]
     judging = [make_flight_residuals(log, vehicle, step) for log in held_out]
     names: dict[str, Any] = {"vehicle": vehicle.name, "train": _names(fitted), "held_out": _names(judging)}
+    names["doubts"] = as_lines(doubt for e in (*fitted, *judging) for doubt in doubts(e))
     if not excited(excitation(fitted)):
         nothing = unexcited_diagnosis(fitted, judging)
         return Diagnosis(**names, **nothing, cannot_tell=True, wall=time.perf_counter() - start)
@@ -109,6 +111,9 @@ def diagnose(
 
 def _answer(found: Inference, names: dict[str, Any], replay: Replay | None) -> Diagnosis:
     """Return the diagnosis of an inference: its causes, what these logs cannot tell, where the gap lies, how far."""
+    ends = {e.name: float(e.log.t[-1]) for e in (*found.flights, *found.held_out)}
+    causes, late = without_late_onsets(found.causes, ends)
+    found = dc.replace(found, causes=causes, below_threshold=[*found.below_threshold, *late])
     noise, held = found.ranking.noise, found.held
     checked = assess_identifiability(found.flights, found.held_out, found.ranking.problem.candidates, noise)
     located = localise(found.held_out, held.residual, noise, held.rows)

@@ -11,12 +11,14 @@ from np_drake.effects.base import Effect
 from np_drake.effects.explanation import Explanation
 from np_drake.effects.posterior import Posterior
 from np_drake.files.atomic_file import plain
+from np_drake.files.notebook import data_frame, html_table
 from np_drake.flight_log import FlightLog
 
 CHANNELS = ("force x", "force y", "force z", "torque x", "torque y", "torque z")  # body axes
 HORIZONS = (0.1, 0.25, 0.5, 1.0)  # horizons of the replay [s]
 SCHEMA = "np_drake.diagnosis/1"
 UNKNOWN = "unknown"
+MOST_WARNINGS = 3  # that a notebook shows
 
 
 @dc.dataclass(frozen=True)
@@ -182,7 +184,7 @@ class GapReduction:
     warnings: tuple[str, ...] = ()
 
 
-@dc.dataclass(frozen=True)
+@dc.dataclass(frozen=True, repr=False)
 class Diagnosis:
     """Result of all five steps of a diagnosis.
 
@@ -199,6 +201,8 @@ class Diagnosis:
     posterior: joint, of the parameters of the causes.
     explanations: that still stand, best first; the verdict names the material effects of the first that are probable.
     readings: noise and tolerances by which another flight is read.
+    doubts: what stands against any answer from these flights, as `np-drake doctor` finds it; said before the answer.
+    not_flyable: why no plain controller flies the corrected simulator, and what to do; empty: one does, or none tried.
     """
 
     vehicle: str
@@ -223,10 +227,57 @@ class Diagnosis:
     posterior: Posterior | None = None
     explanations: tuple[Explanation, ...] = ()
     readings: Readings | None = None
+    doubts: tuple[str, ...] = ()
+    not_flyable: str = ""
+
+    def __repr__(self) -> str:
+        """Return vehicle, verdict and remaining gap in a line."""
+        named = ", ".join(self.verdict) or ("cannot tell" if self.cannot_tell else "nothing is missing")
+        gap = f"residual {self.gap_reduction.before:.3g} to {self.gap_reduction.after:.3g} times the noise"
+        return f"Diagnosis({self.vehicle}: {named}; {gap})"
+
+    def _repr_html_(self) -> str:
+        """Return what a notebook shows: a row for every parameter of a cause, and the first warnings."""
+        rows = [
+            (c.identifier, _percent(c.probability), ", ".join(f"{n} {_shown(e)}" for n, e in c.parameters.items()))
+            for c in self.causes
+        ]
+        header = ("cause", "probability", "parameters, ± half of the 95 % interval")
+        return html_table(repr(self)[len("Diagnosis(") : -1], header, rows, self.warnings[:MOST_WARNINGS])
+
+    def table(self) -> list[dict[str, Any]]:
+        """Return a row for every parameter of a cause: its value, 95 % interval and unit."""
+        return [
+            {"cause": cause.identifier, "probability": cause.probability, "parameter": name, "value": found.value}
+            | {"lower": found.ci95[0], "upper": found.ci95[1], "unit": found.unit}
+            for cause in self.causes
+            for name, found in cause.parameters.items()
+        ]
+
+    def to_dataframe(self) -> Any:
+        """Return `table` as a pandas DataFrame.
+
+        Raises: ImportError: where pandas is not installed.
+        """
+        names = ("cause", "probability", "parameter", "value", "lower", "upper", "unit")
+        return data_frame({name: [line[name] for line in self.table()] for name in names})
 
     def as_json(self) -> dict[str, Any]:
         """Return the content of `diagnosis.json` in plain types."""
         return as_json(self)
+
+
+def _percent(probability: float) -> str:
+    return "> 99.9 %" if probability > 0.9995 else f"{100 * probability:.3g} %"
+
+
+def _shown(estimate: Estimate) -> str:
+    """Return value, half of the 95 % interval and unit, with the digits that the interval tells."""
+    half, unit = 0.5 * (estimate.ci95[1] - estimate.ci95[0]), "" if estimate.unit in ("", "1") else f" {estimate.unit}"
+    if not 0 < half < np.inf:
+        return f"{estimate.value:.4g}{unit}"
+    digits = max(0, 1 - int(np.floor(np.log10(half))))
+    return f"{estimate.value:.{digits}f} ± {half:.{digits}f}{unit}"
 
 
 Replay = Callable[[list[FlightLog], list[tuple[Effect, dict[str, float | None]]]], ReplayGap]
@@ -249,6 +300,7 @@ def as_json(diagnosis: Diagnosis) -> dict[str, Any]:
         "held_out": diagnosis.held_out,
         "joined": diagnosis.joined,
         "judged_as": diagnosis.judged_as,
+        "doubts": diagnosis.doubts,
         "verdict": diagnosis.verdict,
         "cannot_tell": diagnosis.cannot_tell,
         "unknown_probability": diagnosis.unknown_probability,
@@ -267,6 +319,7 @@ def as_json(diagnosis: Diagnosis) -> dict[str, Any]:
         "novel": _dictionaries(diagnosis.new_on_held_out),
         "coverage": diagnosis.coverage,
         "check": {name: getattr(identifiability, name) for name in ("usable", "excitation", "noise_floor", "warnings")},
+        "not_flyable": diagnosis.not_flyable,
         "warnings": diagnosis.warnings,
         "wall": diagnosis.wall,
         "refit": None if diagnosis.refit is None else _without_schema(as_json(diagnosis.refit)),

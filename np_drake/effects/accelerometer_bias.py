@@ -22,6 +22,7 @@ class AccelerometerBias(SensorEffect):
     z: float = 0.0  # [m/s²]
 
     identifier = "accelerometer_bias"
+    requires = ("velocity",)
     named = "an accelerometer bias"
     drawn = (0.03, 1.0)
     bench_check = "calibrate the accelerometer"

@@ -23,6 +23,7 @@ class AttitudeBias(SensorEffect):
     yaw: float = 0.0  # [rad]
 
     identifier = "attitude_bias"
+    requires = ("velocity",)
     named = "an attitude bias"
     drawn = (0.003, 0.08)
     bench_check = "level the IMU, or the frame of the motion capture"

@@ -20,6 +20,7 @@ class BladeFlapping(WrenchEffect):
     moment: float = 0.02  # [N·m·s/m]
 
     identifier = "blade_flapping"
+    requires = ("velocity",)
     named = "blade flapping"
     excited_by = "level sprints with sudden reversals"
     grows_with = "speed"

@@ -25,7 +25,7 @@ class ClockOffset(SensorEffect):
     bench_check = "synchronise the clocks of state and command"
     excited_by = "sharp doublets"
     grows_with = "torque"
-    requires = ("commands",)
+    requires = ("commands", "velocity")
     shifts_commands = True
     pure_delay = True
     linear = False

@@ -19,6 +19,7 @@ class ConstantWind(WrenchEffect):
     z: float = 0.0  # [m/s]
 
     identifier = "constant_wind"
+    requires = ("velocity",)
     named = "a constant wind"
     drawn = (0.5, 7.0)
     rise = 0.1

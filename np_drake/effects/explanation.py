@@ -10,6 +10,8 @@ from np_drake.effects.base import Effect
 from np_drake.effects.effect_entry import EffectEntry
 
 STANDS = 20.0  # ratio of probabilities to the best explanation, beyond which one no longer stands [1]
+LARGEST = 1e12  # entry of a stored covariance [SI]; own choice: beyond it a file is damaged
+ROUNDING = 1e-6  # of stored numbers [1]
 CALIBRATION = "calibration."  # in front of the parameters of vehicle file and sensors
 
 
@@ -52,20 +54,19 @@ class Explanation:
     def of_json(cls, content: Mapping[str, Any]) -> "Explanation":
         """Return the explanation that `as_json` wrote.
 
-        Raises: ValueError: on an unknown effect, or a covariance of another size.
+        Raises: ValueError: on an unknown effect, or what is no probability or no covariance of its parameters.
         """
-        names = tuple(content["parameters"])
+        names, probability = tuple(content["parameters"]), float(content["probability"])
+        if not 0 < probability <= 1 + ROUNDING:
+            raise ValueError(f"explanation: probability must be above 0 and at most 1; got {probability:g}.")
         covariance = np.array(content["covariance"], float) if names else np.zeros((0, 0))
-        if covariance.shape != (len(names), len(names)) or not np.isfinite(covariance).all():
-            raise ValueError(f"explanation: covariance must be finite, {len(names)} by {len(names)}.")
-        return cls(
-            tuple(content["named"]),
-            float(content["probability"]),
-            _read(content["effects"]),
-            _read(content["calibration"]),
-            names,
-            covariance,
-        )
+        if covariance.shape != (len(names), len(names)) or not (np.abs(covariance) <= LARGEST).all():
+            raise ValueError(f"explanation: covariance must be {len(names)} by {len(names)}, of at most {LARGEST:g}.")
+        scale = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+        if names and np.linalg.eigvalsh(covariance / np.outer(scale, scale)).min() < -ROUNDING:
+            raise ValueError("explanation: covariance must be positive semidefinite.")
+        effects, calibration = _read(content["effects"]), _read(content["calibration"])
+        return cls(tuple(map(str, content["named"])), probability, effects, calibration, names, covariance)
 
 
 def _entry(effect: Effect) -> dict[str, Any]:
@@ -73,4 +74,14 @@ def _entry(effect: Effect) -> dict[str, Any]:
 
 
 def _read(entries: Sequence[Mapping[str, Any]]) -> tuple[Effect, ...]:
-    return tuple(EffectEntry(e["effect"], dict(e["parameters"])).check().made for e in entries)
+    """Return stored effects.
+
+    Raises: ValueError: on an unknown one, or a parameter outside the bounds of a fit.
+    """
+    effects = tuple(EffectEntry(e["effect"], dict(e["parameters"])).check().made for e in entries)
+    for effect in effects:
+        for p in effect.parameters:
+            value, edge = effect.values[p.name], ROUNDING * (p.upper - p.lower)
+            if not p.lower - edge <= value <= p.upper + edge:
+                raise ValueError(f"{effect.identifier}: {p.name} must be {p.lower:g} to {p.upper:g}; got {value:g}.")
+    return effects

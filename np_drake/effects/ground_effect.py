@@ -24,6 +24,7 @@ class GroundEffect(WrenchEffect):
     effective_radius: float = 0.25  # [m]
 
     identifier = "ground_effect"
+    requires = ("height",)
     named = "ground effect"
     excited_by = "a descent to below two rotor radii"
     feels_rotor_rate = False

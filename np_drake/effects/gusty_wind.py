@@ -26,6 +26,7 @@ class GustyWind(WrenchEffect):
     seed: int = 0  # of the phases
 
     identifier = "gusty_wind"
+    requires = ("velocity",)
     named = "a gusty wind"
     phrase = "a gusty wind of {deviation} deviation"
     bench_check = "measure the wind, or fly indoors"

@@ -3,6 +3,8 @@
 A new effect is one file, and one registration: `@register` on its class, or its name in `effects/__init__.py`.
 """
 
+from collections.abc import Collection
+
 from np_drake import effects
 from np_drake.effects.base import Effect, SensorEffect, WrenchEffect
 
@@ -43,19 +45,24 @@ REQUIREMENTS = {
     "thrust": "thrust over throttle is known up to a scale that falls with the battery",
     "torque": "the log has no torque",
     "accelerations": "the log has no accelerations",
+    "height": "the log has no position",
+    "velocity": "the log has no velocity",
 }
 _MISSING = {"command": (), "rotor_speed": ("commands",), "thrust_only": ("torque",), "normalised": ("thrust",)}
 
 
-def unobservable(log_input: str, *, accelerations: bool = True, torque: bool = True) -> dict[str, str]:
+def unobservable(
+    log_input: str, *, accelerations: bool = True, torque: bool = True, lacks: Collection[str] = ()
+) -> dict[str, str]:
     """Return the effects that a kind of log cannot tell, with the reason.
 
     Args:
         log_input: as `FlightLog.input`.
         accelerations: whether the log has an accelerometer's reading.
         torque: whether a torque is known, also where the input is `normalised`.
+        lacks: as `FlightLog.lacks`.
     """
-    absent = [*_MISSING[log_input], *["torque"] * (not torque), *["accelerations"] * (not accelerations)]
+    absent = [*_MISSING[log_input], *["torque"] * (not torque), *["accelerations"] * (not accelerations), *lacks]
     return {
         identifier: REQUIREMENTS[quantity]
         for quantity in absent

@@ -24,6 +24,7 @@ class LinearDrag(WrenchEffect):
     d_z: float = 0.25  # [N·s/m]
 
     identifier = "linear_drag"
+    requires = ("velocity",)
     named = "linear drag"
     excited_by = "sprints at several speeds in both horizontal directions and vertically"
     grows_with = "speed"

@@ -22,6 +22,7 @@ class QuadraticDrag(WrenchEffect):
     c_z: float = 0.05  # [N·s²/m²]
 
     identifier = "quadratic_drag"
+    requires = ("velocity",)
     named = "quadratic drag"
     excited_by = "sprints at 1, 3 and 6 m/s: the square shows at speed"
     grows_with = "speed"

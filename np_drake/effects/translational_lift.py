@@ -20,6 +20,7 @@ class TranslationalLift(WrenchEffect):
     lift: float = 0.05  # [N·s²/m²]
 
     identifier = "translational_lift"
+    requires = ("velocity",)
     named = "translational lift"
     excited_by = "sprints at constant height, then hover"
     grows_with = "speed"

@@ -22,6 +22,7 @@ class VelocityBias(SensorEffect):
     z: float = 0.0  # [m/s]
 
     identifier = "velocity_bias"
+    requires = ("velocity",)
     named = "a velocity bias"
     drawn = (0.01, 0.5)
     excited_by = "hover in place, then long straight legs"

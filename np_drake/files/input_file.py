@@ -7,6 +7,7 @@ import dataclasses as dc
 import json
 import logging
 import os
+import stat
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -30,8 +31,9 @@ def read_bytes(path: str | Path, most: int, *, kept: bool = False) -> bytes:
         path: of the file.
         most: bytes that it may hold.
         kept: whether it is a result of an earlier run, which may be written again, and no input.
-    Raises: ValueError: if it holds more; OSError: if it cannot be read.
+    Raises: ValueError: if it holds more, or is a pipe; OSError: if it cannot be read.
     """
+    require_plain_file(path)
     with Path(path).open("rb") as file:
         content = file.read(most + 1)
     if len(content) > most:
@@ -39,6 +41,20 @@ def read_bytes(path: str | Path, most: int, *, kept: bool = False) -> bytes:
     if not kept:
         note_input(path)
     return content
+
+
+def require_plain_file(path: str | Path) -> None:
+    """Check that reading a path can end: a named pipe without a writer blocks at its opening, and a socket has no end.
+
+    Raises: ValueError: if it is one.
+    """
+    try:
+        mode = os.stat(path).st_mode
+    except OSError:
+        return  # whoever opens it says why it cannot
+    if stat.S_ISFIFO(mode) or stat.S_ISSOCK(mode):
+        kind = "named pipe" if stat.S_ISFIFO(mode) else "socket"
+        raise ValueError(f"{path}: must be a file or a folder; got a {kind}, which may never end. Save it as a file.")
 
 
 def read_json(path: str | Path) -> Any:
@@ -126,8 +142,10 @@ def guard_inputs(paths: Iterable[str | Path]) -> Iterator[None]:
 def note_input(path: str | Path) -> None:
     """Add a file that is read; without effect outside `guard_inputs` and for a file of this run's own.
 
-    Raises: FileExistsError: if it is to be written, so that a run ends here, and not after its work.
+    Raises: FileExistsError: if it is to be written, so that a run ends here, and not after its work; ValueError: if it
+        is a pipe or a socket.
     """
+    require_plain_file(path)
     guard, file = _guard.get(), _identity(path)
     if guard is None or file is None or file in guard.own:
         return

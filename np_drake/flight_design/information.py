@@ -23,10 +23,17 @@ class Outlook:
 
     entropy: expected posterior entropy over the explanations [nat].
     named: probability that only one stands afterwards, the right one [1].
+    each: (n,) the same if explanation i is the true one [1].
     """
 
     entropy: float
     named: float
+    each: tuple[float, ...]
+
+    @property
+    def worst(self) -> float:
+        """Probability that only the right one stands, whichever explanation is true, at least [1]."""
+        return min(self.each)
 
 
 @dc.dataclass(frozen=True)
@@ -123,7 +130,7 @@ class Information:
         """What is expected of the flight, over draws of explanation, parameters and noise."""
         rng = np.random.default_rng(SEED)
         root = square_root(self.gram)
-        entropy = named = 0.0
+        entropy, each = 0.0, list[float]()
         for i, p in enumerate(self.prior):
             columns = np.concatenate([self.spread(i), self.drift])
             moved = rng.standard_normal((DRAWS, len(columns))) @ self.gram[columns]
@@ -131,8 +138,8 @@ class Information:
             log_p = self.log_posterior(self.gram[i] + moved + noise)
             entropy -= p * float(np.mean(np.sum(np.exp(log_p) * log_p, axis=1)))
             others = np.delete(log_p, i, axis=1).max(axis=1, initial=-np.inf)
-            named += p * float(np.mean(log_p[:, i] - others > np.log(STANDS)))
-        return Outlook(entropy, named)
+            each.append(float(np.mean(log_p[:, i] - others > np.log(STANDS))))
+        return Outlook(float(entropy), float(self.prior @ each), tuple(each))
 
 
 def square_root(C: np.ndarray) -> np.ndarray:

@@ -4,6 +4,7 @@ import dataclasses as dc
 
 import numpy as np
 
+from np_drake.flight_log import COLUMNS as COLUMNS
 from np_drake.flight_log import FlightLog
 from np_drake.logs.errors import LogError, place
 
@@ -63,21 +64,9 @@ class Table:
             )
 
 
-COLUMNS: dict[str, tuple[str, ...]] = {  # field of FlightLog: columns of the file
-    "t": ("t",),
-    "p": ("px", "py", "pz"),
-    "q": ("qw", "qx", "qy", "qz"),
-    "v": ("vx", "vy", "vz"),
-    "w": ("wx", "wy", "wz"),
-    "a": ("ax", "ay", "az"),
-    "al": ("alx", "aly", "alz"),
-    "u": ("thrust", "tx", "ty", "tz"),
-    "rotor": ("rotor1", "rotor2", "rotor3", "rotor4"),
-    "throttles": ("throttle1", "throttle2", "throttle3", "throttle4"),
-    "throttle": ("throttle",),
-    "voltage": ("voltage",),
-}
 STATE = ("t", "p", "q", "v", "w")  # fields that every log has
+DERIVED = ("p", "v", "w")  # of these, those that an import derives from the others
+UNLOGGED = {"p": "height", "v": "velocity"}  # what a log lacks of which these were integrated
 OPTIONAL = ("a", "al", "rotor", "throttle", "voltage")
 THRUST = ("thrust",)  # of u, where torque is not logged
 FIELDS = COLUMNS | {"thrust": THRUST}
@@ -141,24 +130,13 @@ def disassemble(log: FlightLog) -> dict[str, np.ndarray]:
 
     What a reader derives again is left out: a command from rotor speed or throttle, a torque that is not known.
     """
-    out: dict[str, np.ndarray] = {}
-    for field, names in COLUMNS.items():
-        value = _value(log, field)
-        if value is None:
-            continue
-        if field == "u" and log.input == "thrust_only":
-            names, value = THRUST, value[:, 0]
-        out |= dict(zip(names, np.reshape(value, (len(log), -1)).T, strict=True))
-    return out
-
-
-def _value(log: FlightLog, field: str) -> np.ndarray | None:
-    if field == "u":
-        return None if log.input in ("rotor_speed", "normalised") else log.u
-    if field in ("throttle", "throttles"):
-        size = 1 if field == "throttle" else 4
-        return log.throttle if log.throttle is not None and log.throttle.shape[1] == size else None
-    return getattr(log, field)
+    out = log.columns()
+    left_out = {name for field, what in UNLOGGED.items() if what in log.lacks for name in COLUMNS[field]}
+    if log.input in ("rotor_speed", "normalised"):
+        left_out |= {*COLUMNS["u"]}
+    if log.input == "thrust_only":
+        left_out |= {*COLUMNS["u"]} - {*THRUST}
+    return {name: values for name, values in out.items() if name not in left_out}
 
 
 def _shorten(names: list[str]) -> str:

@@ -9,7 +9,7 @@ from np_drake.logs.formats.format import Progress, first_bytes, no_progress
 from np_drake.logs.import_sheet import Sheet
 from np_drake.logs.importing.import_log import import_log
 from np_drake.logs.importing.log_map import LogMap, MapFile
-from np_drake.logs.rotor_order import in_order_of
+from np_drake.logs.rotor_order import in_vehicle_order
 from np_drake.logs.throttle_input import with_throttle_input
 from np_drake.rotor_input import with_rotor_input
 from np_drake.vehicle import Vehicle
@@ -54,7 +54,6 @@ def _with_input(log: FlightLog, vehicle: Vehicle | None) -> FlightLog:
     """Return the log with thrust and torque from rotor speed or throttle, where these are its input or asked for."""
     if vehicle is None:
         return log
-    log = in_order_of(log, vehicle)
     if log.rotor is not None and "rotor_speed" in (log.input, vehicle.input):
-        return with_rotor_input(log, vehicle)
-    return with_throttle_input(log, vehicle) if log.input == "normalised" else log
+        return with_rotor_input(in_vehicle_order(log, vehicle), vehicle)
+    return with_throttle_input(in_vehicle_order(log, vehicle), vehicle) if log.input == "normalised" else log

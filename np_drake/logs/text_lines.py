@@ -1,5 +1,6 @@
 """Limits of a table: lines of a text file of any size, plain or gzip, and columns of numbers that grow."""
 
+import codecs
 import gzip
 import io
 import zlib
@@ -25,13 +26,41 @@ BAD_GZIP = (gzip.BadGzipFile, EOFError, zlib.error)  # what a damaged file raise
 Lines = Generator[str, None, None]
 
 
-def read_lines(path: str | Path, progress: Progress = no_progress, errors: str = "strict") -> Lines:
-    """Yield the lines of a UTF-8 file with their ends, gzip-compressed where the name ends in .gz.
+def start_of_text(start: bytes) -> bytes:
+    """Return the first bytes of a text from those of its file, which may be compressed; none if they are no gzip."""
+    if start[:2] != b"\x1f\x8b":
+        return start
+    try:
+        return zlib.decompressobj(wbits=31).decompress(start, 1 << 16)
+    except BAD_GZIP:
+        return b""
+
+
+def encoding_of(start: bytes) -> str:
+    """Return the encoding of a text by its first bytes: UTF-8, UTF-16 with its mark, or else Windows-1252.
+
+    Args:
+        start: of the text, as of `start_of_text`.
+    """
+    if start[:2] in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE):
+        return "utf-16"
+    try:
+        codecs.getincrementaldecoder("utf-8")().decode(start)  # which lets the last character be cut
+    except UnicodeDecodeError:
+        return "cp1252"
+    return "utf-8-sig"
+
+
+def read_lines(
+    path: str | Path, progress: Progress = no_progress, errors: str = "strict", encoding: str = "utf-8-sig"
+) -> Lines:
+    """Yield the lines of a text with their ends, gzip-compressed where the name ends in .gz.
 
     Args:
         path: of the file.
         progress: called with the share that is read [1].
-        errors: what to do with bytes that are no UTF-8, as in `open`.
+        errors: what to do with bytes that are no such text, as in `open`.
+        encoding: as in `open`.
     Raises: LogError: if the file is no such text or beyond the limits; OSError: if it cannot be opened.
     """
     size, most = max(Path(path).stat().st_size, 1), text_budget(path)
@@ -39,11 +68,11 @@ def read_lines(path: str | Path, progress: Progress = no_progress, errors: str =
     with Path(path).open("rb") as raw:
         try:
             binary: Any = gzip.GzipFile(fileobj=raw) if str(path).lower().endswith(".gz") else raw
-            with io.TextIOWrapper(binary, encoding="utf-8-sig", errors=errors) as text:
+            with io.TextIOWrapper(binary, encoding=encoding, errors=errors) as text:
                 yield from _lines(path, text, most, lambda: progress(min(raw.tell() / size, 1.0)))
         except BAD_GZIP as error:
             raise LogError(f"{path}: must be a whole gzip file; {error}. Copy it again.") from error
-        except UnicodeDecodeError as error:
+        except UnicodeError as error:
             raise LogError(f"{path}: must be a UTF-8 text file with comma-separated columns.") from error
 
 

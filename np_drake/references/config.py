@@ -7,10 +7,9 @@ import numpy as np
 from np_drake.references.base import Hover, Reference, Sum
 from np_drake.references.harmonic import Multisine, circle, lemniscate, vertical_lemniscate
 from np_drake.references.points import square
-from np_drake.references.track_file import is_track_file, read_track
-from np_drake.references.trajectory import Trajectory
-from np_drake.references.waypoints import Waypoints
+from np_drake.references.track_file import CORNERS, ROUND, FileTrack, is_track_file, read_track
 
+FOLLOWED = ("vehicle", "payload")
 TRACKS = ("circle", "lemniscate", "hover", "steps", "vertical")
 
 
@@ -25,8 +24,11 @@ class ReferenceConfig:
     rise: float = 0.5  # half height of the vertical lemniscate along z [m]
     height: float = 1.6  # [m]
     speed: float = 1.5  # mean speed after the ramp; of the steps: of a move [m/s]
-    rest: float = 2.0  # of the steps, at every corner [s]
+    rest: float = 2.0  # of the steps, and of corners `stop`: at every one [s]
     ramp: float = 5.0  # from rest to full speed; of the steps: rest before the first move [s]
+    corners: str = "round"  # of a file's waypoints: round | stop (at rest at each) | snap (the least)
+    follow: str = "vehicle"  # whose position the track is: vehicle | payload (of the reality)
+    within: float = 0.1  # distance from waypoints and their straight legs beyond which a flight warns [m]
     dither: list[float] = dc.field(default_factory=lambda: [0.0, 0.0, 0.0])  # RMS multisine per axis [m]
     dither_frequencies: list[float] = dc.field(  # tones of x; those of y and z lie between them [Hz]
         default_factory=lambda: [0.23, 0.41, 0.67, 0.97]
@@ -59,8 +61,18 @@ class ReferenceConfig:
             raise ValueError(
                 f"ReferenceConfig: dither_frequencies must be positive and finite [Hz]; got {self.dither_frequencies}."
             )
+        for name, known in (("corners", CORNERS), ("follow", FOLLOWED)):
+            if getattr(self, name) not in known:
+                got = getattr(self, name)
+                raise ValueError(f"ReferenceConfig: {name} must be one of {', '.join(known)}; got {got!r}.")
+        if not 0 < self.within < np.inf:
+            raise ValueError(f"ReferenceConfig: within must be positive and finite [m]; got {self.within}.")
         if self.is_file:
             self._file()
+        elif self.corners != ROUND:
+            raise ValueError(
+                f"ReferenceConfig: corners is for the waypoints of a CSV file; got {self.corners} and {self.track}."
+            )
         return self
 
     @property
@@ -79,8 +91,14 @@ class ReferenceConfig:
         end = self._file().end if self.is_file else np.inf
         return end - self.lead if end < np.inf else None
 
-    def _file(self) -> Waypoints | Trajectory:
-        return read_track(self.track, speed=self.speed, ramp=self.ramp)
+    @property
+    def waypoints(self) -> np.ndarray | None:
+        """Points that the track is to pass, (k, 3) [m]; None for a track that is none of points."""
+        track = _track(self)
+        return getattr(track, "points", getattr(track, "corners", None))
+
+    def _file(self) -> FileTrack:
+        return read_track(self.track, speed=self.speed, ramp=self.ramp, corners=self.corners, rest=self.rest)
 
 
 def make_reference(config: ReferenceConfig) -> Reference:
@@ -98,7 +116,7 @@ def make_reference(config: ReferenceConfig) -> Reference:
 def _track(config: ReferenceConfig) -> Reference:
     """Return the track without dither."""
     if config.is_file:
-        return read_track(config.track, speed=config.speed, ramp=config.ramp)
+        return config._file()
     common = {"height": config.height, "speed": config.speed, "ramp": config.ramp}
     if config.track == "circle":
         return circle(radius=config.radius, **common)

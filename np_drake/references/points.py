@@ -7,6 +7,8 @@ from scipy.interpolate import make_interp_spline
 
 from np_drake.references.ramp import rest_to_rest
 
+PEAK = 7.5132  # largest acceleration of a move of 1 m in 1 s, by the polynomial of `rest_to_rest` [m/s²]
+
 
 class Spline:
     """Spline of degree 7 through points, at rest at both ends and beyond them.
@@ -55,27 +57,40 @@ class Stops:
 
 
 class Steps:
-    """Closed round of straight moves between `corners` (k, 3) [m]; it rests at the first until `start`.
+    """Straight moves between `corners` (k, 3) [m] with a rest at each: round after round, or from first to last.
 
     A move is the lowest polynomial with three vanishing derivatives at both ends, so that thrust and body rates have
     no jump. A true step has none of the derivatives that the feed-forward needs, and most of its error is the distance
     that any vehicle has to fly, whatever its controller knows of the wrench.
 
     Args:
-        speed: mean of a move [m/s].   rest: at every corner after a move [s].   start: of the first move [s].
+        speed: mean of a move [m/s].
+        rest: at every corner after a move [s].
+        start: of the first move, before which it rests at the first corner [s].
+        closed: whether a move leads from the last corner to the first, and all begins anew.
+        most: largest acceleration of a move, for which a short one is slower than `speed` [m/s²].
     """
 
-    def __init__(self, corners: np.ndarray, *, speed: float, rest: float, start: float):
+    def __init__(
+        self, corners: np.ndarray, *, speed: float, rest: float, start: float, closed: bool = True, most: float = np.inf
+    ):
         self.corners = np.array(corners, float)
-        self._way = np.roll(self.corners, -1, axis=0) - self.corners
-        self.durations = np.linalg.norm(self._way, axis=1) / speed
+        ends = np.concatenate([self.corners[1:], self.corners[:1]]) if closed else self.corners[1:]
+        self._way = ends - self.corners[: len(ends)]
+        lengths = np.linalg.norm(self._way, axis=1)
+        self.durations = np.maximum(lengths / speed, np.sqrt(PEAK * lengths / most))
         self._begin = np.concatenate([[0.0], np.cumsum(self.durations + rest)])
-        self.start, self.rate = start, 2 * np.pi / self._begin[-1]
+        self.start, self.closed = start, closed
+        self.lead = start
+        self.end = np.inf if closed else start + self._begin[-1]
+        if closed:
+            self.rate = 2 * np.pi / self._begin[-1]
 
     def sample(self, t: np.ndarray) -> np.ndarray:
         """Return p and its four derivatives in W, (5, n, 3), at times t (n,) [s]."""
-        elapsed = np.maximum(np.asarray(t, float) - self.start, 0.0) % self._begin[-1]
-        at = np.searchsorted(self._begin, elapsed, side="right") - 1
+        elapsed = np.maximum(np.asarray(t, float) - self.start, 0.0)
+        elapsed = elapsed % self._begin[-1] if self.closed else np.minimum(elapsed, self._begin[-1])
+        at = np.minimum(np.searchsorted(self._begin, elapsed, side="right") - 1, len(self._way) - 1)
         duration, since = self.durations[at], elapsed - self._begin[at]
         flat = rest_to_rest(since / duration, duration)[:, :, None] * self._way[at]
         flat[1:, (since == 0.0) | (since >= duration)] = 0.0

@@ -9,10 +9,13 @@ from np_drake.logs.columns import Table
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.csv_file import read_csv, write_csv
 from np_drake.references.base import Reference
+from np_drake.references.corners import MinimumSnap, Stops
 from np_drake.references.trajectory import LEAST_ROWS, Trajectory
 from np_drake.references.waypoints import Waypoints
 from np_drake.vehicle import Vehicle
 
+FileTrack = Waypoints | MinimumSnap | Stops | Trajectory
+ROUND, STOP, SNAP = CORNERS = ("round", "stop", "snap")  # of waypoints: rounded off, with a stop, of the least snap
 SUFFIXES = (".csv", ".csv.gz")
 TIME = "t"
 POSITION, VELOCITY, ACCELERATION = ("x", "y", "z"), ("vx", "vy", "vz"), ("ax", "ay", "az")
@@ -30,32 +33,49 @@ def is_track_file(track: str) -> bool:
     return track.lower().endswith(SUFFIXES)
 
 
-def read_track(path: str | Path, *, speed: float, ramp: float) -> Waypoints | Trajectory:
+def read_track(path: str | Path, *, speed: float, ramp: float, corners: str = ROUND, rest: float = 0.0) -> FileTrack:
     """Return the motion along the waypoints or the trajectory of a CSV file.
 
     Args:
         path: of the file.
         speed: along waypoints [m/s].
         ramp: from rest; see `Waypoints` and `Trajectory` [s].
+        corners: of waypoints, one of `CORNERS`.
+        rest: at every waypoint, of corners `stop` [s].
     Raises: LogError: one line with file, column and line, where the file is no such track.
     """
     try:
         status = Path(path).stat()
-        return _read_track(str(path), speed, ramp, (status.st_mtime_ns, status.st_size))
+        return _read_track(str(path), speed, ramp, corners, rest, (status.st_mtime_ns, status.st_size))
     except OSError as error:
         raise LogError(f"{path}: must be a CSV file of a track ({error.strerror}). Name one.") from error
 
 
 @lru_cache(maxsize=8)
-def _read_track(path: str, speed: float, ramp: float, version: tuple[int, int]) -> Waypoints | Trajectory:
+def _read_track(path: str, speed: float, ramp: float, corners: str, rest: float, version: tuple[int, int]) -> FileTrack:
     """Return the track of a file, which is read once a `version`, its time and size."""
     table = read_csv(path)
     _check_columns(table)
     _check_cells(table)
-    dut = _trajectory(table, ramp) if TIME in table.columns else _waypoints(table, speed, ramp)
-    if not ramp > 0 and not (isinstance(dut, Trajectory) and dut.starts_at_rest):
+    if TIME in table.columns:
+        if corners != ROUND:
+            raise table.error(
+                f"is a trajectory with times of its own; corners {corners} is for waypoints. Leave it out."
+            )
+        trajectory = _trajectory(table, ramp)
+        _require_rest(path, ramp, rests=trajectory.starts_at_rest)
+        return trajectory
+    points = _waypoints(table)
+    _require_rest(path, ramp, rests=corners == STOP)
+    if corners == STOP:
+        return Stops(points, speed=speed, rest=rest)
+    return (MinimumSnap if corners == SNAP else Waypoints)(points, speed=speed, ramp=ramp)
+
+
+def _require_rest(path: str, ramp: float, *, rests: bool) -> None:
+    """Check that a motion which does not start at rest has a ramp."""
+    if not ramp > 0 and not rests:
         raise LogError(f"{path}: does not start at rest and needs a ramp; got ramp {ramp:g} s. Name a positive one.")
-    return dut
 
 
 def _check_columns(table: Table) -> None:
@@ -97,7 +117,8 @@ def _require(table: Table, column: str, bad: np.ndarray, what: str) -> None:
         raise table.error(what.format(table.columns[column][row]) + ".", column=column, row=row)
 
 
-def _waypoints(table: Table, speed: float, ramp: float) -> Waypoints:
+def _waypoints(table: Table) -> np.ndarray:
+    """Return the checked waypoints (k, 3) of a table [m]."""
     p = table.array(POSITION)
     if len(p) < 2:
         raise table.error(f"must hold at least 2 waypoints; got {len(p)}.")
@@ -105,7 +126,7 @@ def _waypoints(table: Table, speed: float, ramp: float) -> Waypoints:
     _require(table, "x", near, "must be another waypoint than that before. Leave the row out")
     if len(p) == 3 and np.linalg.norm(p[0] - p[-1]) < NEAREST:
         raise table.error("must hold at least 3 waypoints besides the last, which closes the track; got 2.")
-    return Waypoints(p, speed=speed, ramp=ramp)
+    return p
 
 
 def _trajectory(table: Table, ramp: float) -> Trajectory:

@@ -23,7 +23,7 @@ class Waypoints:
 
     def __init__(self, points: np.ndarray, *, speed: float, ramp: float):
         self.points = np.array(points, float)
-        self.closed = bool(np.allclose(points[0], points[-1], rtol=0.0, atol=1e-9))
+        self.closed = is_closed(self.points)
         self._spline, self._length = _through(self.points, self.closed)
         self._speed = speed / self._stretch()
         self.lap = self._length / self._speed
@@ -49,17 +49,27 @@ class Waypoints:
         return float(np.linalg.norm(np.diff(self._spline(at), axis=0), axis=1).sum() / self._length)
 
 
+def is_closed(points: np.ndarray) -> bool:
+    """Return whether the last of points (k, 3) [m] is the first."""
+    return bool(np.allclose(points[0], points[-1], rtol=0.0, atol=1e-9))
+
+
 def _through(points: np.ndarray, closed: bool) -> tuple[BSpline, float]:
     """Return the spline through points, and the end of its parameter, which starts at 0."""
-    if len(points) == 2:  # a straight line, which two points alone do not make of a spline
-        points = np.stack([points[0], points.mean(axis=0), points[1]])
-    points = _graded(points, closed)
+    points = graded(points, closed)
     gaps = np.linalg.norm(np.diff(points, axis=0), axis=1)
     return _fit(points, gaps, closed), float(np.sum(gaps))
 
 
-def _graded(points: np.ndarray, closed: bool) -> np.ndarray:
-    """Return the points, and more on their legs, so that neighbouring gaps are of similar length."""
+def graded(points: np.ndarray, closed: bool) -> np.ndarray:
+    """Return the points, and more on their legs, so that neighbouring gaps are of similar length.
+
+    Args:
+        points: (k, 3) [m].
+        closed: whether the last is the first.
+    """
+    if len(points) == 2:  # a straight line, which two points alone do not make of a spline
+        points = np.stack([points[0], points.mean(axis=0), points[1]])
     while True:
         gaps = np.linalg.norm(np.diff(points, axis=0), axis=1)
         before, after = np.roll(gaps, 1), np.roll(gaps, -1)
@@ -76,8 +86,19 @@ def _fit(points: np.ndarray, gaps: np.ndarray, closed: bool) -> BSpline:
     if not closed:
         free = [(3, np.zeros(3)), (4, np.zeros(3))]  # natural ends
         return make_interp_spline(np.concatenate([[0.0], np.cumsum(gaps)]), points, k=DEGREE, bc_type=(free, free))
-    laps = -(-2 * DEGREE // len(gaps))  # of points, so that there are enough for a periodic spline
+    return periodic(points, gaps, DEGREE)
+
+
+def periodic(points: np.ndarray, gaps: np.ndarray, degree: int) -> BSpline:
+    """Return the periodic spline through points.
+
+    Args:
+        points: (k+1, 3), the last of which is the first [m].
+        gaps: (k,) of its parameter between them.
+        degree: of the spline.
+    """
+    laps = -(-2 * degree // len(gaps))  # of points, so that there are enough for a periodic spline
     rows = np.concatenate([np.tile(points[:-1], (laps, 1)), points[:1]])
     return make_interp_spline(
-        np.concatenate([[0.0], np.cumsum(np.tile(gaps, laps))]), rows, k=DEGREE, bc_type="periodic"
+        np.concatenate([[0.0], np.cumsum(np.tile(gaps, laps))]), rows, k=degree, bc_type="periodic"
     )

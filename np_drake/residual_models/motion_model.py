@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 
 from np_drake import rigid_body
-from np_drake.lifting.model.model_file import read_model, summary_in, write_model
+from np_drake.lifting.model.model_file import read_model, write_model
+from np_drake.lifting.model.model_header import STEPS, number_in, summary_in
 from np_drake.residual_model import Memory, Sample, WrenchForecast, constant_forecast
 from np_drake.residual_models.gaussian_process import GaussianProcess
 from np_drake.residual_models.wrench_network import WrenchNetwork
@@ -79,7 +80,7 @@ class MotionModel:
     @classmethod
     def _build(cls, tensors: dict[str, np.ndarray], header: dict[str, Any]) -> "MotionModel":
         reaction = REACTIONS[header["name"]].from_tensors(tensors)
-        return cls(header["name"], reaction, float(header["step"]), summary_in(header))
+        return cls(header["name"], reaction, number_in(header, "step", *STEPS), summary_in(header))
 
 
 @dc.dataclass

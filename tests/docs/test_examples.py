@@ -13,7 +13,7 @@ GUIDE = SCRIPTS[0].parents[1] / "guide"
 PRINTS = {  # script: what stands in its last lines
     "add_an_effect": "('ground_spring',)",
     "custom_diagram": "E_xy",
-    "own_controller": "1.498",
+    "own_controller": ", 0.3",
     "diagnose_a_log": "suspended_payload",
     "fly_a_scenario": "np",
     "learn_a_correction": "cascade + correction",

@@ -1,6 +1,9 @@
 """Laws of the compilation of inner loops."""
 
+import errno
+import importlib.util
 import logging
+import pickle
 import sys
 from types import SimpleNamespace
 
@@ -11,13 +14,70 @@ from np_drake import compiled
 
 
 def test_it_is_compiled_where_no_folder_takes_what_was_compiled(monkeypatch):
-    def read_only(**how):
-        if how.get("cache"):
-            raise RuntimeError("cannot cache function: no locator available")
-        return njit(**how)
+    def read_only(function):
+        raise RuntimeError("cannot cache function: no locator available")
 
-    monkeypatch.setattr(compiled, "njit", read_only)
+    monkeypatch.setattr(compiled, "Cache", read_only)
     assert compiled.compiled(lambda x: 2 * x)(21) == 42
+
+
+SOURCE = "def doubled(x):\n    return 2 * x\n"
+
+
+@pytest.fixture
+def doubled(tmp_path):
+    """Return a function that compiles `doubled` of a file as a new process would: (value, answers from the cache)."""
+    path = tmp_path / "doubling.py"
+    path.write_text(SOURCE)
+
+    def run():
+        spec = importlib.util.spec_from_file_location("doubling", path)
+        module = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(module)
+        dut = compiled.compiled(module.doubled)
+        return dut(21), sum(dut.stats.cache_hits.values())
+
+    run()
+    return run
+
+
+def flipped(path):
+    data = bytearray(path.read_bytes())
+    data[len(data) // 2] ^= 0xFF
+    path.write_bytes(data)
+
+
+DAMAGE = {
+    "empty": lambda path: path.write_bytes(b""),
+    "cut off": lambda path: path.write_bytes(path.read_bytes()[:-7]),
+    "garbage": lambda path: path.write_bytes(b"\x80garbage" * 40),
+    "one byte": flipped,
+    "another object": lambda path: path.write_bytes(pickle.dumps("0.0") + pickle.dumps(3)),
+    "a folder": lambda path: (path.unlink(), path.mkdir()),
+    "zeros": lambda path: path.write_bytes(bytes(path.stat().st_size)),
+}
+
+
+@pytest.mark.parametrize("files", ["*.nbi", "*.nbc", "*.nb?"])
+@pytest.mark.parametrize("damage", DAMAGE.values(), ids=DAMAGE)
+def test_damaged_machine_code_is_thrown_away_and_compiled_again(tmp_path, doubled, damage, files):
+    assert doubled() == (42, 1)
+    for path in list(tmp_path.rglob(files)):
+        damage(path)
+    assert doubled()[0] == 42
+    assert doubled()[0] == 42
+    if not any(path.is_dir() for path in tmp_path.rglob("*.nb?")):
+        assert doubled() == (42, 1)
+
+
+def test_a_full_disk_under_the_cache_costs_only_the_cache(monkeypatch, doubled, tmp_path):
+    def full(self, filepath):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    for path in tmp_path.rglob("*.nb?"):
+        path.unlink()
+    monkeypatch.setattr(compiled._CheckedFile, "_open_for_write", full)
+    assert doubled() == (42, 0)
 
 
 @pytest.mark.parametrize(

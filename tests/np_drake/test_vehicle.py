@@ -106,7 +106,29 @@ def test_a_file_that_states_no_uncertainty_has_none_and_writes_none(tmp_path):
 
 def test_a_vehicle_that_just_hovers_and_the_largest_there_are_stay():
     Vehicle(max_rotor_thrust=2.0 * 9.81 / 4).check()
-    Vehicle(rotor_time_constant=1.0, rotor_positions=[[3, 3, 0], [3, -3, 0], [-3, -3, 0], [-3, 3, 0]]).check()
+    large = [[3.0, 3.0, 0.0], [3.0, -3.0, 0.0], [-3.0, -3.0, 0.0], [-3.0, 3.0, 0.0]]
+    inertia = [[10.0, 0.0, 0.0], [0.0, 10.0, 0.0], [0.0, 0.0, 19.0]]
+    Vehicle(rotor_time_constant=1.0, rotor_positions=large, inertia=inertia).check()
+
+
+UNITS = [
+    ({"inertia": [[2e7, 0, 0], [0, 2e7, 0], [0, 0, 3.5e7]]}, "1 g·mm² is 1e-9"),
+    ({"inertia": [[200.0, 0, 0], [0, 200.0, 0], [0, 0, 350.0]]}, "comparable with mass times squared arm, 0.065"),
+    ({"inertia": [[2e-5, 0, 0], [0, 2e-5, 0], [0, 0, 3.5e-5]]}, "comparable with mass times squared arm, 0.065"),
+    ({"thrust_coefficient": 1e-5 / 91.2, "torque_coefficient": 1.6e-7 / 91.2}, "below the speed of sound; got tips at"),
+    ({"thrust_coefficient": 10.0, "torque_coefficient": 0.16}, "tips faster than its air, 12.5 m/s; got 0.11 m/s"),
+    ({"rotor_radius": 100.0}, "below the speed of sound"),
+    ({"max_rotor_thrust": 1220.0}, "at most 50 times the weight of 19.6 N; got 1220 N each"),
+    ({"torque_coefficient": 1.6e-7 * 91.2}, "torque_coefficient over thrust_coefficient must be 0.0028 to 0.2 m"),
+    ({"torque_coefficient": 1.6e-7 / 91.2}, "got 0.000175 m"),
+]
+
+
+@pytest.mark.parametrize("values, reason", UNITS, ids=[reason[:30] for _, reason in UNITS])
+def test_a_figure_in_another_unit_is_refused_by_physics(values, reason):
+    with pytest.raises(ValueError, match="Vehicle: ") as caught:
+        dc.replace(Vehicle(), **values).check()
+    assert reason in str(caught.value)
 
 
 def test_thrust_torque_is_another_name_of_command():

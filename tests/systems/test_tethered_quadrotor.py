@@ -208,3 +208,26 @@ def test_effects_add_up_in_the_equation_of_motion():
 def test_impossible_payload_is_refused(bad):
     with pytest.raises(ValueError, match="PayloadConfig"):
         make_tethered_quadrotor(VEHICLE, PayloadConfig(**bad))
+
+
+def test_a_payload_that_is_hung_on_in_flight_moves_with_the_turning_hook():
+    payload = PayloadConfig(hook=[0.05, -0.04, -0.1])
+    simulator, _, plant, plant_context = simulator_of(payload, u=[WEIGHT, 0.05, 0.08, 0.01], hangs_at=0.25)
+
+    def hook():
+        X_WB = plant.EvalBodyPoseInWorld(plant_context, plant.GetBodyByName("quadrotor"))
+        return X_WB.translation() + X_WB.rotation() @ payload.hook
+
+    simulator.AdvanceTo(0.249)
+    before = hook()
+    simulator.AdvanceTo(0.25)
+    at_once, moved = hook(), payload_position(plant, plant_context)
+    simulator.AdvanceTo(0.2501)  # the event of an instant happens in the next step
+    velocity = plant.EvalBodySpatialVelocityInWorld(plant_context, plant.GetBodyByName("payload")).translational()
+    expected = (hook() - before) / 1.1e-3
+    w = evaluate(simulator, "x")[10:13]
+    assert np.linalg.norm(np.cross(w, payload.hook)) > 0.05
+    np.testing.assert_allclose(velocity, expected, atol=0.02)  # [m/s]
+    below = payload_position(plant, plant_context) - at_once
+    np.testing.assert_allclose(below, [0.0, 0.0, -payload.length], atol=1e-3)
+    assert np.linalg.norm(moved - at_once) > 0

@@ -40,7 +40,7 @@ def write_replay(flight: FlightResult, path: str | Path) -> None:
     add_quadrotor(meshcat, vehicle)
     if len(rows) > 1:
         add_trail(meshcat, "trail", x[rows, :3], 0.06 * size, GREEN)
-    meshcat.SetLine("reference", s["p_ref"][flight.scored].T, 2.0, BLUE)
+    meshcat.SetLine("reference", flight.wanted[flight.scored].T, 2.0, BLUE)
     add_arrow(meshcat, "thrust", 0.04 * size, DARK)
     add_arrow(meshcat, "force", 0.07 * size, PINK)
     thrust, force, factor = _arrows(flight)
@@ -78,8 +78,8 @@ def write_replay(flight: FlightResult, path: str | Path) -> None:
 
 
 def position_error(flight: FlightResult) -> np.ndarray:
-    """Return the distance from the reference of each row (n,) [m]."""
-    return np.linalg.norm(flight.signals["x_true"][:, :3] - flight.signals["p_ref"], axis=1)
+    """Return the distance of vehicle or payload from the track of each row (n,) [m]."""
+    return np.linalg.norm(flight.followed - flight.wanted, axis=1)
 
 
 def _arrows(flight: FlightResult) -> tuple[np.ndarray, np.ndarray, float]:

@@ -89,7 +89,8 @@ def write_page(meshcat: Meshcat, page: Page, path: str | Path) -> None:
     head, rest = meshcat.StaticHtml().split("<title>Drake MeshCat</title>", 1)
     body, end = rest.rsplit("</body>", 1)
     policy = f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">'
-    title = f"{policy}<title>{html.escape(page.title)}</title>"
+    screen = '<meta name="viewport" content="width=device-width, initial-scale=1">'
+    title = f"{screen}{policy}<title>{html.escape(page.title)}</title>"
     write_text(path, f"{head}{title}{body}{page.over()}</body>{end}")
 
 

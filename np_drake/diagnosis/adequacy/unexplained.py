@@ -15,6 +15,7 @@ from np_drake.diagnosis.residuals import FORCE, TORQUE, WRENCH, FlightResiduals
 from np_drake.diagnosis.result import CHANNELS, Finding
 from np_drake.diagnosis.selection import Ranking
 from np_drake.diagnosis.wind import gust_probability
+from np_drake.files.number_text import measure
 
 # Slope of a probability's logit in the logarithm of a ratio: no verdict depends on it; own choice.
 STEEPNESS = 6.0
@@ -94,7 +95,7 @@ def burst_test(flights: Sequence[FlightResiduals], residual: dict[str, np.ndarra
     """
     burst, limit = strongest_burst(flights, residual), options.thresholds.burst_ratio
     axis, figures = CHANNELS[burst.axis], {"time": burst.time, "force": burst.size}
-    text = f"a {axis} that comes now and then, as in {burst.flight} at {burst.time:.1f} s, {burst.size:.2g} N"
+    text = f"a {axis} that comes now and then, as in {burst.flight} at {burst.time:.1f} s, {measure(burst.size, 'N')}"
     large = burst.size > least_structure(flights, options.materiality)[0]
     probability = _above(burst.prominence, limit) if large else 0.0
     return probability, Finding("burst", text, burst.prominence, figures)

@@ -1,5 +1,6 @@
 """Causes: the effects of the best model that are probable and material, and the findings below that threshold."""
 
+import dataclasses as dc
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -15,7 +16,10 @@ from np_drake.diagnosis.result import Cause, Estimate, Finding
 from np_drake.diagnosis.selection import Ranking, names_of, names_of_fit
 from np_drake.effects.posterior import Posterior
 from np_drake.effects.suspended_payload import SuspendedPayload
+from np_drake.files.number_text import measure, percent
 from np_drake.vehicle import Vehicle
+
+LAST = 1.0  # of a flight, in which an onset is none [s]; own choice
 
 
 def causes_of(
@@ -77,10 +81,34 @@ def _estimates(fit: Fit, i: int, vehicle: Vehicle, priors: Priors) -> dict[str, 
 def _below_threshold(cause: Cause, assessed: TermAssessment) -> Finding:
     """Return the finding of an effect that is no cause, with the reason."""
     size = assessed.size
-    values = ", ".join(f"{n} {e.value:.3g} {e.unit}" for n, e in cause.parameters.items())
-    text = f"{values}: {assessed.reason} ({100 * size.force:.2g} % of weight, {100 * size.torque:.2g} % of torque)"
+    values = ", ".join(f"{n} {measure(e.value, _unit(cause, e), 3)}" for n, e in cause.parameters.items())
+    text = f"{values}: {assessed.reason} ({percent(size.force)} of weight, {percent(size.torque)} of torque)"
     figures = {"force": size.force, "torque": size.torque, "probability": assessed.probability}
     return Finding(cause.identifier, text, size.gap, figures)
+
+
+def _unit(cause: Cause, estimate: Estimate) -> str:
+    shares = cause.effect is not None and cause.effect.shares
+    return "share" if shares and estimate.unit == "1" else estimate.unit
+
+
+def without_late_onsets(causes: Sequence[Cause], ends: Mapping[str, float]) -> tuple[list[Cause], list[Finding]]:
+    """Return the causes, absent from flights of which they would begin in the last second, which is too little to tell.
+
+    What then acts in no flight is a finding, and no cause.
+
+    Args:
+        causes: of a model.
+        ends: by flight, its end [s].
+    """
+
+    def told(flight: str, time: float | None) -> float | None:
+        return np.inf if time is not None and time > ends.get(flight, np.inf) - LAST else time
+
+    settled = [dc.replace(c, onset={name: told(name, t) for name, t in c.onset.items()}) for c in causes]
+    never = [c for c in settled if c.onset and all(t == np.inf for t in c.onset.values())]
+    late = [Finding(c.identifier, "it would begin in the last second of a flight alone", c.share) for c in never]
+    return [c for c in settled if c not in never], late
 
 
 def without_missing_drag(causes: list[Cause], minor: list[Finding]) -> tuple[list[Cause], list[Finding]]:

@@ -14,6 +14,7 @@ from np_drake.diagnosis.residuals import FlightResiduals, make_flight_residuals
 from np_drake.diagnosis.result import CHANNELS, Cause, Finding
 from np_drake.diagnosis.selection import find_map_model
 from np_drake.effects.gusty_wind import GustyWind
+from np_drake.files.number_text import number
 
 NAME = "first half of {}"
 LEAST_HALF = 4.0  # duration of either half of a flight, below which it stays whole [s]; own choice
@@ -33,7 +34,7 @@ def novelty(first: Inference) -> tuple[Finding, ...]:
     channel = int(np.argmax(ratio))
     if ratio[channel] <= first.options.thresholds.misfit_ratio:
         return ()
-    text = f"{CHANNELS[channel]} is {ratio[channel]:.2g} times what the training flights leave"
+    text = f"{CHANNELS[channel]} is {number(float(ratio[channel]), 2)} times what the training flights leave"
     return (Finding("misfit", text, float(ratio[channel]), {}),)
 
 

@@ -16,6 +16,7 @@ from np_drake.diagnosis.options import Materiality, Options, Size, Tolerance
 from np_drake.diagnosis.regressors import DRAG
 from np_drake.diagnosis.residuals import FORCE, TORQUE, WRENCH, FlightResiduals
 from np_drake.diagnosis.selection import Ranking
+from np_drake.files.number_text import probability
 
 DRAWS = 400  # of the posterior
 SEED = 1
@@ -45,7 +46,7 @@ class TermAssessment:
         """Why it is below the threshold of a cause."""
         if self.stands_for:
             return self.stands_for
-        return "immaterial" if self.material < self.in_model else f"not sure, {self.in_model:.2g}"
+        return "immaterial" if self.material < self.in_model else f"not sure, {probability(self.in_model)}"
 
 
 def assess_term(

@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from np_drake.diagnosis.doctor.flight_facts import contradictions, flight_facts
+from np_drake.diagnosis.doctor.doubts import as_lines, doubts, law_doubts
+from np_drake.diagnosis.doctor.flight_facts import flight_facts
 from np_drake.diagnosis.doctor.log_report import NEVER, NO, YES, Answer, FlightFacts, LogReport
 from np_drake.diagnosis.doctor.smallest_sizes import Information, Smallest, smallest_gust, smallest_sizes
 from np_drake.diagnosis.doctor.swing_test import swing_test
@@ -32,6 +33,8 @@ INSTEAD = {  # words of a reason of `unobservable`: what to log instead
     "up to a scale": "log rotor speed, with a thrust coefficient from a stand",
     "no torque": "log the torque command, rotor speed, or every motor's throttle",
     "no accelerations": "log the accelerometer",
+    "no position": "log the position",
+    "no velocity": "log velocity or position",
 }
 
 
@@ -57,7 +60,9 @@ def examine(
     facts = tuple(
         dc.replace(flight_facts(log, vehicle), imported=dict((sheets or {}).get(log.name, {}))) for log in logs
     )
-    wrong = [line for f in facts for line in _faults(f)]
+    own = [doubt for log in logs for doubt in law_doubts(log)]
+    wrong = [line for f in facts for line in _no_flight(f)]
+    wrong += as_lines(doubt for doubt in own if doubt.fails)
     problems = wrong + [line for f in facts for line in _limits(f)]
     long_enough = [log for log in logs if log.t[-1] - log.t[0] >= LEAST_DURATION]
     if not long_enough:
@@ -65,6 +70,7 @@ def examine(
     if vehicle is None or not long_enough or wrong:
         if vehicle is None:
             problems.append("no vehicle file: effects are not judged (np-drake doctor --vehicle FILE)")
+        problems += as_lines(doubt for doubt in own if not doubt.fails)
         return LogReport(facts, bool(long_enough) and not wrong, tuple(problems))
     return _with_answers(LogReport(facts, True, tuple(problems), vehicle.name), long_enough, vehicle, tell)
 
@@ -75,6 +81,7 @@ def _with_answers(report: LogReport, logs: Sequence[FlightLog], vehicle: Vehicle
     logs = [_head(log) for log in logs]
     step = max(natural_step(log.t) for log in logs)
     flights = [make_flight_residuals(log, vehicle, step) for log in logs]
+    first_of_all = [doubt for e in flights for doubt in doubts(e)]
     moving = excitation(flights)
     real = any(f.imported for f in report.flights) or tolerance_of(flights).real
     options = with_input(Options.for_sensors(real), flights)
@@ -96,14 +103,15 @@ def _with_answers(report: LogReport, logs: Sequence[FlightLog], vehicle: Vehicle
     tell(0.8, "smallest sizes")
     information = Information(explained.flights, explained.noise, nuisance, every)
     first = logs[0]
-    known = {"accelerations": first.a is not None, "torque": flights[0].knows_torque}
+    known: dict[str, Any] = {"accelerations": first.a is not None, "torque": flights[0].knows_torque}
+    known["lacks"] = sorted({quantity for log in logs for quantity in log.lacks})
     gust = smallest_gust(explained.noise, moving["duration [s]"])
     found = answers(smallest_sizes(information), gust, explained.drag, vehicle, log_input=first.input, **known)
     still = () if excited(moving) else ("the flights excite nothing: move, and turn about every axis",)
     return dc.replace(
         report,
-        usable=not still,
-        problems=report.problems + still,
+        usable=not still and not any(doubt.fails for doubt in first_of_all),
+        problems=(*as_lines(first_of_all), *report.problems, *still),
         sensors="real" if options.tolerance.real else "ideal",
         excitation=moving,
         residual_force=_residual_force(flights),
@@ -125,12 +133,9 @@ def _head(log: FlightLog) -> FlightLog:
     return log if rows == len(log) else log.rows(0, rows)
 
 
-def _faults(f: FlightFacts) -> list[str]:
-    """Return what makes a flight useless, one line each; the conventions of an imported one have been checked."""
-    if f.imported:
-        return [f"{f.name}: {note}" for note in f.imported.get("notes", ()) if note.startswith("no flight")]
-    laws = contradictions(f)
-    return [f"{f.name}: {', '.join(laws)} contradict each other; check columns, frames and units"] if laws else []
+def _no_flight(f: FlightFacts) -> list[str]:
+    """Return that a log holds no flight, as its import found."""
+    return [f"{f.name}: {note}" for note in f.imported.get("notes", ()) if note.startswith("no flight")]
 
 
 def _limits(f: FlightFacts) -> list[str]:
@@ -159,7 +164,7 @@ def _require(logs: Sequence[FlightLog]) -> None:
 
 
 def answers(
-    found: Sequence[Smallest], gust: float, drag: float | None, vehicle: Vehicle, *, log_input: str, **known: bool
+    found: Sequence[Smallest], gust: float, drag: float | None, vehicle: Vehicle, *, log_input: str, **known: Any
 ) -> tuple[Answer, ...]:
     """Return an answer for each parameter of each effect: told, not told, never told, in the order of the library.
 
@@ -169,7 +174,7 @@ def answers(
         drag: that of the vehicle, where it is known [N·s/m]: winds act through it.
         vehicle: the nominal vehicle.
         log_input: as `FlightLog.input`.
-        known: whether the log has `accelerations` and `torque`.
+        known: whether the log has `accelerations` and `torque`, and what it `lacks`.
     """
     hidden = unobservable(log_input, **known)
     sizes = {s.identifier: s for s in found}

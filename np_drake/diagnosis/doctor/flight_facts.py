@@ -5,11 +5,11 @@ import dataclasses as dc
 import numpy as np
 
 from np_drake import attitude
+from np_drake.diagnosis.doctor.doubts import agreement
 from np_drake.diagnosis.doctor.lags import lags
 from np_drake.diagnosis.doctor.log_report import FlightFacts, SignalFacts
 from np_drake.diagnosis.residuals import smooth_attitude
 from np_drake.flight_log import FlightLog
-from np_drake.logs.importing.consistency import misfits
 from np_drake.vehicle import MeasurementNoise, Vehicle
 
 GAP = 2.5  # median intervals of a longer one, a gap [1]; as in the import
@@ -23,7 +23,6 @@ SIGNALS = (  # field of the log, name, unit, field of `MeasurementNoise`
     ("rotor", "rotor speed", "rad/s", ""),
     ("throttle", "throttle", "1", ""),
 )
-MOST_LAW = 0.75  # misfit above which quantities contradict each other [1]; as in the import
 
 
 def flight_facts(log: FlightLog, vehicle: Vehicle | None = None) -> FlightFacts:
@@ -51,17 +50,12 @@ def flight_facts(log: FlightLog, vehicle: Vehicle | None = None) -> FlightFacts:
         timing=log.timing,
         signals=tuple(_signals(log, usual)),
         attitude_noise=attitude_noise,
-        misfits=_misfits(head),
+        misfits=agreement(head),
         lags=lags(log, vehicle),
         motion=_motion(log),
         saturated=_saturated(log, vehicle),
         notes=tuple(log.notes),
     )
-
-
-def contradictions(facts: FlightFacts) -> list[str]:
-    """Return the laws by which quantities of the log contradict each other."""
-    return [law for law, misfit in facts.misfits.items() if misfit > MOST_LAW]
 
 
 def _signals(log: FlightLog, usual: MeasurementNoise):
@@ -94,18 +88,6 @@ def _grain(values: np.ndarray) -> tuple[float, float]:
         if whole.mean() > 0.95 and np.median(moved) < 20 * least:
             steps.append(least)
     return max(steps, default=0.0), repeated
-
-
-def _misfits(log: FlightLog) -> dict[str, float]:
-    x = {"position": log.p, "velocity": log.v, "attitude": log.q, "rates": log.w}
-    if log.a is not None:
-        x["acceleration"] = log.a
-    even = np.arange(log.t[0], log.t[-1], max(log.step, 0.02))
-    near = np.cumprod(np.concatenate([[1.0], np.where(np.sum(log.q[1:] * log.q[:-1], axis=1) < 0, -1.0, 1.0)]))
-    x["attitude"] = log.q * near[:, None]
-    at = {name: np.stack([np.interp(even, log.t, c) for c in values.T], axis=1) for name, values in x.items()}
-    at["attitude"] /= np.linalg.norm(at["attitude"], axis=1, keepdims=True)
-    return misfits(even, at)
 
 
 def _motion(log: FlightLog) -> dict[str, float]:

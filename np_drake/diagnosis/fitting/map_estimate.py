@@ -12,7 +12,7 @@ from np_drake.diagnosis.numerics import NoiseModel, minimise
 from np_drake.diagnosis.options import Priors
 from np_drake.diagnosis.regressors import Candidate
 from np_drake.diagnosis.residuals import WRENCH, FlightResiduals
-from np_drake.effects.base import ActuatorEffect, SensorEffect
+from np_drake.effects.base import SensorEffect
 
 BLOCK = 1.0  # length of blocks within which residuals may correlate, for the robust covariance [s]
 
@@ -198,10 +198,7 @@ def _least_step(term: Term, flight: FlightResiduals) -> float:
     A held command jumps at every row, and a force at rows changes with a delay only when a jump passes a row. The step
     must be long enough to contain one.
     """
-    effect = term.effect
-    shifts = isinstance(effect, ActuatorEffect) and effect.dead_time > 0
-    shifts |= isinstance(effect, SensorEffect) and effect.clock_shift != 0
-    return flight.log.step if shifts else 0.0
+    return flight.log.step if term.effect.pure_delay else 0.0
 
 
 def _group(terms: Sequence[Term], i: int) -> tuple[int, ...]:
@@ -211,7 +208,7 @@ def _group(terms: Sequence[Term], i: int) -> tuple[int, ...]:
     """
 
     def alone(t: Term) -> bool:
-        sensor = isinstance(t.effect, SensorEffect) and not t.effect.clock_shift
+        sensor = isinstance(t.effect, SensorEffect) and not t.effect.shifts_commands
         return sensor or t.has_hidden_state
 
     if alone(terms[i]):

@@ -59,6 +59,11 @@ def filtered(band: np.ndarray, values: np.ndarray, every: int = 1) -> np.ndarray
     return out
 
 
+# What a stored noise model may hold, own choice: beyond it a file is damaged.
+MOST_LAGS, LARGEST = 1000, 1e12
+SHORTEST_STEP, LONGEST_STEP = 1e-4, 1.0  # [s]
+
+
 @dc.dataclass(frozen=True)
 class NoiseModel:
     """Autoregressive noise of c channels with order p.
@@ -211,8 +216,21 @@ class Readings:
 
     @classmethod
     def of_json(cls, content: Mapping[str, Any]) -> "Readings":
-        """Return the readings that `as_json` wrote."""
+        """Return the readings that `as_json` wrote.
+
+        Raises: ValueError: if a number cannot be that of a noise model or a tolerance.
+        """
         found = content["noise"]
         phi, mixing, rms, innovation = (np.array(found[name], float) for name in ("phi", "mixing", "rms", "innovation"))
-        noise = NoiseModel(phi, mixing, rms, innovation, float(found["step"]))
-        return cls(noise, Tolerance(**content["tolerance"]))
+        step, tolerance = float(found["step"]), {name: float(value) for name, value in content["tolerance"].items()}
+        c = len(rms) if rms.ndim == 1 else 0
+        if phi.ndim != 2 or not 0 < phi.shape[1] <= MOST_LAGS or innovation.shape != (c,) or mixing.shape != (c, c):
+            raise ValueError(
+                f"readings: phi must be (c, p) with p <= {MOST_LAGS}, mixing (c, c), rms and innovation (c,)."
+            )
+        every = np.concatenate([phi.ravel(), mixing.ravel(), rms, innovation, list(tolerance.values())])
+        if not (np.abs(every) <= LARGEST).all() or min(rms.min(), innovation.min(), *tolerance.values()) < 0:
+            raise ValueError(f"readings: numbers must be finite, at most {LARGEST:g}, and deviations not negative.")
+        if not SHORTEST_STEP <= step <= LONGEST_STEP:
+            raise ValueError(f"readings: step must be {SHORTEST_STEP:g} to {LONGEST_STEP:g} s; got {step:g}.")
+        return cls(NoiseModel(phi, mixing, rms, innovation, step), Tolerance(**tolerance))

@@ -90,7 +90,9 @@ def library_candidates(flights: Sequence[FlightResiduals], onset: Onset | None =
     found: list[Candidate] = []
     stages = {e.name: StageCache() for e in flights}
     log = flights[0].log
-    hidden = unobservable(log.input, accelerations=log.a is not None, torque=flights[0].knows_torque)
+    known = {"accelerations": log.a is not None, "torque": flights[0].knows_torque}
+    lacks = sorted({quantity for e in flights for quantity in e.log.lacks})
+    hidden = unobservable(log.input, lacks=lacks, **known)
     for identifier, effect in effects_for(flights[0].log.input).items():
         if effect.needs or effect.has_hidden_state or (onset and not effect.begins):
             continue

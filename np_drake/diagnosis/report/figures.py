@@ -110,7 +110,7 @@ def regime_figure(regimes: Sequence[Regime]) -> Figure:
         len(rows),
         len(groups),
         width=1.6 + 0.46 * max(columns, 12),
-        height=1.1 + 0.32 * len(rows) * len(known),
+        height=max(1.1 + len(rows) * (0.25 + 0.32 * len(known)), 2.9),
         gridspec_kw=widths,
         sharey=True,
     )
@@ -118,7 +118,7 @@ def regime_figure(regimes: Sequence[Regime]) -> Figure:
         for ax, group in zip(axes, groups, strict=True):
             shown = _heat(ax, np.array([getattr(r, name) for r in group], float).T[known], scale)
         axes[0].set_yticks(range(len(known)), [CHANNELS[c] for c in known])
-        axes[0].set_ylabel(when)
+        axes[0].set_title(when, loc="left", fontsize=9)
     for ax, group in zip(grid[-1], groups, strict=True):
         ax.set_xticks(range(len(group)), _ranges(group), rotation=60, ha="right", fontsize=7.5)
         ax.tick_params(axis="x", pad=1)
@@ -172,6 +172,8 @@ def timeline_figure(localisation: Localisation, onsets: Onsets) -> Figure:
             ax.set_title(plain_name(flight), fontsize=8, loc="left", parse_math=False)
     for ax in grid[-1]:
         ax.set_xlabel("time [s]")
+        ax.autoscale(axis="y")  # of all flights, which share the axis
+        ax.set_ylim(bottom=0)
     legend(figure)
     return figure
 
@@ -188,7 +190,6 @@ def _trace(ax, localisation: Localisation, flight: str, channels: slice, unit: s
             ax.plot(t, _running_rms(size, t), color=colour, linestyle=dash, linewidth=1.1, label=label)
     ax.margins(x=0)
     ax.xaxis.set_major_locator(MaxNLocator(8, steps=[1, 2, 5, 10]))
-    ax.set_ylim(bottom=0)
     ax.grid(alpha=0.3, linewidth=0.6)
     return factor, shown
 

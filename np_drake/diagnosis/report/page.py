@@ -21,6 +21,7 @@ from np_drake.diagnosis.report.figures import (
     spectrum_figure,
     timeline_figure,
 )
+from np_drake.diagnosis.report.headline import headline, lead
 from np_drake.diagnosis.report.summary import next_steps
 from np_drake.diagnosis.result import Diagnosis, Finding, Localisation, ReplayGap, as_json
 from np_drake.files.atomic_file import require_writable, write_bytes, write_json, write_text
@@ -47,9 +48,15 @@ def render(
         beside: texts of links by the names of files in the same folder.
     """
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    environment.filters["longest_word"] = longest_word
     template = environment.from_string(_text(TEMPLATE))
     pictures = {name: embedded(png) for name, png in figures.items()}
     return template.render(**content(diagnosis, seed), figures=pictures, beside=beside, style=style())
+
+
+def longest_word(text: str) -> int:
+    """Return the length of the longest part of a text that no line is broken in, as a name of a file."""
+    return max(map(len, text.split()), default=0)
 
 
 def style() -> Markup:
@@ -95,6 +102,7 @@ def content(diagnosis: Diagnosis, seed: int) -> dict[str, Any]:
             (name, words.measure(value, "N" if name.startswith("force") else "N·m"))
             for name, value in identifiability.noise_floor.items()
         ],
+        "doubts": diagnosis.doubts,
         "warnings": summary.warnings(diagnosis),
         "flights": [*((name, "fit") for name in diagnosis.train), *((n, "judge") for n in diagnosis.held_out)],
         "vehicle": diagnosis.vehicle,
@@ -112,8 +120,8 @@ def answer(diagnosis: Diagnosis) -> dict[str, Any]:
     """Return headline, lead, tables and remainder of one answer; a report may hold two."""
     header, rows = summary.cause_table(diagnosis)
     return {
-        "headline": summary.headline(diagnosis),
-        "lead": summary.lead(diagnosis),
+        "headline": headline(diagnosis),
+        "lead": lead(diagnosis),
         "cause_header": header,
         "causes": rows,
         "gap_header": summary.GAP_HEADER,

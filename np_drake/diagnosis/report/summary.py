@@ -1,35 +1,28 @@
-"""Summary of a diagnosis: headline, causes, gap by kind and next steps; for page and terminal alike."""
+"""Summary of a diagnosis: causes, gap by kind and next steps; for page and terminal alike."""
 
 import dataclasses as dc
-from collections.abc import Sequence
 
 import numpy as np
 
 from np_drake.diagnosis.localisation.identifiability import manoeuvre
+from np_drake.diagnosis.report.headline import LEAST_GAP, has_gap, main_remainder, named_causes
 from np_drake.diagnosis.report.words import (
-    NOTHING,
     bare_name,
     capital,
     described,
     estimate,
-    flights,
     listed,
     name_of,
-    number,
     onset,
-    percent,
     percent_interval,
-    phrase,
     plain_name,
-    probability,
     suited,
     unit_of,
 )
-from np_drake.diagnosis.result import UNKNOWN, Cause, Diagnosis, Finding, GapReduction, Localisation
+from np_drake.diagnosis.result import UNKNOWN, Cause, Diagnosis, Localisation
 from np_drake.effects.library import effect_of
+from np_drake.files.number_text import NOTHING, number, percent, probability
 
-PLAIN_GAP = 1.4  # residual over noise above which a simulator does not agree with the logs [1]; own choice
-LEAST_GAP = 1.05  # residual over noise below which a share of the gap has no meaning [1]; own choice
 KINDS = {"lateral force": ("force x", "force y"), "lift": ("force z",), "torque": ("torque x", "torque y", "torque z")}
 GAP_HEADER = ["held-out residual, RMS", "nominal", "with causes", "noise", "explained"]
 LOOSE = 0.5  # half-width of an interval over the value, above which it is loose [1]; own choice
@@ -48,82 +41,6 @@ class GapPart:
     after: float
     noise: float
     explained: float
-
-
-def headline(diagnosis: Diagnosis) -> str:
-    """Return the answer in one line: the causes with size and probability, or that there is none."""
-    if diagnosis.cannot_tell:
-        return "These logs cannot tell"
-    named = [f"{phrase(c)}, {probability(c.probability)}" for c in named_causes(diagnosis)]
-    if UNKNOWN in diagnosis.verdict and not named:
-        named = [f"something that no effect explains, {probability(diagnosis.unknown_probability)}"]
-    if named:
-        return capital("; ".join(named))
-    return "No cause is told" if _unexplained(diagnosis.gap_reduction) else "Nothing material is missing"
-
-
-def lead(diagnosis: Diagnosis) -> str:
-    """Return the sentence below the headline: how much the causes explain, and what remains."""
-    reduction, said = diagnosis.gap_reduction, []
-    if diagnosis.cannot_tell:
-        return "The training flights excite too little to tell one effect from another."
-    judges = f"{'the second half of ' if diagnosis.joined else ''}{flights(len(diagnosis.held_out))}"
-    residual = f"{number(reduction.before, 2)} times the noise"
-    if named_causes(diagnosis):
-        said.append(_explains(diagnosis, judges))
-    elif UNKNOWN not in diagnosis.verdict and _unexplained(reduction):
-        said.append(f"the residual is {residual} on {judges}, and nothing in training shows its cause")
-    elif UNKNOWN not in diagnosis.verdict:
-        said.append(f"on {judges} the simulator agrees with the logs: the residual is {residual}")
-    if UNKNOWN in diagnosis.verdict:
-        said.append(_what_remains(diagnosis, residual))
-    if diagnosis.new_on_held_out:
-        said.append(f"new on {judges}: {diagnosis.new_on_held_out[0].text.rstrip('.')}")
-    return capital("; ".join(said)) + "."
-
-
-def _explains(diagnosis: Diagnosis, judges: str) -> str:
-    """Return the share of the largest part of the gap that the causes take away on held-out flights."""
-    reduction, one = diagnosis.gap_reduction, len(named_causes(diagnosis)) == 1
-    if not has_gap(reduction):
-        return f"there is no gap above the noise to explain on {judges}"
-    parts = [part for part in gap_parts(diagnosis.localisation) if np.isfinite(part.explained)]
-    largest = max(parts, key=lambda part: part.before / part.noise, default=None)
-    kind, share = (largest.kind, largest.explained) if largest else ("whole", reduction.fraction)
-    if min(share, reduction.fraction) < 0:
-        return f"{'does' if one else 'together they do'} not help on {judges}: the {kind} gap grows"
-    return f"{'explains' if one else 'together they explain'} {probability(share)} of the {kind} gap on {judges}"
-
-
-def _what_remains(diagnosis: Diagnosis, residual: str) -> str:
-    named = bool(named_causes(diagnosis))
-    if diagnosis.unexplained:
-        trace = described(main_remainder(diagnosis.unexplained))
-        return f"{'what remains' if named else 'its clearest trace'}: {trace}"
-    if named:
-        return f"something that no effect explains remains, {probability(diagnosis.unknown_probability)}"
-    return f"the residual is {residual}"
-
-
-def main_remainder(remains: Sequence[Finding]) -> Finding:
-    """Return the finding with the largest share of weight, else with the largest force, else the first."""
-    return max(remains, key=lambda f: (f.figures.get("share", 0.0), f.figures.get("force", 0.0)))
-
-
-def named_causes(diagnosis: Diagnosis) -> list[Cause]:
-    """Return the causes of the verdict, the one with the largest share of the gap first."""
-    named = [cause for cause in diagnosis.causes if cause.identifier in diagnosis.verdict]
-    return sorted(named, key=lambda cause: -np.nan_to_num(cause.share))
-
-
-def has_gap(reduction: GapReduction) -> bool:
-    """Return whether the held-out residual exceeds the noise enough for a closed fraction to have meaning."""
-    return reduction.before > LEAST_GAP * reduction.floor
-
-
-def _unexplained(reduction: GapReduction) -> bool:
-    """Return whether the held-out residual is too large for the simulator to agree with the logs."""
-    return reduction.before > PLAIN_GAP * reduction.floor
 
 
 def gap_parts(localisation: Localisation) -> list[GapPart]:
@@ -217,7 +134,9 @@ def next_steps(diagnosis: Diagnosis) -> list[str]:
         out.append(f"Look for the source of what remains: {described(main_remainder(diagnosis.unexplained))}.")
     if any("not tested" in sentence for sentence in diagnosis.coverage):
         out.append("Hold out a flight that moves like the training flights.")
-    if causes:
+    if diagnosis.not_flyable:
+        out.insert(0, f"Do not fly the corrected simulator: {diagnosis.not_flyable}.")
+    elif causes:
         them = "it" if len(causes) == 1 else "them"
         out.append(f"Add {them} to the simulator with the values of the table, and diagnose new flights with that.")
     return [capital(step) for step in out]

@@ -1,28 +1,15 @@
 """Names, numbers and units as text for people."""
 
 import math
+import re
 from collections.abc import Sequence
 
 from np_drake.diagnosis.result import UNKNOWN, Cause, Estimate, Finding
 from np_drake.effects.base import Effect
 from np_drake.effects.library import effect_of
-
-NOTHING = "–"
-NBSP = "\u00a0"  # a number and its unit stay on one line
-_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-_THOUSANDTHS = {"N", "N·m", "N·s/m", "N·m·s/m", "N·s²/m²", "s", "rad/s"}  # units with the prefixes m and µ
-UNITS = {  # SI unit: (from this size on [SI], factor, unit shown), the largest first
-    "kg": ((1.0, 1.0, "kg"), (0.0, 1e3, "g")),
-    "m": ((0.1, 1.0, "m"), (0.0, 1e2, "cm")),
-    "rad": ((0.02, math.degrees(1.0), "°"), (0.0, 1e3, "mrad")),
-    "m/s": ((0.1, 1.0, "m/s"), (0.0, 1e2, "cm/s")),
-    "kg·m²": ((0.1, 1.0, "kg·m²"), (0.0, 1e7, "g·cm²")),
-    "1/s": ((0.0, 1e2, "%/s"),),
-    "deg": ((0.0, 1.0, "°"),),
-    "1": ((0.0, 1.0, ""),),
-    "share": ((0.0, 1e2, "%"),),
-    **{u: ((0.1, 1.0, u), (1e-4, 1e3, f"m{u}"), (0.0, 1e6, f"µ{u}")) for u in _THOUSANDTHS},
-}
+from np_drake.files.number_text import NBSP, NOTHING, fixed, measure, number, percent, suited, with_unit
+from np_drake.files.number_text import UNITS as UNITS
+from np_drake.files.number_text import probability as probability
 
 
 def name_of(identifier: str) -> str:
@@ -56,89 +43,6 @@ def listed(names: Sequence[str], last: str = "and") -> str:
 def flights(count: int) -> str:
     """Return 'the held-out flight' or 'the held-out flights'."""
     return f"the held-out flight{'s' * (count != 1)}"
-
-
-def number(value: float | None, digits: int = 3) -> str:
-    """Return a number with significant digits, or with a power of ten where that is shorter; a dash if not finite.
-
-    Args:
-        value: to write; None: a dash.
-        digits: significant ones.
-    """
-    if value is None or not math.isfinite(value):
-        return NOTHING
-    if value == 0:
-        return "0"
-    power = math.floor(math.log10(abs(float(f"{value:.{digits - 1}e}"))))  # of the rounded value
-    if -4 <= power < 5:
-        return fixed(value, max(digits - 1 - power, 0))
-    return f"{fixed(value / 10.0**power, digits - 1)} × 10{str(power).translate(_RAISED)}"
-
-
-def fixed(value: float, decimals: int) -> str:
-    """Return a number with these decimals, a true minus, and no minus before zero.
-
-    Args:
-        value: to write.
-        decimals: their number.
-    """
-    text = f"{value:.{decimals}f}"
-    return text.lstrip("-") if float(text) == 0 else text.replace("-", "−")
-
-
-def measure(value: float | None, unit: str, digits: int = 2) -> str:
-    """Return a size [SI unit] in the unit that suits it, as in '35 g', '48 cm', '2.1 m/s'.
-
-    Args:
-        value: size in SI units; None: a dash.
-        unit: its SI unit.
-        digits: significant ones.
-    """
-    if value is None or not math.isfinite(value):
-        return NOTHING
-    factor, shown = suited(abs(value), unit)
-    return with_unit(number(factor * value, digits), shown)
-
-
-def suited(size: float, unit: str) -> tuple[float, str]:
-    """Return the factor and the name of the unit in which a size [SI unit] is read best.
-
-    Args:
-        size: in SI units.
-        unit: its SI unit.
-    """
-    every = UNITS.get(unit, ((0.0, 1.0, unit),))
-    return next((factor, shown) for least, factor, shown in every if size >= least)
-
-
-def with_unit(text: str, unit: str) -> str:
-    """Return a number with its unit behind it.
-
-    Args:
-        text: the number.
-        unit: behind it; may be empty.
-    """
-    return f"{text}{'' if unit in ('', '°') else NBSP}{unit}"
-
-
-def percent(share: float | None) -> str:
-    """Return a share in per cent.
-
-    Near 0 % and 100 % it has a decimal, and a share between the two is never shown as 0 % or 100 %.
-    """
-    if share is None or not math.isfinite(share):
-        return NOTHING
-    if 0.9995 <= share < 1:
-        return f"> 99.9{NBSP}%"
-    if 0 < share < 0.001:
-        return f"< 0.1{NBSP}%"
-    near = 0 < share < 0.0095 or 0.985 < share < 1
-    return f"{fixed(100 * share, 1 if near else 0)}{NBSP}%"
-
-
-def probability(value: float) -> str:
-    """Return a probability in per cent, never 0 % or 100 %."""
-    return percent(min(max(value, 1e-9), 1 - 1e-9)) if math.isfinite(value) else NOTHING
 
 
 def percent_interval(bounds: tuple[float, float]) -> str:
@@ -208,7 +112,7 @@ def described(finding: Finding) -> str:
         more.append(f"at {figures['time']:.1f}{NBSP}s")
     if "share" in figures:
         more.append(f"{percent(figures['share'])} of weight")
-    elif figures.get("force") and " N" not in text:
+    elif figures.get("force") and not re.search(rf"\d[ {NBSP}][mµ]?N\b", text):
         more.append(f"{measure(figures['force'], 'N')} RMS")
     elif figures.get("torque"):
         more.append(f"{measure(figures['torque'], 'N·m')} RMS")

@@ -16,6 +16,7 @@ from np_drake.files.input_file import parse_json
 from np_drake.lifting.model.encoders import DelayEncoder, Phi
 from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
 from np_drake.lifting.model.lifted_model import BY_AXES, ENCODERS, OLD_NAMES, LiftedModel, require_configuration
+from np_drake.lifting.model.model_header import LARGEST_RIDGE, LONGEST_WINDOW, STEPS, number_in, summary_in, truth_in
 from np_drake.lifting.model.onsets import Onsets
 from np_drake.lifting.model.trust import Trust
 
@@ -157,24 +158,10 @@ def read_model(path: str | Path, schema: str, build: Callable[[dict[str, np.ndar
         raise ValueError(f"{path}: not a usable model file: {what}") from error
 
 
-def summary_in(header: dict[str, Any]) -> dict[str, Any]:
-    """Return the summary of a header.
-
-    Raises: ValueError: if a part of it that a flight depends on is not what it must be; KeyError: if there is none.
-    """
-    summary = dict(header["summary"])
-    if not isinstance(summary.get("origin", {}), dict):
-        raise ValueError(f"summary.origin must be names with their values; got {summary['origin']!r}.")
-    lag = summary.get("rotor_lag", 0.0)
-    if not isinstance(lag, int | float) or not 0 <= lag < 10:
-        raise ValueError(f"summary.rotor_lag must be 0 to 10 s; got {lag!r}.")
-    return summary
-
-
 def _model(tensors: dict[str, np.ndarray], header: dict[str, Any]) -> LiftedModel:
-    configuration, window = _configuration(header), int(header["window"])
+    configuration, window = _configuration(header), int(number_in(header, "window", 1, LONGEST_WINDOW))
     require_configuration(configuration)
-    system = LiftedLinearSystem(tensors["A"], tensors["B"], tensors["C"], float(header["step"]))
+    system = LiftedLinearSystem(tensors["A"], tensors["B"], tensors["C"], number_in(header, "step", *STEPS))
     if system.spectral_radius > 1.0 + 1e-9:
         raise ValueError(f"A must be stable; its spectral radius is {system.spectral_radius:.6g}.")
     for name in ("chi_scale", "zeta_scale"):
@@ -184,8 +171,8 @@ def _model(tensors: dict[str, np.ndarray], header: dict[str, Any]) -> LiftedMode
     encoder = _phi(tensors) if is_phi else DelayEncoder(tensors["E"], window, tensors.get("offset"))
     return LiftedModel(
         configuration, system, encoder, window, tensors["chi_scale"], tensors["zeta_scale"],
-        bool(header["predicts_torque"]), summary_in(header), float(header["ridge"]), _trust(tensors, system.K),
-        _onsets(tensors),
+        truth_in(header, "predicts_torque"), summary_in(header), number_in(header, "ridge", 0.0, LARGEST_RIDGE),
+        _trust(tensors, system.K), _onsets(tensors),
     )  # fmt: skip
 
 

@@ -127,13 +127,15 @@ def default_map(contents: Contents) -> LogMap | None:
     def source(*names: str, **how: str) -> Source:
         return first_source(contents, ([f"{stream}/{name}" for name in names] for stream in contents), **how)
 
-    estimate = "stateEstimate."
+    estimate, compressed = "stateEstimate.", "stateEstimateZ."
     found = LogMap(
         format="crazyflie",
-        position=source(*_xyz(estimate), unit="m"),
-        velocity=source(*_xyz(f"{estimate}v"), unit="m/s", axes="world"),
-        attitude=source(*(f"{estimate}q{a}" for a in "xyzw"), order="xyzw", direction="body_to_world"),
-        rates=source(*_xyz("gyro."), unit="deg/s", axes="body"),
+        position=source(*_xyz(estimate), unit="m") or source(*_xyz(compressed), unit="mm"),
+        velocity=source(*_xyz(f"{estimate}v"), unit="m/s", axes="world")
+        or source(*_xyz(f"{compressed}v"), unit="mm/s", axes="world"),
+        attitude=source(*(f"{estimate}q{a}" for a in "xyzw"), order="xyzw", direction="body_to_world")
+        or source(*_xyz("ctrlLee.rpy")),
+        rates=source(*_xyz("gyro."), unit="deg/s", axes="body") or source(*_xyz("ctrlLee.omega"), axes="body"),
         acceleration=source(*_xyz("acc."), unit="g", axes="body", kind="specific_force"),
         voltage=source("pm.vbatMV", unit="mV") or source("pm.vbat", unit="V"),
     )
@@ -146,7 +148,7 @@ def _add_inputs(found: LogMap, source: Callable[..., Source]) -> None:
     found.rotor_speed = source(*_rotors("rpm.m{}"), unit="rpm")
     if found.rotor_speed:
         return
-    found.thrust = source("ctrlLee.thrustSi", unit="N")
+    found.thrust = source("ctrlLee.thrustSi", unit="N") or source("ctrlLee.thrustSI", unit="N")
     if found.thrust:
         found.torque = source(*_xyz("ctrlLee.torque"), unit="N.m")
         return

@@ -2,7 +2,7 @@
 
 import gzip
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import closing, suppress
 from pathlib import Path
 
@@ -11,6 +11,7 @@ import numpy as np
 from np_drake.files.atomic_file import atomic_path
 from np_drake.logs.columns import Table
 from np_drake.logs.errors import LogError
+from np_drake.logs.formats.table_cells import is_plain, plain_float
 from np_drake.logs.text_lines import MAX_COLUMNS, GrowingColumns, read_lines
 
 MAX_UNREADABLE = 10**5  # cells that are kept with their text; the first is named in a message
@@ -76,7 +77,7 @@ def check_header(path: str | Path, names: Sequence[str]) -> None:
 def is_number(text: str) -> bool:
     """Return whether a cell holds a number, nan and inf among them."""
     try:
-        float(text)
+        plain_float(text)
     except ValueError:
         return False
     return True
@@ -101,18 +102,18 @@ class _Rows:
         for _ in range(self._blank):
             self._columns.append(self._numbers([]))
         self._blank = 0
-        self._columns.append(self._numbers(line.split(",")))
+        self._columns.append(self._numbers(line.split(","), float if is_plain(line) else plain_float))
 
     def table(self) -> Table:
         """Return the table of all rows."""
         return Table(str(self._path), self._columns.arrays(), self._unreadable, self._ragged)
 
-    def _numbers(self, cells: list[str]) -> list[float]:
+    def _numbers(self, cells: list[str], number: Callable[[str], float] = float) -> list[float]:
         if len(cells) != len(self._names):
             self._ragged.append(len(self._columns))
             return [float("nan")] * len(self._names)
         with suppress(ValueError):
-            return [float(cell) for cell in cells]
+            return [number(cell) for cell in cells]
         for name, cell in zip(self._names, cells, strict=True):
             if cell.strip() and not is_number(cell) and len(self._unreadable) < MAX_UNREADABLE:
                 self._unreadable.append((len(self._columns), name, cell.strip()[:SHOWN]))

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from np_drake.files.input_file import require_plain_file
 from np_drake.logs.errors import LogError
 from np_drake.logs.importing.log_map import LogMap, Source
 from np_drake.rotor_layout import RotorLayout
@@ -41,6 +42,7 @@ class Recording:
     path: of the file, for messages.   facts: what its header says (vehicle, firmware, parameters), for the sheet.
     notes: what the decoder left out or mended, one line each.   said: those of them that the screen says as well.
     breaks: times [s] at which the log states a switch, with the reason; one that ends in `?` is a break where it shows.
+    units: that the file states, by column.
     """
 
     path: str
@@ -49,6 +51,7 @@ class Recording:
     notes: tuple[str, ...] = ()
     said: tuple[str, ...] = ()
     breaks: tuple[tuple[float, str], ...] = ()
+    units: Mapping[str, str] = dc.field(default_factory=dict)
 
     @property
     def contents(self) -> Contents:
@@ -182,5 +185,6 @@ def first_bytes(path: Path) -> bytes:
     """Return the first 4096 bytes of a file, by which a format recognises it; none of a folder."""
     if path.is_dir():
         return b""
+    require_plain_file(path)
     with path.open("rb") as file:
         return file.read(4096)

@@ -13,11 +13,11 @@ from np_drake.logs.errors import LogError
 from np_drake.logs.formats import csv_file, parquet_file
 from np_drake.logs.formats.format import first_bytes
 from np_drake.logs.formats.table import first_line
-from np_drake.logs.formats.table_text import split_header
+from np_drake.logs.formats.table_text import is_comma_separated, split_header
 from np_drake.logs.gaps import LONGEST, bridge_gaps, split_at_gaps
 from np_drake.logs.gaps import repair as repair_table
 from np_drake.logs.import_sheet import read_sheet
-from np_drake.logs.rotor_order import in_order_of
+from np_drake.logs.rotor_order import in_vehicle_order
 from np_drake.logs.throttle_input import with_throttle_input
 from np_drake.logs.units import check_units
 from np_drake.rotor_input import with_rotor_input
@@ -31,13 +31,22 @@ WORDS = {  # of inputs
 
 
 def is_flight_log(path: Path) -> bool:
-    """Return whether the header names most columns of the state: one that lacks a few is told which."""
+    """Return whether the header names most columns of the state: one that lacks a few is told which.
+
+    A log without any column of a whole quantity is imported, which derives it, and so is a table in another style.
+    """
     if not str(path).endswith(SUFFIXES):
         return False
-    parquet = path.name.endswith(".parquet")
-    names = parquet_file.column_names(path) if parquet else split_header(first_line(first_bytes(path)))
+    if path.name.endswith(".parquet"):
+        names = set(parquet_file.column_names(path))
+    else:
+        start = first_bytes(path)
+        names = set(split_header(first_line(start)))
+        if not is_comma_separated(start):
+            return False
     needed = [name for field in columns.STATE for name in columns.COLUMNS[field]]
-    return 2 * len(set(needed) & set(names)) > len(needed)
+    lacking = [field for field in columns.DERIVED if names.isdisjoint(columns.COLUMNS[field])]
+    return not lacking and 2 * len(names.intersection(needed)) > len(needed)
 
 
 def read(path: str | Path, vehicle: Vehicle | None = None, *, repair: bool = False) -> list[FlightLog]:
@@ -115,7 +124,6 @@ def _with_input(log: FlightLog, table: Table, fields: list[str], vehicle: Vehicl
 
     The best known comes first: the input that the vehicle file names, a whole command, rotor speed, thrust, throttle.
     """
-    log = log if vehicle is None else in_order_of(log, vehicle)
     wanted = None if vehicle is None else vehicle.input
     present = {
         "command": "u" in fields,
@@ -142,4 +150,5 @@ def _with_input(log: FlightLog, table: Table, fields: list[str], vehicle: Vehicl
         return log
     if vehicle is None:
         return dc.replace(log, input=chosen)  # thrust and torque stay NaN
-    return {"rotor_speed": with_rotor_input, "normalised": with_throttle_input}[chosen](log, vehicle)
+    driven = {"rotor_speed": with_rotor_input, "normalised": with_throttle_input}[chosen]
+    return driven(in_vehicle_order(log, vehicle), vehicle)

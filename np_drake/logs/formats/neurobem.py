@@ -22,6 +22,7 @@ from np_drake.logs.formats.format import first_bytes
 from np_drake.logs.formats.table import first_line
 from np_drake.logs.gaps import bridge_gaps, without_long_gaps
 from np_drake.logs.gaps import repair as repair_table
+from np_drake.logs.rotor_order import in_vehicle_order
 from np_drake.logs.units import check_units
 from np_drake.rotor_input import with_rotor_input
 from np_drake.training_data.segments import WrenchSequence
@@ -115,7 +116,8 @@ def read(path: str | Path, vehicle: Vehicle | None = None, *, repair: bool = Fal
         name=Path(path).name.removesuffix(".gz").removesuffix(".csv").removeprefix("merged_"),
         notes=notes,
     )
-    log = with_rotor_input(log, vehicle or published_vehicle())
+    flown_by = vehicle or published_vehicle()
+    log = with_rotor_input(in_vehicle_order(log, flown_by), flown_by)
     check_units(log, path, vehicle)
     return [log]
 

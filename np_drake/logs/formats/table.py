@@ -3,7 +3,6 @@
 A cell may hold a list of numbers, or a list of lists: its numbers are columns `name[0]`, `name[1]`, … row by row.
 """
 
-import zlib
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -13,8 +12,8 @@ from np_drake.logs.columns import COLUMNS
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats import parquet_file, table_text
 from np_drake.logs.formats.format import Contents, Format, Progress, Recording, Stream
+from np_drake.logs.formats.table_units import stated_units
 from np_drake.logs.importing.log_map import UNITS, LogMap, Source
-from np_drake.logs.text_lines import BAD_GZIP
 
 STREAM = "table"
 TEXTS = (".csv", ".csv.gz", ".txt", ".txt.gz", ".tsv", ".tsv.gz")
@@ -44,14 +43,8 @@ def recognises(path: Path, start: bytes) -> bool:
 
 
 def first_line(start: bytes) -> str:
-    """Return the first line of a text from its first bytes, which may be compressed; empty if they are no gzip."""
-    if start[:2] == b"\x1f\x8b":
-        try:
-            start = zlib.decompressobj(wbits=31).decompress(start, 1 << 16)
-        except BAD_GZIP:
-            return ""
-    lines = start.decode("utf-8-sig", errors="replace").splitlines()
-    return lines[0] if lines else ""
+    """Return the header of a text table from its first bytes, which may be compressed; empty if they are no gzip."""
+    return next(iter(table_text.first_lines(start)), "")
 
 
 def contents(path: Path) -> Contents:
@@ -64,16 +57,23 @@ def contents(path: Path) -> Contents:
 
 
 def default_map(contents: Contents) -> LogMap | None:
-    """Return the map of our own columns (docs/reference/flight-log.md) where the state is there; None elsewhere."""
+    """Return the map of our own columns (docs/reference/flight-log.md).
+
+    None without time, attitude, and one of position, velocity and acceleration; what else the state lacks, an import
+    derives.
+    """
     names = set(contents.get(STREAM, ()))
     here = {field: list(group) for field, group in COLUMNS.items() if names.issuperset(group)}
-    if not {"t", "p", "q", "v", "w"} <= here.keys():
+    if not {"t", "q"} <= here.keys() or not {"p", "v", "a"} & here.keys():
         return None
     log_map = LogMap(format=STREAM, command="held_after", time=Source(["t"]))
-    log_map.position = Source(here["p"])
-    log_map.velocity = Source(here["v"], axes="world")
     log_map.attitude = Source(here["q"])
-    log_map.rates = Source(here["w"], axes="body")
+    if "p" in here:
+        log_map.position = Source(here["p"])
+    if "v" in here:
+        log_map.velocity = Source(here["v"], axes="world")
+    if "w" in here:
+        log_map.rates = Source(here["w"], axes="body")
     if "a" in here:
         log_map.acceleration = Source(here["a"], axes="world", kind="acceleration")
     if "al" in here:
@@ -109,13 +109,17 @@ def read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Rec
         raise LogError(f"{path}, column {lacking[0]}: is missing; the header has {', '.join(known[:8])}, ….")
     time = next((name for name in TIMES if name in known), None)
     needed = list(dict.fromkeys([*names, *([time] if time else [])])) or list(known[:1])
-    reader = parquet_file.read_columns if is_parquet(path) else table_text.read_columns
-    columns, notes = reader(path, needed, progress)
+    if is_parquet(path):
+        columns, notes = parquet_file.read_columns(path, needed, progress)
+        units = stated_units(known)
+    else:
+        columns, notes = table_text.read_columns(path, needed, progress)
+        units = stated_units(known) | table_text.read_layout(path).units
     length = len(next(iter(columns.values()), ()))
     t = columns[time] * UNITS["time"][TIMES[time]] if time else np.full(length, np.nan)
     clock = f"column {time} [{TIMES[time]}]" if time else "none of the known names"
     stream = Stream(t, {name: columns[name] for name in names})
-    return Recording(str(path), {STREAM: stream}, {"clock": clock}, tuple(notes))
+    return Recording(str(path), {STREAM: stream}, {"clock": clock}, tuple(notes), units=units)
 
 
 def is_parquet(path: Path) -> bool:

@@ -10,6 +10,7 @@ from np_drake.logs.text_lines import MAX_COLUMNS
 
 NAN = frozenset(("", "nan", "null", "none", "n/a", "na"))  # in lower case
 TRUTH = {"true": 1.0, "false": 0.0}
+COMMA = re.compile(r"\s*[-+]?\d*,\d+([eE][-+]?\d+)?\s*", re.ASCII)  # a number with a decimal comma
 _BRACKETS = str.maketrans("[]();,", "      ")
 _OPENING = ("[", "(")
 
@@ -38,13 +39,28 @@ def is_list(text: str) -> bool:
     return text.lstrip().startswith(_OPENING)
 
 
+def is_plain(text: str) -> bool:
+    """Return whether numbers of a text are in digits 0 to 9; Python's 1_0 and digits of other scripts are none."""
+    return text.isascii() and "_" not in text
+
+
+def plain_float(text: str) -> float:
+    """Return a number in plain digits.
+
+    Raises: ValueError: if it is none.
+    """
+    if not is_plain(text):
+        raise ValueError(text)
+    return float(text)
+
+
 def parse_number(text: str) -> float:
     """Return the number of a cell; NaN for an empty one, 1 and 0 for truth values.
 
     Raises: ValueError: if it is none.
     """
     try:
-        return float(text)
+        return plain_float(text)
     except ValueError:
         word = text.strip().lower()
         if word in NAN:
@@ -72,6 +88,11 @@ def parse_list(text: str, size: int) -> list[float]:
     return [parse_number(part) for part in parts]
 
 
+def has_decimal_commas(cells: Sequence[str]) -> bool:
+    """Return whether numbers of a row have a decimal comma, and none a point."""
+    return any(COMMA.fullmatch(cell) for cell in cells) and not any("." in cell for cell in cells)
+
+
 def complaint(text: str, size: int | None) -> str:
     """Return what is wrong with a cell, and the remedy.
 
@@ -82,8 +103,10 @@ def complaint(text: str, size: int | None) -> str:
     shown = " ".join(text.split())[:40]
     if size is not None:
         return f"must be a list of {size} numbers as in the first row; got {shown!r}."
-    if re.fullmatch(r"\s*[-+]?\d*,\d+([eE][-+]?\d+)?\s*", text):
+    if COMMA.fullmatch(text):
         return f"must be a number with a decimal point; got {shown!r}. Export it with points."
+    if not is_plain(text) and any(character.isdigit() for character in text):
+        return f"must be a number in plain digits, 0 to 9; got {shown!r}. Export it as such."
     return f"must be a number; got {shown!r}. Correct the cell, or leave the column out of the map."
 
 

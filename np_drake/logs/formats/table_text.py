@@ -1,8 +1,11 @@
 """Tables as text of any size: layout from the first two lines, and wanted columns in blocks."""
 
+import codecs
 import csv
 import dataclasses as dc
-from collections.abc import Iterable, Iterator, Sequence
+import itertools
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import closing
 from pathlib import Path
 
@@ -12,28 +15,45 @@ from np_drake.logs.errors import LogError, place
 from np_drake.logs.formats.csv_file import check_header
 from np_drake.logs.formats.format import Progress
 from np_drake.logs.formats.table_cells import (
+    COMMA,
     Cell,
     complaint,
+    has_decimal_commas,
     is_list,
     parse_list,
     parse_number,
+    plain_float,
     require_names,
     split_list,
 )
-from np_drake.logs.text_lines import GrowingColumns, read_lines
+from np_drake.logs.formats.table_units import as_unit, is_units_row
+from np_drake.logs.text_lines import GrowingColumns, encoding_of, read_lines, start_of_text
 
 DELIMITERS = (",", ";", "\t")
+SEPARATOR = re.compile(r"sep=(.)\s*", re.IGNORECASE)  # the first line of Excel's exports
+
+LOOKED_AT = 1 << 16  # bytes by which the encoding is recognised
 
 Row = tuple[int, list[str]]  # number of its last line, counted from 1, and its cells
 
 
 @dc.dataclass(frozen=True)
 class Layout:
-    """Layout of a text table. width: number of columns.   cells: those with a name; others are not read."""
+    """Layout of a text table.
+
+    width: number of columns.   cells: those with a name; others are not read.   head: lines up to that of the names.
+    units: that a line below states, by column; none: there is no such line.   comma: numbers have a decimal comma.
+    encoding: as in `open`.
+    """
 
     delimiter: str
     width: int
     cells: tuple[Cell, ...]
+    head: int = 1
+    units: Mapping[str, str] = dc.field(default_factory=dict)
+    has_units: bool = False
+    comma: bool = False
+    encoding: str = "utf-8-sig"
 
     @property
     def names(self) -> list[str]:
@@ -42,24 +62,66 @@ class Layout:
 
 
 def read_layout(path: Path) -> Layout:
-    """Return the layout from the header and the first row.
+    """Return the layout from the header and the rows below it.
 
     Raises: LogError: if there is no header, or a name stands twice; OSError: if the file cannot be opened.
     """
-    with closing(read_lines(path, errors="replace")) as lines:
-        header = next(lines, "")
+    with path.open("rb") as file:
+        encoding = encoding_of(start_of_text(file.read(LOOKED_AT)))
+    with closing(read_lines(path, errors="replace", encoding=encoding)) as lines:
+        header, head, told = next(lines, ""), 1, ""
+        if match := SEPARATOR.fullmatch(header):
+            header, head, told = next(lines, ""), 2, match[1]
         if not header.strip():
             raise LogError(f"{path}: must hold a header line and rows; its first line is empty.")
-        delimiter = find_delimiter(header)
-        names = split_header(header)
+        delimiter = told or find_delimiter(header)
+        names = split_header(header, delimiter)
         check_header(path, [name or f"column {i + 1}" for i, name in enumerate(names)])
-        _, first = next(_rows(path, lines, delimiter), (0, []))
-    first += [""] * (len(names) - len(first))
+        rows = [cells for _, cells in itertools.islice(_rows(path, lines, delimiter, head), 2)]
+    has_units = len(rows) == 2 and is_units_row(*rows)
+    first = rows[-1] if rows and has_units else rows[0] if rows else []
+    units = {name: as_unit(text) for name, text in zip(names, rows[0], strict=False)} if has_units else {}
+    first = first + [""] * (len(names) - len(first))
     sizes = [len(split_list(text)) if is_list(text) else None for text in first]
     cells = [Cell(name, i, sizes[i]) for i, name in enumerate(names) if name]
-    layout = Layout(delimiter, len(names), tuple(cells))
+    layout = Layout(
+        delimiter,
+        len(names),
+        tuple(cells),
+        head,
+        {name: unit for name, unit in units.items() if unit},
+        has_units,
+        delimiter != "," and has_decimal_commas(first),
+        encoding,
+    )
     require_names(path, layout.names)
     return layout
+
+
+def first_lines(start: bytes) -> list[str]:
+    """Return the header of a text and the lines below it from its first bytes, which may be compressed."""
+    text = start_of_text(start)
+    lines = text.decode(encoding_of(text), errors="replace").lstrip("\ufeff").splitlines()
+    return lines[1:] if lines and SEPARATOR.fullmatch(lines[0]) else lines
+
+
+def is_comma_separated(start: bytes) -> bool:
+    """Return whether a text begins with names between commas, and numbers below them.
+
+    Args:
+        start: its first bytes, which may be compressed.
+    """
+    text = start_of_text(start).removeprefix(codecs.BOM_UTF8)
+    lines = first_lines(start)
+    if SEPARATOR.match(text[:8].decode("ascii", errors="replace")) or encoding_of(text) == "utf-16":
+        return False
+    return bool(lines) and find_delimiter(lines[0]) == "," and not is_units_row(*_two_rows(lines))
+
+
+def _two_rows(lines: Sequence[str]) -> tuple[list[str], list[str]]:
+    """Return the cells of the two lines below a header; none where there are no such lines."""
+    rows = [line.split(",") for line in lines[1:3]]
+    return (rows[0], rows[1]) if len(rows) == 2 else ([], [])
 
 
 def find_delimiter(header: str) -> str:
@@ -68,10 +130,15 @@ def find_delimiter(header: str) -> str:
     return max(DELIMITERS, key=bare.count)
 
 
-def split_header(header: str) -> list[str]:
-    """Return the names of a header line, without a `#` before the first; a name with a line's end is cut there."""
+def split_header(header: str, delimiter: str = "") -> list[str]:
+    """Return the names of a header line, without a `#` before the first; a name with a line's end is cut there.
+
+    Args:
+        header: the line.
+        delimiter: between its names; default: as it looks.
+    """
     try:
-        names = next(csv.reader([header.rstrip("\r\n")], delimiter=find_delimiter(header)), None) or [""]
+        names = next(csv.reader([header.rstrip("\r\n")], delimiter=delimiter or find_delimiter(header)), None) or [""]
     except csv.Error:
         return [header.strip()]
     names = [" ".join(name.split()) for name in names]
@@ -89,32 +156,43 @@ def read_columns(path: Path, names: Sequence[str], progress: Progress) -> tuple[
     """
     layout = read_layout(path)
     wanted = [cell for cell in layout.cells if not set(cell.names).isdisjoint(names)]
-    table = _Numbers(path, wanted, layout.width, names)
-    with closing(read_lines(path, progress, errors="replace")) as lines:
-        next(lines)
-        for line, cells in _rows(path, lines, layout.delimiter):
+    table = _Numbers(path, wanted, layout, names)
+    with closing(read_lines(path, progress, errors="replace", encoding=layout.encoding)) as lines:
+        for _ in range(layout.head):
+            next(lines)
+        rows = _rows(path, lines, layout.delimiter, layout.head)
+        if layout.has_units:
+            next(rows)
+        for line, cells in rows:
             table.add(line, cells)
     progress(1.0)
-    return table.finish()
+    columns, notes = table.finish()
+    if layout.has_units:
+        notes.append("the line of units below the header is no row")
+    if layout.comma:
+        notes.append("numbers have a decimal comma")
+    if layout.encoding == "cp1252":
+        notes.append("the text is no UTF-8; read as Windows-1252")
+    return columns, notes
 
 
-def _rows(path: Path, lines: Iterable[str], delimiter: str) -> Iterator[Row]:
-    """Yield the rows after the header that are not blank; LogError at a quote that is not closed."""
+def _rows(path: Path, lines: Iterable[str], delimiter: str, head: int) -> Iterator[Row]:
+    """Yield the rows after the `head` lines that are not blank; LogError at a quote that is not closed."""
     reader = csv.reader(lines, delimiter=delimiter)
     try:
         for cells in reader:
             if cells and (len(cells) > 1 or cells[0].strip()):
-                yield reader.line_num + 1, cells
+                yield reader.line_num + head, cells
     except csv.Error as error:
-        raise LogError(f"{path}, line {reader.line_num + 1}: must be a row of cells; {error}.") from error
+        raise LogError(f"{path}, line {reader.line_num + head}: must be a row of cells; {error}.") from error
 
 
 class _Numbers:
     """Numbers of the wanted columns."""
 
-    def __init__(self, path: Path, wanted: list[Cell], width: int, names: Sequence[str]) -> None:
+    def __init__(self, path: Path, wanted: list[Cell], layout: Layout, names: Sequence[str]) -> None:
         held = [name for cell in wanted for name in cell.names]
-        self._path, self._wanted, self._width = path, wanted, width
+        self._path, self._wanted, self._width, self._comma = path, wanted, layout.width, layout.comma
         self._picks = [held.index(name) for name in names]
         plain = all(cell.size is None for cell in wanted)
         self._scalars = [wanted[i].position for i in self._picks] if plain else None
@@ -143,9 +221,11 @@ class _Numbers:
         return self._columns.arrays(), notes
 
     def _parse(self, line: int, cells: list[str]) -> list[float]:
+        if self._comma:
+            cells = [cell.replace(",", ".") if COMMA.fullmatch(cell) else cell for cell in cells]
         try:
             if self._scalars is not None:
-                return [float(cells[i]) for i in self._scalars]
+                return [plain_float(cells[i]) for i in self._scalars]
         except ValueError:
             pass  # an empty cell or a word
         numbers: list[float] = []

@@ -5,17 +5,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from np_drake.logs.errors import LogError
 from np_drake.logs.importing.alignment import common_rows
-from np_drake.logs.importing.consistency import WINDOW, misfits
-from np_drake.logs.importing.conventions import (
-    FAILS,
-    Change,
-    Verdict,
-    WrongConventions,
-    as_text,
-    changed,
-    check_conventions,
-)
+from np_drake.logs.importing.consistency import FAILS, SCALE, WINDOW, misfits, never_tilts
+from np_drake.logs.importing.conventions import Change, Verdict, WrongConventions, as_text, changed, check_conventions
 from np_drake.logs.importing.convert import convert
 from np_drake.logs.importing.interpolation import Signal
 from np_drake.logs.importing.log_map import LogMap
@@ -84,17 +77,19 @@ def agreed(
         clock: change of the unit of time, made in the signals.
         carried: whether the vehicle flies at all.
         adopt: take other conventions where the log fits those.
-    Raises: WrongConventions: if those declared do not agree, unless others do and are to be adopted.
+    Raises: WrongConventions: if those declared do not agree, unless others do and are to be adopted; LogError: if the
+    attitude never tilts.
     """
     verdict = Verdict({}, ())
     if carried:
         t, raw = _checked_rows(signals)
+        _require_tilt(t, raw, log_map, path)
         verdict = check_conventions(t, raw, log_map)
     if verdict.holds and not clock:
         return log_map, verdict
     laws = [f"misfit of {law} {verdict.misfits[law]:.2g}" for law in verdict.failed[:4]]
     laws[:0] = ["rows of the attitude not 0.1 ms to 0.2 s apart"] if clock else []
-    wrong = ", ".join(laws) + "; a misfit of 0 agrees, 1 does not"
+    wrong = f"{', '.join(laws)}; {SCALE}"
     if verdict.failed and not verdict.changes:
         raise WrongConventions(
             f"{path}: its quantities must agree with each other in the conventions declared ({wrong}), and agree in no "
@@ -120,3 +115,14 @@ def agreed(
     log_map = changed(log_map, verdict.changes)
     now = check_conventions(t, raw, log_map) if carried else verdict
     return log_map, dc.replace(now, changes=verdict.changes)
+
+
+def _require_tilt(t: np.ndarray, raw: Mapping[str, np.ndarray], log_map: LogMap, path: str) -> None:
+    """Check that the attitude tilts where the vehicle accelerates sideways; LogError if it does not."""
+    if level := never_tilts(t, convert(raw, log_map)):
+        tilt, needed = level
+        raise LogError(
+            f"{path}: the attitude must tilt where the vehicle accelerates sideways; {log_map.attitude.columns[0]} … "
+            f"tilts by {1e3 * tilt:.2g} mrad where {1e3 * needed:.0f} mrad are needed, as a planar odometry does. Name "
+            "a pose with roll and pitch in a map."
+        )

@@ -120,9 +120,10 @@ def require_a_flight(log_map: LogMap, path: str) -> None:
         path: of the log.
     Raises: LogError: if it does not.
     """
-    for name in ("position", "attitude"):
-        if not getattr(log_map, name):
-            raise LogError(f"{path}: the map must name columns of {name}; a flight log needs it.")
+    if not log_map.attitude:
+        raise LogError(f"{path}: the map must name columns of attitude; a flight log needs it.")
+    if not (log_map.position or log_map.velocity or log_map.acceleration):
+        raise LogError(f"{path}: the map must name columns of position, velocity or acceleration; got none of them.")
     if not (log_map.thrust or log_map.rotor_speed or log_map.throttle):
         raise LogError(
             f"{path}: the map must name columns of thrust, rotor_speed or throttle; a flight log needs one of them."

@@ -146,7 +146,7 @@ def _differentiated(p: Signal, notes: list[str]) -> Signal:
     """Return the velocity of a position by local parabolas."""
     notes.append(f"velocity: none in the log; position differentiated over {SMOOTH} s")
     length = max(5, 2 * round(0.5 * SMOOTH / p.step) + 1)
-    t = np.arange(p.t[0], p.t[-1], p.step)
+    t = p.t[0] + p.step * np.arange(int((p.t[-1] - p.t[0]) / p.step + 1e-6) + 1)
     even = p.linear(t)
     if len(t) <= length:
         return Signal(p.t, np.gradient(p.values, p.t, axis=0))

@@ -47,7 +47,8 @@ def find_breaks(signals: Mapping[str, Signal], log_map: LogMap, stated: Sequence
         stated: time [s] and reason of the breaks that the format states; a reason that ends in `?` is one if it shows.
     """
     found: list[Break] = []
-    place, turn = signals["position"], signals["attitude"]
+    place = next(signals[name] for name in ("position", "velocity", "acceleration") if name in signals)
+    turn = signals["attitude"]
     q = convert_quantity("attitude", turn.values, log_map)
     turned = attitude.rotation_vector(attitude.multiply(attitude.conjugate(q[:-1]), q[1:]))
     asked = [(t, reason) for t, reason in stated if reason.endswith("?")]

@@ -13,6 +13,11 @@ from np_drake import attitude
 from np_drake.logs.importing.convert import GRAVITY
 from np_drake.logs.windows import Windows
 
+AGREES = 0.5  # largest misfit of a law that holds [1]; own choice: wind, drag, noise, late sensors stay below
+FAILS = 0.75  # misfit above which a law does not hold [1]; own choice
+OPPOSED = 1.5  # misfit from which two sides are turned round, whatever else acts [1]; own choice
+SCALE = f"above {FAILS:g} a law fails, 2 is the opposite"  # of a misfit, for messages
+LEVEL = 0.1  # share of the tilt that horizontal accelerations need, below which an attitude never tilts [1]; own choice
 WINDOW = 0.5  # over which changes and integrals are compared [s]; own choice
 LEAST = {  # RMS of an axis over a window below which it is not tested; own choice, some times usual noise
     "position": 0.05,  # [m]
@@ -21,6 +26,7 @@ LEAST = {  # RMS of an axis over a window below which it is not tested; own choi
     "lift": 0.5,  # [m/s²]
 }
 AXES = "xyz"
+KINEMATIC = ("position", "attitude", "velocity")  # laws that tie a quantity to its rate, axis by axis
 Misfits = dict[str, float]
 
 
@@ -41,6 +47,44 @@ def misfits(t: np.ndarray, x: Mapping[str, np.ndarray], *, everything: bool = Fa
         if over.fit and all(name in x for name in needed):
             out |= law(over, everything, *(x[name] for name in needed))
     return out
+
+
+def failing(own: Misfits) -> list[str]:
+    """Return the laws that do not hold."""
+    return [law for law, misfit in own.items() if misfit > FAILS]
+
+
+def lone_axes(own: Misfits) -> list[str]:
+    """Return the laws that fail about one axis alone, as where its gyro drifts: the other axes tell the conventions.
+
+    A law of the opposite sign is none of these, nor one whose other axes move too little to be tested.
+    """
+    found = []
+    for law in failing(own):
+        kind, _, axis = law.partition(" ")
+        others = [misfit for name, misfit in own.items() if name.startswith(f"{kind} ") and name != law]
+        if axis and kind in KINEMATIC and others and max(others) < AGREES and own[law] < OPPOSED:
+            found.append(law)
+    return found
+
+
+def never_tilts(t: np.ndarray, x: Mapping[str, np.ndarray]) -> tuple[float, float] | None:
+    """Return the spread of an attitude's tilt and that which horizontal accelerations need [rad]; None where it tilts.
+
+    A planar odometry has no roll and no pitch.
+
+    Args:
+        t: (n,) evenly spaced times [s].
+        x: quantities as `convert` returns them, at these times.
+    """
+    over = Windows(t, WINDOW)
+    if not over.fit or "velocity" not in x or "attitude" not in x:
+        return None
+    a = over.change(x["velocity"])[:, :2] / over.spans[:, None]
+    needed = _rms(np.linalg.norm(a - a.mean(axis=0), axis=1)) / GRAVITY
+    z = attitude.body_z(x["attitude"])[:, :2]
+    tilt = _rms(np.linalg.norm(z - z.mean(axis=0), axis=1))
+    return (tilt, needed) if tilt < LEVEL * needed and needed > LEAST["lift"] / GRAVITY else None
 
 
 def _position(over: Windows, everything: bool, p: np.ndarray, v: np.ndarray) -> Misfits:

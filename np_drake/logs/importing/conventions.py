@@ -8,17 +8,14 @@ from typing import Any
 import numpy as np
 
 from np_drake.logs.errors import LogError
-from np_drake.logs.importing.consistency import LAWS, WINDOW, Misfits, misfits
+from np_drake.logs.importing.consistency import AGREES, LAWS, OPPOSED, WINDOW, Misfits, failing, lone_axes, misfits
 from np_drake.logs.importing.convert import Values, convert, convert_quantity
 from np_drake.logs.importing.log_map import BODIES, UNITS, WORLDS, LogMap
 from np_drake.logs.windows import Windows
 
-AGREES = 0.5  # largest misfit of a law that holds [1]; own choice: wind, drag, noise, late sensors stay below
-FAILS = 0.75  # misfit above which a law does not hold [1]; own choice
 DOUBTED = 0.15  # misfit above which conventions that agree better are looked for [1]; own choice
 BETTER = 3.0  # factor by which these must agree better [1]; own choice
 SHORTEST, LONGEST = 1e-4, 0.2  # interval of a state in a flight log [s]; own choice
-OPPOSED = 1.5  # misfit of a lift from which it is turned round, whatever other forces act [1]; own choice
 SEARCHED = 2000  # rows on which other conventions are tried; own choice
 MOST_CHANGES = 3  # conventions that are changed together in search of agreement [1]
 
@@ -61,7 +58,8 @@ def check_conventions(t: np.ndarray, raw: Values, log_map: LogMap) -> Verdict:
     """Check the conventions of a log, and search for those that agree where the declared ones do not.
 
     A law fails where its misfit is large, or where another convention makes it many times smaller. The lift is no law
-    of kinematics: where it alone fails and no other convention makes it hold, another force acts, as of a payload.
+    of kinematics: where it alone fails and no other convention makes it hold, another force acts, as of a payload. Nor
+    does one axis alone refuse a log, as of a gyro that drifts (`lone_axes`).
 
     Args:
         t: (n,) evenly spaced times [s].
@@ -69,8 +67,8 @@ def check_conventions(t: np.ndarray, raw: Values, log_map: LogMap) -> Verdict:
         log_map: with the declared conventions.
     """
     own = misfits(t, convert(raw, log_map))
-    failed = tuple(law for law, misfit in own.items() if misfit > FAILS)
-    doubted = [law for law, misfit in own.items() if DOUBTED < misfit <= FAILS]
+    failed = tuple(failing(own))
+    doubted = [law for law, misfit in own.items() if misfit > DOUBTED and law not in failed]
     if not failed and not doubted:
         return Verdict(own, ())
     singles = list(_alternatives(raw, log_map))
@@ -78,7 +76,8 @@ def check_conventions(t: np.ndarray, raw: Values, log_map: LogMap) -> Verdict:
     trial = Trial(t[part], {name: values[part] for name, values in raw.items()})
     for count in range(1, MOST_CHANGES + 1 if failed else 2):
         found = []
-        for chosen in itertools.combinations(singles, count):
+        tried = singles if count == 1 else [change for change in singles if not change[0][0].endswith(".signs")]
+        for chosen in itertools.combinations(tried, count):
             change = tuple(itertools.chain(*chosen))
             if len({option for option, _ in change}) < len(change):
                 continue
@@ -92,7 +91,8 @@ def check_conventions(t: np.ndarray, raw: Values, log_map: LogMap) -> Verdict:
         if found:
             found.sort(key=lambda pair: pair[0])
             return Verdict(own, failed or tuple(doubted), found[0][1], tuple(change for _, change in found[1:]))
-    disturbed = all(law.startswith("lift") and own[law] < OPPOSED for law in failed)
+    aside = lone_axes(own)
+    disturbed = all(law in aside or (law.startswith("lift") and own[law] < OPPOSED) for law in failed)
     return Verdict(own, () if disturbed else failed)
 
 
@@ -133,7 +133,7 @@ class Trial:
     def _key(self, name: str, log_map: LogMap) -> tuple[Any, ...]:
         """Return what a quantity depends on: its own conventions, and those of the attitude that may turn it."""
         source = getattr(log_map, name)
-        own = (source.unit, source.scale, source.axes, source.kind, source.order, source.direction)
+        own = (source.unit, source.scale, tuple(source.signs), source.axes, source.kind, source.order, source.direction)
         turned = name in VECTORS and "attitude" in self._raw and source.is_turned(name)
         return (name, *own, *log_map.frames(source), *(self._key("attitude", log_map) if turned else ()))
 
@@ -248,8 +248,12 @@ def _of_quantity(name: str, log_map: LogMap) -> Iterator[tuple[str, Any]]:
             yield "unit", unit
     if name in ("acceleration", "thrust", "velocity"):
         yield "scale", -source.scale
+    if name in HANDED and len(source.columns) == 3:
+        for axis in range(3):
+            yield "signs", [-sign if i == axis else sign for i, sign in enumerate(source.signs or [1, 1, 1])]
 
 
+HANDED = ("attitude", "rates")  # three columns of which a log may turn one, as pitch against a right-handed y
 VECTORS = ("position", "velocity", "rates", "acceleration")
 _UNITS: Mapping[str, tuple[str, ...]] = {
     "position": ("m", "cm", "mm"),

@@ -44,6 +44,8 @@ def convert_quantity(name: str, values: np.ndarray, log_map: LogMap, q: np.ndarr
     """
     source = getattr(log_map, name)
     scaled = values * (source.scale * UNITS[name].get(source.unit, 1.0))
+    if source.signs:
+        scaled = scaled * source.signs
     if name in ("throttle", "hover_throttle") and (source.ends or source.unit == "us"):
         low, high = np.reshape(source.ends or (1000.0, 2000.0), (-1, 2)).T
         return (values * source.scale - low) / (high - low)

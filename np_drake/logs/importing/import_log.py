@@ -22,6 +22,7 @@ from np_drake.logs.importing.log_map import UNITS, LogMap, MapFile
 from np_drake.logs.importing.parts import imported_parts
 from np_drake.logs.importing.sheet_content import sheet_content
 from np_drake.logs.importing.signals import OPTIONAL, gather, with_map_time
+from np_drake.logs.importing.stated_units import require_stated_units
 
 SHORTEST = 1.0  # log whose unit of time is found by its rate alone [s]; own choice
 ENDINGS = re.compile(r"(\.(csv|tsv|txt|parquet|ulg|bin|log|mcap|db3|bag))?(\.gz)?$", re.IGNORECASE)
@@ -75,6 +76,7 @@ def import_log(
         raise LogError(f"{path}: {error}") from None
     require_a_flight(log_map, str(path))
     recording = known.read(Path(path), by_stream(contents, log_map.names(), str(path)), on_progress)
+    require_stated_units(recording, log_map)
     signals, clock, said, notes = _parts(recording, log_map, str(path))
     log_map, parts, told = imported_parts(signals, log_map, str(path), clock=clock, adopt=adopt)
     name = ENDINGS.sub("", Path(path).name)

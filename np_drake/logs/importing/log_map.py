@@ -50,6 +50,7 @@ class Source:
 
     columns: `stream/column`, or `column` where one stream alone has it.
     unit: of `UNITS`; empty: SI.   scale: factor on the columns before the unit, -1 turns a sign [1].
+    signs: of each column, 1 or -1, as of a left-handed pitch; none: all 1.
     axes: `world` or `body`, of a velocity, an acceleration or rates; empty: world for velocity and dv/dt, else body.
     kind: of an acceleration: `specific_force` (what an accelerometer reads) or `acceleration` (dv/dt).
     order: of a quaternion: `wxyz` or `xyzw`; three columns are roll, pitch, yaw.
@@ -62,6 +63,7 @@ class Source:
     columns: list[str] = dc.field(default_factory=list)
     unit: str = ""
     scale: float = 1.0
+    signs: list[float] = dc.field(default_factory=list)
     axes: str = ""
     kind: str = ""
     order: str = "wxyz"
@@ -184,7 +186,7 @@ def load_map_file(path: str | Path) -> MapFile:
     Raises: ValueError: one line with file and field, on bad content.
     """
     values = load_checked(LogMap, path, "log map")
-    content = read_yaml(path)
+    content = read_yaml(path) or {}
     return MapFile(values, {k: tuple(v) if isinstance(v, dict) else () for k, v in content.items()})
 
 
@@ -199,6 +201,9 @@ def _check_source(name: str, source: Source, known: tuple[int, ...]) -> None:
     _one_of(f"{name}.world", source.world, ("", *WORLDS))
     _one_of(f"{name}.body", source.body, ("", *BODIES))
     _one_of(f"{name}.direction", source.direction, ("body_to_world", "world_to_body"))
+    if source.signs and (len(source.signs) != len(source.columns) or {abs(sign) for sign in source.signs} != {1.0}):
+        got = f"got {source.signs} for {len(source.columns)} columns"
+        raise ValueError(f"LogMap: {name}.signs must be 1 or -1 for each column, as [1, -1, 1]; {got}.")
     if source.scale == 0 or not abs(source.scale) < 1e12:
         raise ValueError(f"LogMap: {name}.scale must be finite and not zero; got {source.scale}.")
     if source.ends and (

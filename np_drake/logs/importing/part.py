@@ -14,6 +14,7 @@ from np_drake.logs.importing.alignment import COMMANDS, Aligned, align
 from np_drake.logs.importing.conventions import Verdict
 from np_drake.logs.importing.convert import convert_quantity
 from np_drake.logs.importing.crash import before_the_crash, before_the_fall
+from np_drake.logs.importing.dead_reckoning import with_whole_motion
 from np_drake.logs.importing.inputs import collective, is_collective
 from np_drake.logs.importing.interpolation import FASTER, Signal
 from np_drake.logs.importing.log_map import LogMap
@@ -36,7 +37,8 @@ class Part:
     """What was made of one part.
 
     carried: whether the vehicle flies at all.   rows: between take-off and landing.   ground: (n,) bool, on the ground.
-    timing: deviation of the time at which a row's command acts [s].   said: one line each.
+    timing: deviation of the time at which a row's command acts [s].   said: one line each.   derived: what was
+        integrated because the log lacks it, one line each.
     """
 
     signals: Signals
@@ -48,6 +50,7 @@ class Part:
     flights: tuple[FlightLog, ...]
     timing: float
     said: tuple[str, ...]
+    derived: tuple[str, ...] = ()
 
 
 def import_part(signals: Signals, log_map: LogMap, verdict: Verdict, path: str, *, origin: float) -> Part:
@@ -63,6 +66,7 @@ def import_part(signals: Signals, log_map: LogMap, verdict: Verdict, path: str, 
     of a wreck.
     """
     carried = flies(signals, log_map)
+    signals, log_map, lacks, derived = with_whole_motion(signals, log_map)
     aligned = align(signals, log_map, path)
     require_a_step(aligned.t, path)
     rows, ground, said = slice(0, len(aligned.t)), np.zeros(len(aligned.t), bool), []
@@ -81,8 +85,10 @@ def import_part(signals: Signals, log_map: LogMap, verdict: Verdict, path: str, 
         rows = airborne(*where)
         ground[:end] = standing(*where)
     names = [n for n in ("rotor_speed", "throttle") if n in signals and is_collective(n, signals[n], log_map)]
-    flights = tuple(_flights(_with_collective(aligned, names, log_map), rows, ground, log_map))
-    return Part(signals, verdict, aligned, carried, rows, ground, flights, _timing(signals, log_map), tuple(said))
+    flights = _flights(_with_collective(aligned, names, log_map), rows, ground, log_map)
+    flights = [dc.replace(flight, lacks=lacks, notes=[*flight.notes, *derived]) for flight in flights]
+    timing = _timing(signals, log_map)
+    return Part(signals, verdict, aligned, carried, rows, ground, tuple(flights), timing, tuple(said), tuple(derived))
 
 
 def flies(signals: Signals, log_map: LogMap) -> bool:
@@ -92,7 +98,8 @@ def flies(signals: Signals, log_map: LogMap) -> bool:
         signals: as logged, by quantity.
         log_map: with their conventions.
     """
-    across = np.ptp(signals["position"].values, axis=0)
+    told = next(name for name in ("position", "velocity", "acceleration") if name in signals)
+    across = np.ptp(signals[told].values, axis=0)
     if not np.any(across[:2] > 0):
         return False
     for name, least in IDLE.items():

@@ -6,8 +6,11 @@ from typing import Any
 
 import numpy as np
 
+from np_drake.effects.accelerometer_bias import AccelerometerBias
+from np_drake.effects.gyro_bias import GyroBias
 from np_drake.effects.library import unobservable
 from np_drake.flight_log import FlightLog
+from np_drake.logs.importing.consistency import SCALE, failing
 from np_drake.logs.importing.conventions import Verdict, as_text
 from np_drake.logs.importing.interpolation import Signal
 from np_drake.logs.importing.log_map import UNITS, LogMap
@@ -47,7 +50,10 @@ def sheet_content(
         "input": flights[0].input,
         "command": log_map.command,
         "gaps": _gaps_text(parts, flights),
-        "notes": [*notes, *(note for part in parts for note in (*part.aligned.notes, *ground_notes(part)))],
+        "notes": [
+            *notes,
+            *(note for part in parts for note in (*part.derived, *part.aligned.notes, *ground_notes(part))),
+        ],
         "cannot_be_told": unanswerable(flights[0]),
     }
 
@@ -57,17 +63,19 @@ def unanswerable(log: FlightLog) -> dict[str, list[str]]:
     each_rotor = log.throttle is not None and log.throttle.shape[1] == 4
     torque = log.input in ("command", "rotor_speed") or (log.input == "normalised" and each_rotor)
     found: dict[str, list[str]] = {}
-    for identifier, reason in unobservable(log.input, accelerations=log.a is not None, torque=torque).items():
+    for identifier, reason in unobservable(
+        log.input, accelerations=log.a is not None, torque=torque, lacks=log.lacks
+    ).items():
         found.setdefault(reason, []).append(identifier)
     return found
 
 
 def _described(name: str, signal: Signal, log_map: LogMap) -> dict[str, Any]:
     source = getattr(log_map, name)
-    keys = ["scale", "axes", "kind", "late"]
+    keys = ["scale", "signs", "axes", "kind", "late"]
     if name == "attitude" and len(source.columns) == 4:
         keys += ["order", "direction"]
-    usual = {"scale": 1.0, "late": 0.0}
+    usual: dict[str, Any] = {"scale": 1.0, "signs": [], "late": 0.0}
     shown = {key: getattr(source, key) for key in keys if getattr(source, key) not in ("", usual.get(key))}
     unit = source.unit or next(iter(UNITS[name]))
     return {"from": list(source.columns), "rate": f"{1 / signal.step:.4g} Hz", "unit": unit, **shown}
@@ -76,9 +84,25 @@ def _described(name: str, signal: Signal, log_map: LogMap) -> dict[str, Any]:
 def _conventions_text(verdict: Verdict) -> str:
     if not verdict.misfits:
         return "not checked: no flight, too short, or no two quantities that can be compared"
+    count, wrong = len(verdict.misfits), failing(verdict.misfits)
     worst = max(verdict.misfits, key=lambda law: verdict.misfits[law])
-    text = f"agree with the log in {len(verdict.misfits)} checks (worst misfit {verdict.misfits[worst]:.2g}, {worst})"
+    text = f"agree with the log in {count} checks (worst misfit {verdict.misfits[worst]:.2g}, {worst})"
+    if wrong:
+        laws = ", ".join(f"{law} {verdict.misfits[law]:.2g}" for law in wrong)
+        text = f"hold in {count - len(wrong)} of {count} checks; misfit of {laws} ({SCALE}): {_why(wrong)}"
     return text + (f"; adopted: {as_text(verdict.changes)}" if verdict.changes else "")
+
+
+def _why(laws: Sequence[str]) -> str:
+    """Return what may act where these laws fail, though no other convention makes them hold."""
+    reasons = {
+        "attitude": f"body rates drift or have a bias about that axis ({GyroBias.identifier} can be told)",
+        "velocity": f"the acceleration drifts along that axis ({AccelerometerBias.identifier} can be told)",
+        "position": "position or velocity drifts along that axis",
+        "lift": "a force that is neither thrust nor drag acts across the thrust axis, or the attitude is wrong",
+    }
+    kinds = dict.fromkeys(law.split()[0] for law in laws)
+    return "; ".join(reasons[kind] for kind in kinds if kind in reasons)
 
 
 def _gaps_text(parts: Sequence[Part], flights: Sequence[FlightLog]) -> str:
@@ -91,6 +115,10 @@ def _gaps_text(parts: Sequence[Part], flights: Sequence[FlightLog]) -> str:
         )
         text += f"; split into {len(flights)} parts" if len(flights) > 1 else ""
     return text
+
+
+def _notes(part: Part) -> list[str]:
+    return [*part.derived, *part.aligned.notes, *ground_notes(part)]
 
 
 def ground_notes(part: Part) -> list[str]:

@@ -2,7 +2,9 @@
 
 import os
 import signal
+import socket
 import threading
+import time
 from contextlib import contextmanager
 from functools import partial
 from types import SimpleNamespace
@@ -84,6 +86,16 @@ def test_a_scheduler_that_does_not_answer_is_one_line(address, monkeypatch, caps
     err = capsys.readouterr().err
     said = f"--scheduler: no Dask scheduler answers at '{address}'."
     assert err.splitlines()[-1] == f"np-drake reproduce robustness: {said}"
+
+
+def test_what_accepts_a_connection_and_says_nothing_is_no_scheduler():
+    pytest.importorskip("distributed", reason="needs the extra `cluster`")
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        dut = cluster.client(f"tcp://127.0.0.1:{silent.getsockname()[1]}", patience=0.3)
+        start = time.monotonic()
+        with pytest.raises(ValueError, match="no Dask scheduler answers"), dut:
+            pass
+        assert time.monotonic() - start < 30.0
 
 
 def test_a_scheduler_that_does_not_answer_leaves_no_thread():

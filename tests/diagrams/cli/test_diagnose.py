@@ -10,7 +10,11 @@ import yaml
 
 from diagrams.cli.main import run
 from diagrams.gap.side_by_side import NoReplay
+from diagrams.loop.flight_result import LostVehicle
 from np_drake.diagnosis import result as an
+from np_drake.effects.linear_drag import LinearDrag
+from np_drake.effects.mass_error import MassError
+from np_drake.effects.thrust_scale import ThrustScale
 from np_drake.logs.case_folder import find_case
 from np_drake.vehicle import RIGID, Vehicle
 
@@ -58,9 +62,11 @@ def test_a_case_folder_is_diagnosed_into_a_report(case, tmp_path, capsys):
     out, metrics = tmp_path / "out", tmp_path / "d.json"
     assert run(["diagnose", str(case), "--out", str(out), "--json", str(metrics), "--seed", "5"]) == 0
     printed = capsys.readouterr().out
+    assert max(len(line) for line in printed.splitlines() if str(tmp_path) not in line) <= 80
+    printed = " ".join(printed.split())
     expected = (
-        "A mass error of 100 g, 97 %",
-        "Explains > 99.9 % of the lift gap on the held-out flight.",
+        "A mass error of 100 g explains 98 % of the gap on the held-out flight; the replay does not improve",
+        "Probability 97 %.",
         "delta_mass",
         "80 to 120",
         "3.0 s",
@@ -78,7 +84,6 @@ def test_a_case_folder_is_diagnosed_into_a_report(case, tmp_path, capsys):
         "replay.html",
     ):
         assert text in printed
-    assert max(len(line) for line in printed.splitlines() if line[:1] in ("┃", "│")) <= 100
     content = json.loads(metrics.read_text())
     assert content == json.loads((out / "diagnosis.json").read_text())
     assert (content["schema"], content["seed"]) == ("np_drake.diagnosis/1", 5)
@@ -109,13 +114,13 @@ def test_a_second_answer_is_printed_beside_the_first(case, logs, monkeypatch, ca
 
     monkeypatch.setattr(importlib.import_module("np_drake.diagnosis.diagnose"), "diagnose", twice)
     assert run(["diagnose", str(case), "--no-replay"]) == 0
-    printed = capsys.readouterr().out
+    printed = " ".join(capsys.readouterr().out.split())
     places = [
         printed.index(text)
         for text in (
             "No cause is told",
-            "new on the held-out flight: a slow force along x, 3 N.",
-            "Second answer, with the first halves of the held-out flight in the fit: A mass error of 100 g, 97 %",
+            "new on the held-out flight: a slow force along x, 3 N; a second answer",
+            "Second answer, with the first halves of the held-out flight in the fit: A mass error of 100 g explains",
             "on the second half of the held-out flight.",
             "second answer: causes",
             "Drag was not tested.",
@@ -123,6 +128,61 @@ def test_a_second_answer_is_printed_beside_the_first(case, logs, monkeypatch, ca
         )
     ]
     assert places == sorted(places)
+
+
+@pytest.mark.parametrize("held_out_shows_more", [False, True])
+def test_verdict_causes_and_corrected_simulator_name_the_same(case, tmp_path, monkeypatch, held_out_shows_more):
+    def twice(*arguments, **how):
+        found = answer(*arguments, **how)
+        drag = an.Cause("linear_drag", 0.9, {}, {}, effect=LinearDrag(0.2, 0.2, 0.2))
+        second = dc.replace(found, verdict=("linear_drag",), causes=(drag,), joined=found.held_out)
+        cause = dc.replace(found.causes[0], onset={}, effect=MassError(0.1))
+        return dc.replace(found, causes=(cause,), refit=second if held_out_shows_more else None)
+
+    monkeypatch.setattr(importlib.import_module("np_drake.diagnosis.diagnose"), "diagnose", twice)
+    out = tmp_path / "out"
+    assert run(["diagnose", str(case), "--no-replay", "--out", str(out)]) == 0
+    content = json.loads((out / "diagnosis.json").read_text())
+    answers = {"corrected.yaml": content} | ({"corrected_second.yaml": content["refit"]} if held_out_shows_more else {})
+    assert {path.name for path in out.glob("corrected*")} == set(answers)
+    for file, told in answers.items():
+        named = [entry["effect"] for entry in yaml.safe_load((out / file).read_text())["reality"]["effects"]]
+        assert named == told["verdict"] == [cause["effect"] for cause in told["causes"]]
+        assert f"# verdict: {named[0]}\n" in (out / file).read_text()
+        assert f'href="{file}"' in (out / "report.html").read_text()
+
+
+def test_a_corrected_simulator_that_falls_is_not_recommended(case, tmp_path, monkeypatch, capsys):
+    def weak(*arguments, **how):
+        found = answer(*arguments, **how)
+        cause = an.Cause("thrust_scale", 0.97, {}, {}, effect=ThrustScale(0.7))
+        return dc.replace(found, verdict=("thrust_scale",), causes=(cause,))
+
+    def falls(config, **_):
+        if config.reality.effects:
+            raise LostVehicle(f"{config.name}: {config.controller.kind} flew into the ground before 2.0 s.")
+
+    monkeypatch.setattr(importlib.import_module("np_drake.diagnosis.diagnose"), "diagnose", weak)
+    monkeypatch.setattr("diagrams.gap.trial.fly", falls)
+    out = tmp_path / "out"
+    assert run(["diagnose", str(case), "--no-replay", "--out", str(out)]) == 0
+    printed = " ".join(capsys.readouterr().out.split())
+    assert "Do not fly the corrected simulator: nominal, hold and observer lose the vehicle" in printed
+    assert "without thrust_scale it flies: check that by hand, and diagnose again" in printed
+    assert "np-drake fly" not in (out / "corrected.yaml").read_text()
+    assert "which no controller keeps in the air" in (out / "report.html").read_text()
+
+
+def test_causes_of_which_no_simulator_can_be_made_are_said_to_be(case, tmp_path, monkeypatch, capsys):
+    def weak(*arguments, **how):
+        cause = an.Cause("thrust_scale", 0.97, {}, {}, effect=ThrustScale(0.3))  # less than the weight
+        return dc.replace(answer(*arguments, **how), verdict=("thrust_scale",), causes=(cause,))
+
+    monkeypatch.setattr(importlib.import_module("np_drake.diagnosis.diagnose"), "diagnose", weak)
+    assert run(["diagnose", str(case), "--no-replay", "--out", str(tmp_path / "out")]) == 0
+    assert "no simulator can be made of these causes" in " ".join(capsys.readouterr().out.split())
+    assert {"report.html", "diagnosis.json"} <= {path.name for path in (tmp_path / "out").iterdir()}
+    assert not (tmp_path / "out" / "corrected.yaml").exists()
 
 
 def test_without_a_replay_there_is_no_page_of_it_and_an_old_one_goes(case, tmp_path, capsys):

@@ -95,6 +95,10 @@ def test_a_predictor_is_scored_beside_the_naive_rows(logs, model, tmp_path, caps
     assert line["unstable"] == 0
     assert line["largest"] <= 1.0
     assert max(map(len, captured.out.splitlines())) <= 100
+    skill = min((r["force_skill"], r["horizon"]) for r in rows if r["model"] == "delay-modal" and r["zeta"] == "held")
+    said = " ".join(captured.out.split("With the coming motion held, ")[-1].split())
+    assert said.startswith("delay-modal forecasts force better than every naive one at ")
+    assert f" of its error at {skill[1]:g} s)" in said
 
 
 @pytest.fixture(scope="module")

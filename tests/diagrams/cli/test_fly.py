@@ -5,9 +5,9 @@ import json
 import numpy as np
 import pytest
 
-from diagrams.cli.fly import named_solver
 from diagrams.cli.main import run
 from diagrams.cli.options import DEFAULT_SOLVER
+from diagrams.cli.scenario import named_solver
 from diagrams.loop.experiments import EXPERIMENTS
 from np_drake.logs.opening import open_flights
 

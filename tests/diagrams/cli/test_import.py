@@ -153,7 +153,7 @@ def test_two_logs_of_one_name_are_told_apart_from_a_file_that_was_there(table, t
         ("flight.csv", b"", "flight.csv: must hold a flight log; it is empty"),
         ("flight.dat", b"t,x\n0,1\n", "A table must be named .csv, .tsv or .txt"),
         ("flight.csv", b"t x\n0 1\n", "its columns apart by comma, semicolon or tab"),
-        ("flight.csv", "t,x\n0,1\n".encode("utf-16"), "Save the text as UTF-8"),
+        ("flight.csv", "t,x\n0,1\n".encode("utf-32"), "Save the text as UTF-8"),
     ],
 )
 def test_a_file_that_is_no_table_says_how_it_becomes_one(tmp_path, monkeypatch, capsys, name, content, message):

@@ -14,6 +14,7 @@ from np_drake.diagnosis.numerics import NoiseModel, Readings
 from np_drake.diagnosis.options import IDEAL_SENSORS
 from np_drake.effects.explanation import Explanation
 from np_drake.effects.linear_drag import LinearDrag
+from np_drake.effects.thrust_scale import ThrustScale
 from np_drake.references.track_file import read_track
 
 RMS = np.repeat([0.5, 0.05, 0.05, 0.2, 0.05], 3)
@@ -32,6 +33,17 @@ def told() -> dict:
     return {"explanations": [e.as_json() for e in STAND], "readings": READINGS.as_json()}
 
 
+def changed(*path, **more):
+    """Return the report with the value of the last two arguments changed, and `more` beside it."""
+    *steps, name, value = path
+    content = json.loads(json.dumps(told()))
+    place = content
+    for step in steps:
+        place = place[step]
+    place |= {name: value} | more
+    return content
+
+
 @pytest.fixture
 def report(tmp_path):
     """Return a folder as a diagnosis leaves it, as far as a design reads it."""
@@ -45,14 +57,16 @@ def report(tmp_path):
 def test_a_flight_is_checked_written_and_can_be_flown_again(report, tmp_path, capsys):
     out, values = tmp_path / "out", tmp_path / "a.json"
     assert run(["next-flight", str(report), *QUICK, "--out", str(out), "--json", str(values)]) == 0
-    text = capsys.readouterr().out
-    assert "2 explanations stand: " in text
+    text = " ".join(capsys.readouterr().out.split())
+    assert "2 explanations stand: nothing (40 %), linear_drag (60 %)." in text
+    assert "Fly the multisine: whichever explanation is true, it alone is left with a probability of > 99.9 %" in text
     assert "Limits: kept in the simulator under each of 2 explanations" in text
     assert {path.name for path in out.iterdir()} == {"next_flight.csv", "next_flight.png", "next_flight.yaml"}
     content = json.loads(values.read_text())
     assert content["schema"] == "np_drake.next-flight/1"
-    (told,) = content["candidates"]
+    told, *others = content["candidates"]
     assert told["name"] == "multisine"
+    assert {other["name"] for other in others} == {"sprints", "climbs", "circle", "shakes"}
     assert told["distances"][0][1] > 1.0
     assert told["weakest"] == ["nothing", "linear_drag"]
     assert len(told["intervals"]) == 2
@@ -106,6 +120,41 @@ def test_what_an_interval_becomes_is_printed(report, tmp_path, capsys):
     assert after < 0.97 * before
 
 
+def test_explanations_that_no_flight_tells_apart_are_said_to_be_in_seconds(report, tmp_path, capsys):
+    twins = [
+        Explanation((name,), p, (LinearDrag(0.5, 0.5, 0.5),))
+        for name, p in (("mass_error", 0.7), ("thrust_scale", 0.3))
+    ]
+    (report / REPORT).write_text(json.dumps(told() | {"explanations": [e.as_json() for e in twins]}))
+    values = tmp_path / "a.json"
+    assert run(["next-flight", str(report), *BOX, "--json", str(values)]) == 0
+    text = " ".join(capsys.readouterr().out.split())
+    assert "No flight will tell these apart" in text
+    assert "On the ground: weigh the vehicle" in text
+    assert "measure thrust on a stand" in text
+    assert json.loads(values.read_text())["flown"] == []
+
+
+def test_a_naive_manoeuvre_that_its_table_puts_ahead_is_proposed(report, tmp_path, capsys):
+    windy = [Explanation((), 0.5, ()), Explanation(("thrust_scale",), 0.5, (ThrustScale(1.0 + 4e-4),))]
+    (report / REPORT).write_text(json.dumps(told() | {"explanations": [e.as_json() for e in windy]}))
+    values = tmp_path / "a.json"
+    assert run(["next-flight", str(report), *QUICK, "--no-fly", "--json", str(values)]) == 0
+    first, *others = json.loads(values.read_text())["candidates"]
+    assert first["distances"][0][1] >= max(other["distances"][0][1] for other in others)
+    rows = [line.split()[0] for line in capsys.readouterr().out.splitlines() if line.split()[:1]]
+    rows = [word for word in rows if word in {"multisine", *(other["name"] for other in others), first["name"]}]
+    assert rows[0] == first["name"] != "multisine"
+
+
+def test_limits_that_no_motion_keeps_are_refused_before_the_flights(report, capsys):
+    (report / REPORT).write_text(json.dumps(told() | {"explanations": [STAND[0].as_json() | {"probability": 1.0}]}))
+    assert run(["next-flight", str(report), *BOX, "--seconds", "120", "--speed", "0.001"]) == 2  # [m/s]
+    error = capsys.readouterr().err
+    assert "no motion keeps them with controller hold: speed is" in error
+    assert "Name another --controller, or wider limits." in error
+
+
 def test_an_option_of_the_former_search_warns(report, capsys):
     assert run(["next-flight", str(report), *QUICK, "--no-fly", "--evaluations", "15"]) == 0
     assert "warning: --evaluations has no effect" in capsys.readouterr().out
@@ -125,6 +174,17 @@ def test_a_second_answer_counts(report):
         ("{}", "diagnose again"),
         ('{"cannot_tell": true}', "more motion"),
         (json.dumps(told() | {"readings": {"noise": {}}}), "must be whole"),
+        (json.dumps(changed("readings", "noise", "step", 0)), "step must be"),
+        (json.dumps(changed("readings", "noise", "step", "a")), "could not convert"),
+        (json.dumps(changed("readings", "noise", "rms", [1e308] * 15)), "numbers must be finite"),
+        (json.dumps(changed("readings", "noise", "phi", [])), "phi"),
+        (json.dumps(changed("readings", "tolerance", "mass", "0.1 kg")), "could not convert"),
+        (json.dumps(changed("explanations", 1, "probability", 1e308)), "probability must be"),
+        (json.dumps(changed("explanations", 1, "effects", 0, "parameters", "d_x", 1e308)), "d_x must be 0 to"),
+        (json.dumps(changed("explanations", 1, "effects", 0, "parameters", "d_x", "much")), "must be whole|number"),
+        (json.dumps(changed("explanations", 1, "covariance", [[1e308]], parameters=["linear_drag.d_x"])), "covariance"),
+        (json.dumps(changed("explanations", 1, "covariance", [[-1.0]], parameters=["linear_drag.d_x"])), "definite"),
+        (json.dumps(told() | {"explanations": 20000 * [STAND[0].as_json()]}), "at most 100 explanations"),
     ],
 )
 def test_a_report_that_does_not_tell_is_refused(report, content, why):

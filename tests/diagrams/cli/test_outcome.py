@@ -1,5 +1,7 @@
 """Every failure is one line and an exit code; no input is overwritten."""
 
+import os
+
 import pytest
 import typer
 
@@ -126,3 +128,12 @@ def test_a_file_of_a_case_is_no_output_and_nothing_is_begun(tmp_path, monkeypatc
     assert f"set/a/{name}: must not be a file that is read" in capsys.readouterr().err
     assert (cases / name).read_text() == "as it was"
     assert not (tmp_path / "answers").exists()
+
+
+@pytest.mark.parametrize("verb", ["doctor", "import", "fly", "export", "evaluate"])
+def test_every_verb_refuses_a_pipe_in_one_line(verb, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    os.mkfifo("endless")
+    assert run([verb, "endless"]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "endless: must be a file or a folder; got a named pipe" in line

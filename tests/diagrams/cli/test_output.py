@@ -40,7 +40,9 @@ def test_two_outputs_are_never_one_file(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["link"]
 
 
-def test_progress_ends_at_a_hundred_percent(capsys):
+def test_progress_ends_at_a_hundred_percent_where_a_person_looks(capsys, monkeypatch):
+    monkeypatch.setenv("FORCE_COLOR", "1")  # what a terminal is for rich
+    monkeypatch.setenv("TERM", "xterm")
     with dut.progress("working", 10) as advance:
         advance(5, "half")
         advance(10)
@@ -61,8 +63,10 @@ def test_a_link_to_nothing_is_no_folder(target, tmp_path):
         dut.require_folder(tmp_path / "link" / "sub")
 
 
-def test_progress_that_an_error_ends_leaves_no_line(capsys):
+def test_off_a_terminal_progress_leaves_no_line_beside_that_of_an_error(capsys):
     def work():
+        with dut.progress("before", 1.0) as advance:
+            advance(1.0)
         with dut.progress("work", 2.0) as advance:
             advance(1.0)
             raise ValueError("bad")

@@ -147,8 +147,39 @@ def test_the_seed_of_a_verb_without_a_draw_is_accepted_and_hidden(capsys):
     assert "--seed" not in capsys.readouterr().out.split("Usage")[1]
 
 
-def test_counting_counts_up_to_a_hundred_percent(capsys):
+def test_counting_counts_up_to_a_hundred_percent(capsys, monkeypatch):
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    monkeypatch.setenv("TERM", "xterm")
     with counting("flying", "flights") as on_progress:
         on_progress(4, 4)
     assert "100 %" in (err := capsys.readouterr().err)
     assert "4 of 4 flights" in err
+
+
+@pytest.mark.parametrize("there", [False, True], ids=["a new folder", "a folder with results"])
+@pytest.mark.parametrize("many", [False, True])
+def test_a_run_that_fails_leaves_nothing_of_its_own_but_cases(tmp_path, there, many):
+    out = tmp_path / "out"
+    if there:
+        out.mkdir()
+        (out / "kept.csv").write_text("1")
+
+    def change(run):
+        (run.out / "cases").mkdir()
+        (run.out / "cases" / "a.json").write_text("{}")
+        (run.out / "half.html").write_text("<")
+        raise ValueError("the rest is missing.")
+
+    app, _ = made(change, many=many)
+    assert call(app, "--out", out) == 2
+    found = sorted(str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*"))
+    kept = ["out", "out/kept.csv"] if there else []
+    own = ["out", "out/cases", "out/cases/a.json", "out/half.html"]
+    assert found == sorted({*kept, *(own if many else [])})
+
+
+def test_a_report_whose_cases_failed_is_written_whole(tmp_path):
+    app, _ = made(lambda run: {"failure": FailedRun("1 of 2 failed."), "write": lambda at: (at / "a").write_text("1")})
+    assert call(app, "--out", tmp_path / "out", "--json", tmp_path / "m.json") == 1
+    assert (tmp_path / "out" / "a").is_file()
+    assert (tmp_path / "m.json").is_file()

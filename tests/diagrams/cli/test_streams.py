@@ -56,6 +56,13 @@ def test_a_terminal_of_ascii_is_printed_on(variables):
         assert dut.returncode == (2 if "train" in verb else 0)
 
 
+def test_a_locale_without_utf8_flies_and_writes_all_the_same(tmp_path):
+    ascii_only = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
+    dut = shell(f"{NP_DRAKE} export paper --format sdf --out {tmp_path}/a.sdf", **ascii_only)
+    assert (dut.returncode, dut.stderr) == (0, "")
+    assert (tmp_path / "a.sdf").is_file()
+
+
 def test_characters_that_are_lacking_have_a_word_of_ascii():
     error = UnicodeEncodeError("ascii", "1 – 2 ± 3 m² é 漢", 0, 16, "")
     assert plain_characters(error) == ("1 - 2 +- 3 m2 e ?", 16)

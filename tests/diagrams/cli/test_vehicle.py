@@ -30,7 +30,7 @@ def test_new_without_out_prints_the_file(capsys, tmp_path):
     [
         (["--mass", "1"], "--wheelbase"),
         (list(MEASURES[:-2]), "give --order px4|ardupilot|betaflight|crazyflie (whose logs you have) as well"),
-        (["--preset", "nobody"], "crazyflie, hummingbird"),
+        (["--preset", "nobody"], "crazyflie, crazyflie_brushless, hummingbird"),
         (["--preset", "crazyflie", "--mass", "1"], "max_rotor_thrust"),
         (["--preset", "crazyflie", "--propeller", "0.1"], "--propeller"),
         (["--preset", "crazyflie", "--mass-uncertainty", "0.9"], "mass_uncertainty"),
@@ -53,7 +53,7 @@ def test_a_preset_takes_an_uncertainty_and_show_prints_it(capsys, tmp_path):
     assert run(["vehicle", "new", "--preset", "crazyflie", *stated, "--out", str(out)]) == 0
     dut = load_vehicle(out)
     assert (dut.mass_uncertainty, dut.thrust_uncertainty) == (0.02, 0.03)
-    assert dc.replace(dut, mass_uncertainty=None, thrust_uncertainty=None) == load_vehicle("crazyflie")
+    assert dc.replace(dut, mass_uncertainty=None, thrust_uncertainty=0.2) == load_vehicle("crazyflie")
     assert run(["vehicle", "show", str(out)]) == 0
     assert "2 % of the value" in capsys.readouterr().out
     assert run(["vehicle", "show", "crazyflie"]) == 0

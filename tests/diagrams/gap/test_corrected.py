@@ -204,10 +204,11 @@ def test_a_diagnosis_without_causes_gives_the_nominal_simulator(tmp_path):
     assert config.vehicle == Vehicle()
 
 
-def test_the_second_answer_counts_where_there_is_one():
+def test_a_second_answer_has_a_simulator_of_its_own():
     first, second = diagnosis(cause(ThrustScale(0.9))), diagnosis(cause(MassError(0.2)))
-    config = corrected_simulator(dc.replace(first, refit=second), Vehicle())
-    assert config.reality.added == [MassError(0.2)]
+    both = dc.replace(first, refit=second)
+    assert corrected_simulator(both, Vehicle()).reality.added == [ThrustScale(0.9)]
+    assert corrected_simulator(both.refit, Vehicle()).reality.added == [MassError(0.2)]
 
 
 def test_the_file_serves_as_vehicle_file(tmp_path):

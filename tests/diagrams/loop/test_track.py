@@ -121,3 +121,89 @@ def test_a_flight_from_python_is_checked_too(tmp_path):
     config.reference = dc.replace(config.reference, speed=9.0)
     with pytest.raises(ValueError, match="max_speed"):
         config.check()
+
+
+FLAT = "x,y,z\n0,0,1.5\n1,0,1.5\n1,1,1.5\n0,1,1.5\n0,0,1.5\n"  # a square of 1 m
+
+
+def test_a_square_that_is_flown_round_is_a_warning_with_the_distance(tmp_path):
+    (said,) = load_flight(scenario(tmp_path, FLAT)).warnings()
+    assert "leaves the straight leg from waypoint" in said
+    assert "by 0.21 m; reference.corners: stop keeps to the legs." in said
+    wider = load_flight(scenario(tmp_path, FLAT, reference="speed: 1.0, ramp: 1.0, within: 0.3"))
+    assert wider.warnings() == []
+
+
+def test_stops_at_the_corners_of_a_square_are_no_warning(tmp_path):
+    config = load_flight(scenario(tmp_path, FLAT, "duration: 9.0\n", "speed: 1.0, corners: stop, rest: 0.3"))
+    assert config.warnings() == []
+    flight = fly(config, seed=0)
+    assert flight.warnings() == []
+    assert max(flight.metrics()["waypoint_distances"]) < 0.05  # [m]
+
+
+def test_waypoints_beyond_the_end_are_named_with_their_distance(tmp_path):
+    config = load_flight(scenario(tmp_path, "x,y,z\n0,0,1.5\n1,0,1.5\n2,0,1.5\n", "duration: 0.5\n"))
+    (said,) = config.warnings()
+    assert said == "the track does not come within 0.1 m of waypoint 3 (1.00 m)."
+
+
+def test_what_the_flight_itself_misses_is_named_too(tmp_path):
+    config = load_flight(scenario(tmp_path, FLAT, "duration: 5.0\n", "speed: 1.0, corners: snap, within: 0.3"))
+    flight = fly(config, seed=0)
+    assert flight.warnings() == []
+    flight.config.reference.within = 1e-4
+    assert "the flight with hold does not come within 0.0001 m of waypoints" in flight.warnings()[-1]
+
+
+@pytest.mark.parametrize(
+    "reference, said",
+    [
+        ("corners: sharp", "corners must be one of round, stop, snap"),
+        ("follow: wing", "follow must be one of vehicle, payload"),
+        ("within: 0.0", "within must be positive"),
+    ],
+)
+def test_an_unknown_word_of_a_track_is_refused_with_those_there_are(tmp_path, reference, said):
+    with pytest.raises(ValueError, match=said):
+        load_flight(scenario(tmp_path, FLAT, reference=f"speed: 1.0, ramp: 1.0, {reference}"))
+
+
+def test_corners_are_for_waypoints(tmp_path):
+    (tmp_path / "c.yaml").write_text("reference: {track: circle, corners: stop}\n")
+    with pytest.raises(ValueError, match="corners is for the waypoints of a CSV file; got stop and circle"):
+        load_flight(str(tmp_path / "c.yaml"))
+    times = "t,x,y,z\n" + "\n".join(f"{k},{0.01 * k},0,1.5" for k in range(9))
+    with pytest.raises(ValueError, match="corners stop is for waypoints"):
+        load_flight(scenario(tmp_path, times, reference="ramp: 1.0, corners: stop"))
+
+
+def test_a_payload_that_is_to_follow_the_track_does(tmp_path):
+    (tmp_path / "led.yaml").write_text(
+        "duration: 3.0\nreference: {track: circle, height: 1.0, ramp: 3.0, follow: payload}\n"
+        "controller: {kind: payload_filter}\n"
+    )
+    config = load_flight(str(tmp_path / "led.yaml"))
+    flight = fly(config, seed=0)
+    errors = flight.metrics()["payload"]
+    assert errors["E_xy"] < 0.02  # [m]; under a vehicle on the circle itself it is 18 cm off
+    assert errors["E_z"] < 0.01
+    np.testing.assert_allclose(flight.payload_position[0], [1.0, 0.0, 1.0], atol=1e-3)
+    assert np.linalg.norm(flight.signals["p_ref"][-1, :2]) < 0.85  # [m]; the vehicle leans in
+
+
+@pytest.mark.parametrize(
+    "reality, said", [("{tether: none}", "needs a payload on a cable; got none"), ("{tether: rod}", "got rod")]
+)
+def test_a_payload_that_is_to_follow_must_hang_on_a_cable(tmp_path, reality, said):
+    (tmp_path / "led.yaml").write_text(f"reference: {{follow: payload}}\nreality: {{payload: {reality}}}\n")
+    with pytest.raises(ValueError, match=said):
+        load_flight(str(tmp_path / "led.yaml"))
+
+
+def test_a_track_on_which_the_cable_goes_slack_is_refused(tmp_path):
+    (tmp_path / "led.yaml").write_text(
+        "reference: {track: vertical, follow: payload, speed: 4.0, length: 0.3, rise: 0.8}\n"
+    )
+    with pytest.raises(ValueError, match="must keep the cable taut; its pull falls to"):
+        load_flight(str(tmp_path / "led.yaml"))

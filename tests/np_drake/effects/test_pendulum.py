@@ -179,6 +179,14 @@ def test_a_hanging_tether_is_taut_and_moves_along_its_sphere():
     np.testing.assert_allclose(np.sum(r * rate, axis=1), 0.0, atol=1e-12)
 
 
+def test_a_hanging_tether_leans_as_asked_and_never_is_level():
+    r, rate = hanging(np.array([[0.2, 0.1], [-3.0, 4.0]]), np.array([[0.3, -0.5], [0.0, 1.0]]), 0.5)
+    np.testing.assert_allclose(r[0], [0.2, 0.1, -np.sqrt(0.25 - 0.05)])
+    np.testing.assert_allclose(r[1, :2], 0.99 * 0.5 * np.array([-0.6, 0.8]))
+    np.testing.assert_allclose(rate[:, :2], [[0.3, -0.5], [0.0, 1.0]])
+    assert (r[:, 2] < 0).all()
+
+
 @settings(max_examples=30, deadline=None)
 @given(st.integers(0, 10**6))
 def test_a_tether_only_pulls_and_is_never_longer_than_it_is(seed):

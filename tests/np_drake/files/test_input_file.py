@@ -1,6 +1,8 @@
 """An input asks for no more memory than its budget."""
 
 import os
+import socket
+from pathlib import Path
 
 import pytest
 
@@ -15,6 +17,7 @@ from np_drake.files.input_file import (
     read_json,
     text_budget,
 )
+from np_drake.logs.opening import open_flights
 
 
 def test_a_file_beyond_its_budget_is_refused(tmp_path):
@@ -120,3 +123,21 @@ def test_without_a_guard_a_library_writes_what_it_is_told_to(log):
     note_input(log)
     write_text(log, "2")
     assert log.read_text() == "2"
+
+
+@pytest.fixture(params=["pipe", "socket"])
+def endless(request, tmp_path, monkeypatch):
+    """A path whose opening or reading would never end."""
+    monkeypatch.chdir(tmp_path)
+    if request.param == "pipe":
+        os.mkfifo("endless")
+    else:
+        with socket.socket(socket.AF_UNIX) as made:
+            made.bind("endless")
+    return Path("endless")
+
+
+def test_a_pipe_and_a_socket_are_refused_before_they_are_opened(endless):
+    for read in (read_json, open_flights, note_input):
+        with pytest.raises(ValueError, match=r"endless: must be a file or a folder; got a (named pipe|socket)"):
+            read(endless)

@@ -83,7 +83,21 @@ class Sqlite:
         if self._folder is not None:
             self._folder.cleanup()
 
+    def _require_tables(self) -> None:
+        """Check that what a bag holds is stored: a view may compute rows without end.
+
+        Raises: ValueError: where it is a view, or virtual.
+        """
+        query = (
+            "SELECT name FROM sqlite_master WHERE name IN (?, ?, ?) AND (type <> 'table' OR sql LIKE 'CREATE VIRTUAL%')"
+        )
+        names = ("topics", "messages", "message_definitions")
+        found = [name.decode(errors="replace") for (name,) in self._database.execute(query, names)]
+        if found:
+            raise ValueError(f"{', '.join(found)} must be tables; a view or virtual table is no record of a flight")
+
     def _channels(self) -> list[Channel]:
+        self._require_tables()
         definitions = self._definitions()
         topics = {}
         for number, topic, kind in self._database.execute("SELECT id, name, type FROM topics"):

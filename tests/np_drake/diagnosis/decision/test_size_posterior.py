@@ -57,6 +57,20 @@ def test_in_the_limit_of_a_known_size_an_effect_is_material_or_it_is_not(times, 
     assert material_share(size, np.ones(10), MATERIALITY, **PLAIN) == share
 
 
+@pytest.mark.parametrize(
+    "size, kind",
+    [
+        (Size(0.0, MATERIALITY.torque, 0.0, 0.0), PLAIN),
+        (Size(MATERIALITY.calibration_force, 9.0, 0.0, 9.0), {"calibration": True, "sensor": False}),
+        (Size(9.0, 9.0, 0.0, MATERIALITY.sensor), {"calibration": False, "sensor": True}),
+    ],
+    ids=["torque", "calibration", "sensor"],
+)
+def test_every_kind_of_size_scales_with_the_draws(size, kind):
+    drawn = np.array([0.5, 0.9, 0.99, 1.01, 1.1, 2.0, 3.0, 4.0])
+    assert material_share(size, drawn, MATERIALITY, **kind) == 5 / 8
+
+
 @pytest.mark.parametrize("times", [0.8, 1.0, 1.1])
 def test_between_the_limits_it_is_the_gaussian_above_the_bound(times):
     deviation = 0.2

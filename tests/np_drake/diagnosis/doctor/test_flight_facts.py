@@ -5,7 +5,7 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.doctor.flight_facts import contradictions, flight_facts
+from np_drake.diagnosis.doctor.flight_facts import flight_facts
 from np_drake.vehicle import MeasurementNoise, Vehicle
 
 
@@ -41,15 +41,6 @@ def test_a_gap_is_counted(fly):
     assert dut.gaps == 1
     assert dut.longest == pytest.approx(0.09)
     assert flight_facts(log).gaps == 0
-
-
-def test_conventions_that_contradict_each_other_are_named(fly):
-    log = fly()
-    assert contradictions(flight_facts(log)) == []
-    flipped = dc.replace(log, v=log.v * [1.0, -1.0, 1.0])
-    assert any(law.startswith("position y") for law in contradictions(flight_facts(flipped)))
-    conjugated = dc.replace(log, q=log.q * [1.0, -1.0, -1.0, -1.0])
-    assert contradictions(flight_facts(conjugated))
 
 
 def test_rotors_at_their_limit_are_counted_with_a_vehicle_alone(fly):

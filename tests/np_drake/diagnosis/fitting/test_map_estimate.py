@@ -5,16 +5,19 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.fitting.map_estimate import refine
+from np_drake.diagnosis.fitting.map_estimate import refine, scaled_jacobian
 from np_drake.diagnosis.fitting.parameters import free_parameters, read, write
 from np_drake.diagnosis.forward_model.payload_state import NEVER, Term
+from np_drake.diagnosis.forward_model.prediction import predicted_residual
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors.library import Candidate
+from np_drake.effects.clock_offset import ClockOffset
 from np_drake.effects.command_delay import CommandDelay
 from np_drake.effects.gyro_bias import GyroBias
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
 from np_drake.effects.motor_lag import MotorLag
+from np_drake.effects.rotor_gyroscopic import RotorGyroscopic
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.effects.thrust_scale import ThrustScale
 from np_drake.effects.weak_rotor import WeakRotor
@@ -47,6 +50,27 @@ def test_parameters_are_recovered_within_their_intervals(seen, noise, true, star
     np.testing.assert_array_less(np.abs(dut.values - expected), 3.5 * deviation(dut))
     np.testing.assert_array_less(deviation(dut), 0.15 * np.maximum(np.abs(expected), 0.2))
     np.testing.assert_array_equal(read(dut.terms, dut.free), dut.values)
+
+
+@pytest.mark.parametrize("lag", [(), (MotorLag(0.03),)], ids=["no lag", "lag"])
+@pytest.mark.parametrize("kind", [ClockOffset, CommandDelay])
+def test_a_time_shift_is_linearised_over_one_row_from_zero_too(seen, kind, lag):
+    flight = seen(seconds=4.0)
+    (parameter,) = kind.parameters
+    others = [Term(e) for e in lag]
+    now = [Term(kind.neutral()), *others]
+    free = free_parameters(now[:1], [flight], {}, PRIORS)
+    dut = scaled_jacobian(now, free, flight)[..., 0] / free[0].scale
+    row = predicted_residual(flight, [Term(kind.of({parameter.name: flight.log.step})), *others])
+    expected = (row - predicted_residual(flight, now)) / flight.log.step
+    np.testing.assert_allclose(dut, expected, atol=1e-9 * np.abs(expected).max())
+    assert np.linalg.norm(expected[:, 2]) > 0.1 * np.linalg.norm(expected[:, 3:6])
+
+
+def test_a_rotor_of_negative_inertia_is_none(seen, noise):
+    flight = seen(RotorGyroscopic(-1e-4), noise=1.0, seconds=6.0)
+    dut = refine([Term(RotorGyroscopic(5e-5))], [], [flight], noise, temperature=1.0, priors=PRIORS)
+    assert dut.values[0] == pytest.approx(0.0, abs=1e-8)
 
 
 @pytest.mark.parametrize("damping", [0.0, 0.25])

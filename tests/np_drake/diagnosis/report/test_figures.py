@@ -1,12 +1,16 @@
 """Laws of the report's figures."""
 
 import dataclasses as dc
+import itertools
+from unittest import mock
 
 import numpy as np
 import pytest
+from matplotlib.text import Text
 
-from np_drake.diagnosis.report.figures import smoothed
+from np_drake.diagnosis.report.figures import regime_figure, smoothed, timeline_figure
 from np_drake.diagnosis.report.page import figures
+from np_drake.diagnosis.result import Regime
 from np_drake.files.figure_file import png
 
 COARSE = 30  # [dots an inch]
@@ -16,6 +20,45 @@ NAMES = ("ladder", "regimes", "timeline", "spectrum", "replay")
 @pytest.fixture(scope="module")
 def drawn(diagnosis):
     return figures(diagnosis)
+
+
+def crowded(figure):
+    """Texts of a figure that overlap another one, or that its edge cuts."""
+    drawn = []
+    with mock.patch.object(Text, "draw", lambda text, renderer: drawn.append(text)):
+        figure.canvas.draw()
+    boxes = [(t, t.get_window_extent()) for t in drawn if t.get_visible() and t.get_text().strip()]
+    frame = figure.bbox.padded(1)
+    found = {t.get_text() for t, box in boxes if not (frame.contains(*box.min) and frame.contains(*box.max))}
+    level = [(t.get_text(), box.padded(-1)) for t, box in boxes if t.get_rotation() in (0, 90)]
+    return found | {f"{a} over {b}" for (a, one), (b, two) in itertools.combinations(level, 2) if one.overlaps(two)}
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_no_text_of_a_figure_overlaps_another_or_is_cut(drawn, name):
+    assert not crowded(drawn[name])
+
+
+@pytest.mark.parametrize("channels, groups, ranges, after", [(1, 1, 1, False), (3, 5, 1, True), (6, 5, 8, True)])
+def test_regimes_have_room_for_their_words(channels, groups, ranges, after):
+    rms = tuple(float(k < channels) * 3.2 for k in range(6))
+    units = {"speed": "m/s", "thrust": "N", "height": "m", "tilt": "deg", "rate": "rad/s"}
+    regimes = [
+        Regime(name, unit, 0.25 * k, 0.25 * (k + 1), 90, rms, rms if after else ())
+        for name, unit in list(units.items())[:groups]
+        for k in range(ranges)
+    ]
+    assert not crowded(regime_figure(regimes))
+
+
+def test_no_flight_is_cut_off_above(diagnosis):
+    where = diagnosis.localisation
+    louder = {name: (1 + 9 * k) * y for k, (name, y) in enumerate(where.before.items())}
+    figure = timeline_figure(dc.replace(where, before=louder), {})
+    for ax in figure.get_axes():
+        curves = [line.get_ydata() for line in ax.get_lines() if len(line.get_ydata()) > 2]
+        assert max(map(np.nanmax, curves)) < ax.get_ylim()[1]
+    assert not crowded(figure)
 
 
 @pytest.mark.parametrize("name", NAMES)

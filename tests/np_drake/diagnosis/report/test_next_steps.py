@@ -33,6 +33,12 @@ def test_a_wide_interval_asks_for_a_flight_that_narrows_it(diagnosis):
     assert not any("wide" in step for step in next_steps(dc.replace(dut, causes=(sure,))))
 
 
+def test_a_simulator_that_cannot_be_flown_is_not_recommended(diagnosis):
+    dut = next_steps(dc.replace(diagnosis, not_flyable="nominal loses the vehicle; measure the thrust"))
+    assert dut[0] == "Do not fly the corrected simulator: nominal loses the vehicle; measure the thrust."
+    assert not any(step.startswith("Add ") for step in dut)
+
+
 def test_what_remains_and_what_was_not_tested_ask_for_more(diagnosis):
     dut = dc.replace(
         diagnosis,

@@ -145,7 +145,7 @@ FAULTS = {
     "agree on K": lambda t, h, m: t.update(E=np.zeros((3, 60))),
     "A must be stable": lambda t, h, m: t.update(A=1.1 * np.eye(4)),
     "zeta_scale must be six positive": lambda t, h, m: t.update(zeta_scale=np.zeros(6)),
-    "step must be positive": lambda t, h, m: h.update(step=-1.0),
+    "step must be a number from": lambda t, h, m: h.update(step=-1.0),
 }
 
 
@@ -212,6 +212,26 @@ def test_no_value_of_the_header_is_more_than_a_refusal(path, field, junk):
         return
     require_origin(dut, {"frame": "world"})
     assert 0 <= rotor_lag_of(dut) < 10  # [s]
+
+
+@pytest.mark.parametrize(
+    "field, junk, why",
+    [
+        ("ridge", -1.0, "ridge must be a number from 0 to"),
+        ("ridge", "much", "ridge must be a number"),
+        ("ridge", float("nan"), "ridge must be a number"),
+        ("predicts_torque", "no", "predicts_torque must be true or false; got 'no'"),
+        ("predicts_torque", 0, "predicts_torque must be true or false"),
+        ("step", 0.0, "step must be a number"),
+        ("step", True, "step must be a number"),
+        ("window", 0, "window must be a number from 1"),
+    ],
+)
+def test_a_header_value_that_cannot_be_is_refused_by_name(path, field, junk, why):
+    rewrite(path, lambda tensors, header, metadata: header.update({field: junk}))
+    with pytest.raises(ValueError, match=why) as caught:
+        load_model(path)
+    assert "\n" not in str(caught.value)
 
 
 def test_no_flip_of_a_byte_of_the_header_is_more_than_a_refusal(path):

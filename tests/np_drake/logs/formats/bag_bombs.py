@@ -260,6 +260,19 @@ def database(
     return path
 
 
+def endless_view(path: Path, table: str) -> Path:
+    """Write a bag one of whose tables is a view with rows without end."""
+    database(path)
+    with sqlite3.connect(path) as file:
+        columns = [row[1] for row in file.execute(f"PRAGMA table_info({table})")]
+        stored = ", ".join(f"{c} AS {c}" for c in columns)
+        file.execute(f"ALTER TABLE {table} RENAME TO stored")
+        rows = "WITH RECURSIVE n(i) AS (VALUES(1) UNION ALL SELECT i + 1 FROM n)"
+        file.execute(f"CREATE VIEW {table} AS {rows} SELECT {stored} FROM n, stored")
+    file.close()
+    return path
+
+
 def folder(path: Path, name: str, mode: str, storage: str = "sqlite3", qos: str = "") -> Path:
     """Write the description of a folder of one file."""
     topic = {"name": "/a", "type": TYPE, "serialization_format": "cdr", "offered_qos_profiles": qos}
@@ -325,5 +338,7 @@ BOMBS: dict[str, Callable[[Path], Path]] = {
     "sqlite_generated": lambda at: database(
         at / "a.db3", "data BLOB GENERATED ALWAYS AS (zeroblob(900000000))", rows=3
     ),
+    "sqlite_messages_view": lambda at: endless_view(at / "a.db3", "messages"),
+    "sqlite_topics_view": lambda at: endless_view(at / "a.db3", "topics"),
     "sqlite_qos": lambda at: database(at / "a.db3", qos="- a\n" * 2 * 10**6),
 }

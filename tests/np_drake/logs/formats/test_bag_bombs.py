@@ -33,6 +33,8 @@ WORDS = {
     "mcap_definitions": "must name and define its topics",
     "mcap_channels": "numbers by name",
     "sqlite_file": "must unpack to at most",
+    "sqlite_messages_view": "messages must be tables",
+    "sqlite_topics_view": "topics must be tables",
 }
 
 

@@ -108,9 +108,44 @@ def test_headers_with_quotes_blanks_marks_and_no_name_are_read(tmp_path):
     assert [name.isprintable() for name in dut.columns] == [True, True]
 
 
+STYLES = {  # of one table: t, the wanted column, and a third; what Excel and friends make of it
+    "plain": "t,x,y\n0.5,1.25,0\n1.5,-2.5e1,1\n",
+    "sep": "\ufeffsep=;\r\nt;x;y\r\n0.5;1.25;0\r\n1.5;-2.5e1;1\r\n",
+    "sep of a tab": "sep=\t\nt\tx\ty\n0.5\t1.25\t0\n1.5\t-2.5e1\t1\n",
+    "decimal commas": "t;x;y\n0,5;1,25;0\n1,5;-2,5e1;1\n",
+    "units": "t,x,y\ns,m/s,1\n0.5,1.25,0\n1.5,-2.5e1,1\n",
+    "units in brackets": "t;x;y\n[s];[m/s];[-]\n0,5;1,25;0\n1,5;-2,5e1;1\n",
+}
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "cp1252", "utf-16"])
+@pytest.mark.parametrize("style", STYLES)
+def test_a_table_as_a_spreadsheet_exports_it_holds_its_numbers(tmp_path, style, encoding):
+    text = STYLES[style].removeprefix("\ufeff").replace("y", "y (\u00b0/s)", 1)
+    (tmp_path / "made.csv").write_bytes(text.encode(encoding))
+    assert format_of(tmp_path / "made.csv") is TABLE
+    dut = read(tmp_path / "made.csv", "x", "y (\u00b0/s)")
+    stream = dut.streams["table"]
+    np.testing.assert_array_equal(stream.t, [0.5, 1.5])
+    np.testing.assert_array_equal(stream.columns["x"], [1.25, -25.0])
+    np.testing.assert_array_equal(stream.columns["y (\u00b0/s)"], [0.0, 1.0])
+    assert dut.units.get("x") == ("m/s" if "units" in style else None)
+    assert any("line of units" in note for note in dut.notes) == ("units" in style)
+
+
+@pytest.mark.parametrize("first", ["n/a,,nan\n", "0,1,2\n", "true,1,0\n"])
+def test_a_first_row_of_numbers_or_gaps_is_no_line_of_units(tmp_path, first):
+    (tmp_path / "made.csv").write_text(f"t,x,y\n{first}1,2,3\n2,3,4\n")
+    assert len(read(tmp_path / "made.csv", "x", "y").streams["table"].t) == 3
+
+
 FAULTS = {  # content: what the message says when x is wanted
     "word": ("t,x\n0,1\n1,hello\n", r"made\.csv, column x, row 2 \(line 3\): must be a number; got 'hello'"),
-    "decimal comma": ("t;x\n0;1,5\n", r"column x, row 1 \(line 2\): .*decimal point; got '1,5'"),
+    "decimal comma between commas": ('t,x\n0,"1,5"\n', r"column x, row 1 \(line 2\): .*decimal point; got '1,5'"),
+    "comma and point": ("t;x\n0.5;1.5\n1.0;1,5\n", r"column x, row 2 \(line 3\): .*decimal point; got '1,5'"),
+    "Python's underscore": ("t,x\n0,1\n1,1_0\n", r"row 2 \(line 3\): must be a number in plain digits.*got '1_0'"),
+    "another script's digits": ("t,x\n0,\u0661\u0662\n", r"column x, row 1 .*in plain digits, 0 to 9; got"),
+    "lines above the header": ("sep=;\nt;x\ns;m\n0;1\n1;ho\n", r"column x, row 2 \(line 5\): .*got 'ho'"),
     "list of another length": ('t,x\n0,"[1,2]"\n1,"[1]"\n', r"column x, row 2 \(line 3\): .*list of 2"),
     "list turned number": ('t,x\n0,"[1,2]"\n1,7\n', r"column x, row 2 .*list of 2"),
     "number turned list": ('t,x\n0,7\n1,"[1,2]"\n', r"column x, row 2 .*must be a number; got '\[1,2\]'"),

@@ -132,10 +132,10 @@ def test_signals_that_do_not_overlap_are_refused():
         align(signals | {"rates": Signal(late.t + 100.0, late.values)}, PLAIN)
 
 
-@pytest.mark.parametrize("name", ["position", "attitude"])
-def test_a_log_without_position_or_attitude_is_refused(name):
-    with pytest.raises(LogError, match=f"must name columns of {name}"):
-        require_a_flight(dc.replace(PLAIN, **{name: Source()}), "made.csv")
+@pytest.mark.parametrize("names", [("attitude",), ("position", "velocity", "acceleration")])
+def test_a_log_without_attitude_or_any_motion_is_refused(names):
+    with pytest.raises(LogError, match=f"must name columns of {names[0]}"):
+        require_a_flight(dc.replace(PLAIN, **{name: Source() for name in names}), "made.csv")
 
 
 def test_common_rows_are_the_nearest_samples():

@@ -16,7 +16,7 @@ from np_drake.effects.mass_error import MassError
 from np_drake.effects.motor_lag import MotorLag
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.effects.velocity_bias import VelocityBias
-from np_drake.logs.importing.consistency import misfits
+from np_drake.logs.importing.consistency import FAILS, lone_axes, misfits
 from np_drake.logs.importing.conventions import Trial, as_text, changed, check_conventions, fitting_time_unit, liveliest
 from np_drake.logs.importing.convert import convert
 from np_drake.logs.importing.log_map import SIZES, LogMap, Source
@@ -88,6 +88,40 @@ def test_pairs_of_errors_are_refused_and_the_right_ones_are_among_named(sampled,
     verdict, named = checked(sampled, conventions, ERRORS[pair[0]] + ERRORS[pair[1]])
     assert not verdict.holds
     assert any(named) or not verdict.changes, as_text(verdict.changes)
+
+
+ANGLES = Source([f"attitude{i}" for i in range(3)])
+
+
+@pytest.mark.parametrize("name, axis", [("attitude", 0), ("attitude", 1), ("attitude", 2), ("rates", 0), ("rates", 1)])
+def test_a_single_column_of_the_other_hand_is_named_and_its_sign_turns_it(sampled, conventions, name, axis):
+    t, x = sampled
+    declared = conventions.plain_map(attitude=ANGLES)
+    columns = conventions.columns_in(declared, x)
+    signs = [-1.0 if i == axis else 1.0 for i in range(3)]
+    columns[name] = columns[name] * signs
+    verdict = check_conventions(t, columns, declared)
+    assert not verdict.holds
+    assert as_text(verdict.changes) == f"{name}.signs: {[int(sign) for sign in signs]}"
+    turned = changed(declared, ((f"{name}.signs", signs),))
+    assert check_conventions(t, columns, turned).holds
+    assert same(convert(columns, turned), x)
+
+
+@pytest.mark.parametrize("law, name, size", [("attitude z", "rates", 2.5), ("velocity x", "acceleration", 10.0)])
+def test_one_axis_that_drifts_is_left_aside_and_not_refused(sampled, conventions, law, name, size):
+    t, x = sampled
+    axis = "xyz".index(law[-1])
+    drift = np.zeros((len(t), 3))
+    drift[:, axis] = size * np.sin(1.3 * t)
+    x = {**x, name: x[name] + drift}
+    verdict = check_conventions(t, conventions.columns_in(conventions.plain_map(), x), conventions.plain_map())
+    assert verdict.misfits[law] > FAILS
+    assert lone_axes(verdict.misfits) == [law]
+    assert verdict.holds
+    assert lone_axes({**verdict.misfits, law: 1.9}) == []  # the opposite sign
+    other = f"{law[:-1]}{'xyz'[axis - 1]}"
+    assert lone_axes({**verdict.misfits, other: 0.8}) == []
 
 
 FLIGHTS = {

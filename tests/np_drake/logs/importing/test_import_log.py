@@ -10,7 +10,7 @@ from np_drake.logs.errors import LogError
 from np_drake.logs.formats.log_file import write_log
 from np_drake.logs.importing.conventions import WrongConventions, changed
 from np_drake.logs.importing.import_log import import_log
-from np_drake.logs.importing.log_map import Source, load_map_file
+from np_drake.logs.importing.log_map import LogMap, Source, load_map_file
 
 
 @pytest.fixture
@@ -43,6 +43,47 @@ def test_a_log_of_ours_comes_back_without_a_map(excited, tmp_path):
     same(flight, excited)
     assert np.allclose(flight.a, excited.a, rtol=0, atol=1e-9)
     assert flight.timing == 0.0
+
+
+def test_a_planar_pose_is_refused_and_never_taken_for_millimetres(written, excited):
+    w, x, y, z = excited.q.T
+    half = np.arctan2(w * z + x * y, 0.5 - y * y - z * z) / 2
+    o = np.zeros(len(excited))
+    level = np.stack([np.cos(half), o, o, np.sin(half)], axis=1)
+    planar = dc.replace(excited, q=level, w=excited.w * [0, 0, 1])
+    for log in (planar, dc.replace(planar, p=planar.p * [1, 1, 0], v=planar.v * [1, 1, 0])):
+        with pytest.raises(LogError, match="the attitude must tilt where the vehicle accelerates sideways") as caught:
+            written(log=log)
+        assert "mm" not in str(caught.value).replace("mrad", "")
+
+
+def test_a_drifting_gyro_is_imported_and_its_sheet_says_what_does_not_hold(written, excited):
+    drift = np.outer(2.5 * np.sin(1.3 * excited.t), [0.0, 0.0, 1.0])
+    dut = written(log=dc.replace(excited, w=excited.w + drift))
+    text = dut.sheet.content["conventions"]
+    assert "misfit of attitude z" in text
+    assert "above 0.75 a law fails" in text
+    assert "gyro_bias can be told" in text
+    assert "agree" not in text
+
+
+def test_a_unit_that_the_file_states_must_be_that_of_the_map(excited, tmp_path):
+    names = ["t", *(f"{n}{i} [{u}]" for n, u in (("p", "m"), ("q", "1"), ("w", "deg/s"), ("f", "N")) for i in range(4))]
+    x = [excited.p, 0 * excited.p[:, :1], excited.q, np.degrees(excited.w), 0 * excited.p[:, :1], excited.u]
+    rows = np.column_stack([excited.t, *x])
+    np.savetxt(tmp_path / "own.csv", rows, delimiter=",", header=",".join(names), comments="")
+    sources = {"position": "p", "attitude": "q", "rates": "w", "thrust": "f"}
+    units = {"p": "m", "q": "1", "w": "deg/s", "f": "N"}
+    sizes = {"p": 3, "q": 4, "w": 3, "f": 1}
+    found = {
+        name: Source([f"{short}{i} [{units[short]}]" for i in range(sizes[short])]) for name, short in sources.items()
+    }
+    log_map = LogMap(time=Source(["t"]), **found)
+    with pytest.raises(LogError, match=r"column w0 \[deg/s\]: is in deg/s by the file, in rad/s by"):
+        import_log(tmp_path / "own.csv", log_map)
+    stated = dc.replace(log_map, rates=dc.replace(log_map.rates, unit="deg/s"))
+    (flight,) = import_log(tmp_path / "own.csv", stated).flights
+    np.testing.assert_allclose(flight.w, excited.w, atol=1e-9)
 
 
 NED_FRD = (("world", "ned"), ("body", "frd"))
@@ -142,10 +183,10 @@ def test_a_column_that_is_missing_is_named(written):
         written((), (("thrust.columns", ["nothing"]),))
 
 
-@pytest.mark.parametrize("name", ["position", "attitude"])
-def test_a_map_without_the_state_is_refused_before_the_log_is_read(written, name):
-    with pytest.raises(LogError, match=f"the map must name columns of {name}"):
-        written((), ((f"{name}.columns", []),))
+@pytest.mark.parametrize("names", [("attitude",), ("position", "velocity", "acceleration")])
+def test_a_map_without_the_state_is_refused_before_the_log_is_read(written, names):
+    with pytest.raises(LogError, match=f"the map must name columns of {names[0]}"):
+        written(declared=tuple((f"{name}.columns", []) for name in names))
 
 
 def test_a_map_without_an_input_is_refused(written):

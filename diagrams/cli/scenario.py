@@ -1,0 +1,163 @@
+"""The scenarios that the options of `fly` name: one a controller, with the common numbers changed."""
+
+import copy
+import dataclasses as dc
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from diagrams.cli import options
+from diagrams.cli.output import say
+
+if TYPE_CHECKING:
+    from diagrams.loop.flight import FlightConfig
+
+
+@dc.dataclass(frozen=True)
+class Numbers:
+    """Common numbers of a scenario; None: the scenario's own."""
+
+    payload: float | None = None  # mass [kg]
+    length: float | None = None  # of the cable [m]
+    speed: float | None = None  # along the track [m/s]
+    wind: str | None = None  # X, or X,Y,Z in W [m/s]
+    duration: float | None = None  # after the ramp [s]
+
+    def applied(self, config: "FlightConfig") -> "FlightConfig":
+        """Return the scenario with these numbers.
+
+        Raises: ValueError: on an impossible one.
+        """
+        from diagrams.loop.common_numbers import require_clearance, with_payload, with_speed, with_wind
+
+        config = config if self.duration is None else dc.replace(config, duration=self.duration)
+        if self.payload is not None or self.length is not None:
+            config = with_payload(config, mass=self.payload, length=self.length)
+            require_clearance(config)
+            config = config.check_and_step()
+        if self.wind is not None:
+            config = with_wind(config, _vector(self.wind))
+        if self.speed is not None:
+            config = with_speed(config, self.speed)
+        return config
+
+
+def _vector(text: str) -> tuple[float, float, float]:
+    """Return the wind that a text names.
+
+    Raises: ValueError: where it names none.
+    """
+    try:
+        values = [float(part) for part in text.split(",")]
+    except ValueError:
+        values = []
+    if len(values) not in (1, 3):
+        raise ValueError(f"--wind: must be a speed along x, as 2, or three, as 2,0,-1 [m/s]; got {text!r}.")
+    x, y, z = values if len(values) == 3 else [*values, 0.0, 0.0]
+    return x, y, z
+
+
+def scenarios(
+    experiment: str,
+    controllers: Sequence[str],
+    *,
+    vehicle: Path | None,
+    reality: Path | None,
+    solver: str | None,
+    predictor: Path | None,
+    told_mass: bool,
+    numbers: Numbers,
+) -> "list[FlightConfig]":
+    """Return a checked scenario for every controller; what cannot be flown is refused before any work.
+
+    Args:
+        experiment: name, or scenario file.
+        controllers: kinds; none: the scenario's, or the default.
+        vehicle: file or preset; None: the scenario's.
+        reality: scenario file in whose reality it flies.
+        solver: None: the scenario's, or the default.
+        predictor: model file.
+        told_mass: whether the controllers know the payload's mass.
+        numbers: that are changed.
+    Raises: ValueError: on bad input.
+    """
+    from diagrams.loop.controllers import LEARNED
+    from diagrams.loop.experiments import EXPERIMENTS, load_experiment
+    from np_drake.vehicle import load_vehicle
+
+    if reality is not None and vehicle is not None:
+        raise ValueError("give either --reality, which has a vehicle of its own, or --vehicle.")
+    if twice := [kind for kind in controllers if list(controllers).count(kind) > 1]:
+        raise ValueError(f"--controller: must name each once; {twice[0]} stands {len(twice)} times.")
+    first = load_experiment(experiment, None if vehicle is None else load_vehicle(vehicle), reality)
+    first = numbers.applied(first)
+    first.controller.solver = solver or named_solver(experiment) or options.DEFAULT_SOLVER
+    if told_mass:
+        first.controller.extra_mass = first.reality.hung.mass
+    kinds = list(controllers)
+    if not kinds:
+        kinds = [_default_controller(first, predictor)] if experiment in EXPERIMENTS else [first.controller.kind]
+    configs = [_flown_with(first, kind, own=not controllers) for kind in kinds]
+    for config in configs:
+        if predictor is not None and (len(configs) == 1 or config.controller.kind in LEARNED):
+            config.controller.predictor = str(predictor)
+        _require(config)
+    if predictor is not None and not any(config.controller.predictor for config in configs):
+        raise ValueError(f"--predictor: is for {', '.join(LEARNED)}; none of them flies.")
+    names = [config.controller.name for config in configs]
+    if twice := [name for name in names if names.count(name) > 1]:
+        raise ValueError(f"--controller: two are called {twice[0]}, and so would their files be. Rename one.")
+    return configs
+
+
+def _flown_with(config: "FlightConfig", kind: str, *, own: bool) -> "FlightConfig":
+    """Return a copy of the scenario with another controller; `own`: it is the scenario's, and keeps its parameters."""
+    config = copy.deepcopy(config)
+    config.controller.kind = kind
+    if not own:
+        config.controller.parameters = {}
+    return config
+
+
+def _require(config: "FlightConfig") -> None:
+    """Check the scenario, its model file and a controller of one's own.
+
+    Raises: ValueError: where one does not fit.
+    """
+    from diagrams.loop.controllers import make_residual_model
+    from diagrams.loop.flight_diagram import make_flight_diagram
+    from diagrams.loop.own_controller import is_own
+
+    config.check()
+    make_residual_model(config.controller, config.controller.believed(config.vehicle))
+    if is_own(config.controller.kind):
+        make_flight_diagram(config)
+
+
+def _default_controller(config: "FlightConfig", predictor: Path | None) -> str:
+    """Return `np` where there is a model for the vehicle, else `hold`, which needs none, and say so.
+
+    The packaged model knows the paper's vehicle.
+    """
+    from diagrams.loop.controllers import make_residual_model
+
+    if predictor is not None:
+        return "np"
+    try:
+        make_residual_model(dc.replace(config.controller, kind="np"), config.vehicle)
+    except ValueError:
+        say(
+            f"controller: hold, as the packaged predictor is for the paper's vehicle and not for "
+            f"{config.vehicle.name}; np-drake train LOG makes one of its own."
+        )
+        return "hold"
+    return "np"
+
+
+def named_solver(experiment: str) -> str | None:
+    """Return the solver that a scenario names; None where it names none."""
+    from diagrams.loop.experiments import EXPERIMENTS, FOLDER
+    from np_drake.files.yaml_text import read_yaml
+
+    file = FOLDER / f"{experiment}.yaml" if experiment in EXPERIMENTS else experiment
+    return (read_yaml(file).get("controller") or {}).get("solver")

@@ -1,0 +1,83 @@
+"""Page that compares the flights of several controllers: one table, one figure, and the replay of each."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from jinja2 import Environment, StrictUndefined
+
+from diagrams.loop import flight_figures
+from diagrams.loop.flight_result import FlightResult
+from np_drake.diagnosis.report import words
+from np_drake.diagnosis.report.page import embedded, style
+from np_drake.files.atomic_file import write_bytes, write_text
+from np_drake.files.figure_file import png
+
+TEMPLATE = Path(__file__).with_name("comparison.html.j2")
+
+
+def sentence(flights: Sequence[FlightResult]) -> str:
+    """Return which controller has the least {what} error, and that of the others."""
+    errors = sorted((_error(flight), flight.label) for flight in flights)
+    what = "payload" if flights[0].config.follows_payload else "position"
+    (least, best), *others = ((f"{100 * error:.2f} cm", label) for error, label in errors)
+    rest = "".join(f"; {label} {error}" for error, label in others)
+    return f"{best} has the least {what} error, {least} RMS after the ramp{rest}."
+
+
+def _error(flight: FlightResult) -> float:
+    """Return the RMS distance from the track, of the payload where that follows it [m]."""
+    m = flight.metrics()
+    return float(m.get("payload", m)["position_rmse"])
+
+
+def stem(flight: FlightResult) -> str:
+    """Return the beginning of the names of a flight's files."""
+    return f"{flight.config.name}_{flight.label.replace(' + ', '_').replace(' ', '_')}"
+
+
+def write_comparison(flights: Sequence[FlightResult], folder: Path, *, lost: Sequence[str] = ()) -> Path:
+    """Write figure and page of a comparison, and return the page's path.
+
+    Args:
+        flights: a controller each, of one scenario.
+        folder: that takes the files, and holds those of every flight.
+        lost: what ended the flights of further controllers early.
+    Raises: OSError: if a file cannot be written.
+    """
+    first = flights[0]
+    picture = png(flight_figures.overlay(flights, f"{first.config.name} · seed {first.seed}"))
+    write_bytes(folder / f"{first.config.name}_comparison.png", picture)
+    template = Environment(autoescape=True, undefined=StrictUndefined).from_string(TEMPLATE.read_text("utf-8"))
+    page = folder / f"{first.config.name}_comparison.html"
+    content = {
+        "style": style(),
+        "name": first.config.name,
+        "vehicle": first.config.vehicle.name,
+        "seed": first.seed,
+        "headline": sentence(flights).rstrip("."),
+        "conditions": conditions(first),
+        "rows": [_row(flight) for flight in flights],
+        "lost": lost,
+        "figure": embedded(picture),
+        "files": [(flight.label, stem(flight)) for flight in flights],
+    }
+    write_text(page, template.render(**content))
+    return page
+
+
+def conditions(flight: FlightResult) -> str:
+    """Return payload, speed and wind of a flight in a sentence."""
+    config = flight.config
+    hung, reference, wind = config.reality.hung, config.reference, config.reality.wind
+    carried = (
+        f"{hung.mass * 1e3:.4g} g on {hung.length:.3g} m of {hung.tether}" if hung.tether != "none" else "no payload"
+    )
+    blown = f", wind {', '.join(f'{value:g}' for value in wind)} m/s" if any(wind) else ""
+    return f"{reference.track}, {reference.speed:.3g} m/s, {carried}{blown}; {config.end:.3g} s of flight."
+
+
+def _row(flight: FlightResult) -> tuple[str, ...]:
+    """Return label, E_xy, E_z [cm], median solve time [ms] and failures of a flight."""
+    m = flight.metrics()
+    errors = (words.fixed(100 * m[name], 2) for name in ("E_xy", "E_z"))
+    return flight.label, *errors, words.fixed(m["solve_ms"]["median"], 2), str(m["solve_failures"])

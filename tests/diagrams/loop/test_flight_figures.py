@@ -1,0 +1,69 @@
+import numpy as np
+import pytest
+
+from diagrams.loop import flight_figures
+from diagrams.loop.experiments import load_experiment
+from diagrams.loop.flight import load_flight
+from diagrams.loop.flight_result import fly
+from diagrams.loop.replay.flight_page import write_replay
+from np_drake.files.figure_file import save
+
+
+@pytest.fixture(scope="module")
+def flight():
+    config = load_experiment("circle")
+    config.duration, config.reference.ramp = 0.5, 0.5
+    config.controller.kind, config.controller.solver = "hold", "sqp"
+    return fly(config, seed=0)
+
+
+@pytest.mark.parametrize("what", ["track", "errors", "wrench", "overlay"])
+def test_every_axis_has_a_label_with_its_unit_and_the_figure_a_legend(flight, what):
+    figure = flight_figures.overlay([flight, flight]) if what == "overlay" else flight.plot(what)
+    axes = figure.get_axes()
+    assert all("[" in ax.get_ylabel() for ax in axes)
+    assert any("[" in ax.get_xlabel() for ax in axes)
+    assert figure.legends
+
+
+def test_a_figure_is_written_as_png(flight, tmp_path):
+    save(flight_figures.plane_track([flight]), tmp_path / "track.png")
+    assert (tmp_path / "track.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_the_replay_stands_alone_and_names_what_moves(flight, tmp_path):
+    write_replay(flight, tmp_path / "replay.html")
+    page = (tmp_path / "replay.html").read_text()
+    assert len(page) > 100_000  # the viewer itself is inside
+    assert 'src="http' not in page
+
+
+def test_waypoints_stand_in_the_track_and_in_its_height(tmp_path):
+    (tmp_path / "line.csv").write_text("x,y,z\n0,0,1.5\n.3,0,1.5\n.3,.3,2\n")
+    (tmp_path / "line.yaml").write_text("reference: {track: line.csv, corners: stop, rest: 0.1, speed: 1.0}\n")
+    figure = fly(load_flight(str(tmp_path / "line.yaml")), seed=0).plot("track")
+    for ax, expected in zip(figure.get_axes(), ([0, 0, 0.3], [1.5, 1.5, 2.0]), strict=True):
+        (marks,) = [line for line in ax.get_lines() if line.get_marker() == "x"]
+        np.testing.assert_allclose(marks.get_ydata(), expected)
+
+
+def test_a_flight_prints_one_line_and_shows_its_metrics(flight):
+    m = flight.metrics()
+    assert repr(flight) == (
+        f"FlightResult(circle with hold, seed 0: E_xy {100 * m['E_xy']:.2f} cm, E_z {100 * m['E_z']:.2f} cm)"
+    )
+    assert f"{100 * m['E_z']:.2f} cm" in flight._repr_html_()
+
+
+def test_the_data_frame_of_a_flight_holds_log_reference_and_truth(flight):
+    pytest.importorskip("pandas", reason="pip install 'np_drake[notebook]'")
+    frame = flight.to_dataframe()
+    np.testing.assert_array_equal(frame[["px_ref", "py_ref", "pz_ref"]], flight.signals["p_ref"])
+    np.testing.assert_array_equal(frame["fz_true"], flight.chi_true[:, 2])
+    np.testing.assert_array_equal(frame["fz_predicted"], flight.signals["chi_hat"][:, 2])
+    np.testing.assert_array_equal(frame["px"], flight.log().p[:, 0])
+
+
+def test_an_unknown_figure_is_refused_with_those_there_are(flight):
+    with pytest.raises(ValueError, match="must be one of track, errors, wrench; got 'swing'"):
+        flight.plot("swing")

@@ -1,0 +1,73 @@
+"""Laws of the effects that explain the logs as well in place of one of the model's."""
+
+import dataclasses as dc
+
+import pytest
+
+from np_drake.diagnosis.decision.explanations import MOST_ALTERNATIVES, equivalents
+from np_drake.diagnosis.options import Options
+from np_drake.diagnosis.regressors.regression_problem import Model
+
+OPTIONS = Options.for_sensors(True)
+NEAR = OPTIONS.thresholds.indistinguishable_evidence
+
+
+@dc.dataclass
+class Candidate:
+    identifiers: tuple[str, ...]
+    generic: bool = False
+
+
+class Problem:
+    """A regression whose models have given scores; others are far worse."""
+
+    options = OPTIONS
+
+    def __init__(self, candidates, scores, apart=()):
+        self.candidates, self._scores, self._apart = candidates, scores, set(apart)
+
+    def score(self, members):
+        return self._scores.get(tuple(sorted(members)), -1e6)
+
+    def fits_together(self, members):
+        return tuple(sorted(members)) not in self._apart
+
+
+NAMES = ["drag", "a", "b", "c", "d", "e"]
+EVERY = [Candidate((name,)) for name in NAMES]
+
+
+def test_alternatives_stand_best_first_within_the_threshold():
+    scores = {(0,): 0.0, (1,): -0.6 * NEAR, (2,): -0.1 * NEAR, (3,): -1.01 * NEAR, (4,): 0.2 * NEAR}
+    dut = equivalents(Problem(EVERY, scores), Model((0,), 0.0))
+    assert list(dut) == ["drag"]
+    assert list(dut["drag"]) == ["d", "b", "a"][:MOST_ALTERNATIVES]
+    assert dut["drag"]["d"] == Model((4,), 0.2 * NEAR)
+
+
+def test_the_best_variant_of_an_effect_stands_for_it():
+    candidates = [Candidate(("drag",)), Candidate(("a",)), Candidate(("a",)), Candidate(("a",))]
+    scores = {(0,): 0.0, (1,): -0.5 * NEAR, (2,): -0.2 * NEAR, (3,): -0.4 * NEAR}
+    assert equivalents(Problem(candidates, scores), Model((0,), 0.0))["drag"] == {"a": Model((2,), -0.2 * NEAR)}
+
+
+def test_each_effect_is_replaced_beside_the_others():
+    scores = {(0, 1): 0.0, (1, 2): -0.1, (0, 3): -0.2, (2,): 0.0, (3,): 0.0}
+    dut = equivalents(Problem(EVERY, scores), Model((0, 1), 0.0))
+    assert dut == {"drag": {"b": Model((1, 2), -0.1)}, "a": {"c": Model((0, 3), -0.2)}}
+
+
+def test_no_structure_no_effect_itself_and_nothing_that_does_not_go_together():
+    candidates = [Candidate(("drag",)), Candidate(("a",), generic=True), Candidate(("drag",)), Candidate(("b",))]
+    scores = {(0,): 0.0, (1,): 0.0, (2,): 0.0, (3,): 0.0}
+    assert equivalents(Problem(candidates, scores, apart=[(3,)]), Model((0,), 0.0)) == {"drag": {}}
+    assert equivalents(Problem(candidates, scores), Model((1,), 0.0)) == {}
+
+
+@pytest.mark.parametrize("count", [MOST_ALTERNATIVES - 1, MOST_ALTERNATIVES, MOST_ALTERNATIVES + 2])
+def test_the_best_few_are_named(count):
+    candidates = [Candidate(("drag",)), *(Candidate((f"e{k}",)) for k in range(count))]
+    scores = {(k,): -0.01 * ((7 * k) % (count + 1)) for k in range(count + 1)}
+    found = list(equivalents(Problem(candidates, scores), Model((0,), 0.0))["drag"])
+    best = sorted(range(1, count + 1), key=lambda k: -scores[(k,)])[:MOST_ALTERNATIVES]
+    assert found == [f"e{k - 1}" for k in best]

@@ -1,0 +1,70 @@
+"""A log without position or velocity is what its body axes tell, and says which effects cannot be told."""
+
+import dataclasses as dc
+
+import numpy as np
+import pytest
+
+from np_drake.diagnosis.doctor.examine import examine
+from np_drake.diagnosis.residuals import FORCE, TORQUE, make_flight_residuals
+from np_drake.effects.library import LIBRARY
+from np_drake.logs.errors import LogError
+from np_drake.logs.formats.log_file import write_log
+from np_drake.logs.opening import open_flights
+from np_drake.vehicle import Vehicle
+
+NO_VELOCITY = {i for i, effect in LIBRARY.items() if "velocity" in effect.requires}
+NO_HEIGHT = {i for i, effect in LIBRARY.items() if "height" in effect.requires}
+
+
+@pytest.fixture
+def without(excited, tmp_path):
+    """Return a function that writes the excited flight without columns of these starts, and opens it."""
+
+    def go(*starts):
+        write_log(excited, tmp_path / "whole.csv")
+        rows = [line.split(",") for line in (tmp_path / "whole.csv").read_text().splitlines()]
+        keep = [k for k, name in enumerate(rows[0]) if len(name) != 2 or not name.startswith(starts)]
+        text = "\n".join(",".join(row[k] for k in keep) for row in rows)
+        (tmp_path / "part.csv").write_text(text + "\n")
+        return open_flights(tmp_path / "part.csv", Vehicle())
+
+    return go
+
+
+@pytest.mark.parametrize(
+    "starts, hidden", [(("v",), set()), (("w",), set()), (("p",), NO_HEIGHT), (("p", "v"), NO_HEIGHT | NO_VELOCITY)]
+)
+def test_a_log_without_columns_keeps_what_its_body_axes_tell(without, excited, starts, hidden):
+    (dut,), sheet = without(*starts)
+    whole, part = (make_flight_residuals(log, Vehicle()) for log in (excited, dut))
+    force, torque = (part.y[:, k] - whole.y[:, k] for k in (FORCE, TORQUE))
+    assert np.sqrt(np.mean(force**2)) < 0.05  # [N]
+    if "w" not in starts:
+        assert np.sqrt(np.mean(torque**2)) < 1e-3  # [N·m]
+    told = {i for identifiers in sheet.content["cannot_be_told"].values() for i in identifiers}
+    assert told == hidden
+    answers = examine([dut], Vehicle(), sheets={dut.name: sheet.content}).answers
+    assert {a.identifier for a in answers if a.verdict == "never"} == hidden
+    assert all("log " in a.todo for a in answers if a.identifier in hidden)
+
+
+def test_what_was_integrated_is_not_written_and_integrated_again(without, tmp_path):
+    (first,), _ = without("p", "v")
+    write_log(first, tmp_path / "again.csv")
+    header = (tmp_path / "again.csv").read_text().split("\n", 1)[0]
+    assert "px" not in header
+    assert "vx" not in header
+    (again,), _ = open_flights(tmp_path / "again.csv", Vehicle())
+    assert again.lacks == first.lacks == ("velocity", "height")
+    np.testing.assert_allclose(again.v, first.v, atol=1e-9)
+    assert any("what acts through velocity cannot be told" in note for note in again.notes)
+
+
+def test_a_log_without_any_motion_of_its_centre_is_refused_in_one_line(excited, tmp_path):
+    write_log(dc.replace(excited, a=None), tmp_path / "whole.csv")
+    rows = [line.split(",") for line in (tmp_path / "whole.csv").read_text().splitlines()]
+    keep = [k for k, name in enumerate(rows[0]) if name[0] not in "pv"]
+    (tmp_path / "part.csv").write_text("\n".join(",".join(row[k] for k in keep) for row in rows) + "\n")
+    with pytest.raises(LogError, match=r"part\.csv: the names of this log"):
+        open_flights(tmp_path / "part.csv")

@@ -1,0 +1,105 @@
+"""Order and directions of the rotors, by what turns the vehicle."""
+
+import dataclasses as dc
+import itertools
+
+import numpy as np
+import pytest
+
+from np_drake.flight_log import FlightLog
+from np_drake.logs.errors import LogError
+from np_drake.logs.formats.log_file import write_log
+from np_drake.logs.opening import open_flights
+from np_drake.logs.rotor_order import NOTE, in_vehicle_order, torque_agreement
+from np_drake.vehicle import Vehicle, load_vehicle, preset_names
+
+STEP, SECONDS = 0.01, 8.0
+
+
+def turning(vehicle: Vehicle, noise: float = 0.5, seed: int = 1) -> FlightLog:
+    """Return a hovering flight that rocks about every axis, with rotor speed; noise: of torque over what turns it."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(0.0, SECONDS, STEP)
+    waves = [(f, *rng.uniform(0, 2 * np.pi, 3)) for f in (0.9, 1.7, 2.6, 4.1)]
+    w = sum(0.3 * np.sin(2 * np.pi * f * t[:, None] + np.array(phase)) for f, *phase in waves)
+    torque = np.gradient(w, STEP, axis=0) @ vehicle.J.T + np.cross(w, w @ vehicle.J.T)
+    torque += noise * torque.std(axis=0) * rng.normal(size=torque.shape)
+    u = np.column_stack([np.full(len(t), vehicle.mass * vehicle.gravity), torque])
+    rotor = np.sqrt(np.maximum(u @ vehicle.unmixer.T, 0.0) / vehicle.thrust_coefficient)
+    q = np.column_stack([np.ones(len(t)), np.zeros((len(t), 3))])
+    still = np.zeros((len(t), 3))
+    return FlightLog(t, still, q, still, w, np.full((len(t), 4), np.nan), rotor=rotor, name="made", input="rotor_speed")
+
+
+@pytest.mark.parametrize("name", preset_names())
+def test_columns_of_every_order_are_put_into_that_of_the_file(name):
+    vehicle = load_vehicle(name)
+    log = turning(vehicle)
+    assert in_vehicle_order(log, vehicle).notes == []
+    for order in itertools.permutations(range(4)):
+        dut = in_vehicle_order(dc.replace(log, rotor=log.rotor[:, order]), vehicle)
+        np.testing.assert_array_equal(dut.rotor, log.rotor)
+        assert [NOTE in note for note in dut.notes] == [True] * (order != (0, 1, 2, 3))
+
+
+def test_the_note_says_where_each_column_lies_and_how_it_turns():
+    px4, own = (0, 2, 1, 3), load_vehicle("crazyflie")
+    log = turning(own)
+    dut = in_vehicle_order(dc.replace(log, rotor=log.rotor[:, px4]), own)
+    assert "front right (ccw), rear left (ccw), rear right (cw), front left (cw)" in dut.notes[0]
+    assert "of vehicle 'crazyflie'" in dut.notes[0]
+
+
+def test_rotors_that_turn_otherwise_than_in_the_file_are_refused():
+    log = turning(load_vehicle("crazyflie"))
+    wrong = dc.replace(load_vehicle("crazyflie"), rotor_directions=[1.0, -1.0, 1.0, -1.0])
+    with pytest.raises(LogError, match=r"^made: rotor_positions and rotor_directions of vehicle 'crazyflie'") as error:
+        in_vehicle_order(log, wrong)
+    assert "front right (ccw), rear right (cw), rear left (ccw), front left (cw)" in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("guess", [0.4, 2.2])
+def test_the_order_is_found_whatever_thrust_coefficient_and_inertia(guess):
+    own = load_vehicle("crazyflie")
+    log = turning(own)
+    J = (guess * own.J).tolist()
+    file = dc.replace(own, thrust_coefficient=guess * own.thrust_coefficient, inertia=J)
+    dut = in_vehicle_order(dc.replace(log, rotor=log.rotor[:, [3, 0, 1, 2]]), file)
+    np.testing.assert_array_equal(dut.rotor, log.rotor)
+
+
+def test_a_throttle_of_each_rotor_tells_its_order_behind_the_motors_lag():
+    own = load_vehicle("crazyflie")
+    log = turning(own, noise=0.2)
+    late = np.roll(log.rotor, -4, axis=0) / 3000.0  # commanded 40 ms before it acts
+    dut = in_vehicle_order(dc.replace(log, rotor=None, throttle=late[:, [1, 2, 3, 0]], input="normalised"), own)
+    np.testing.assert_array_equal(dut.throttle, late)
+
+
+def test_a_log_that_says_little_keeps_its_order():
+    own = load_vehicle("crazyflie")
+    noisy = turning(own, noise=30.0)
+    swapped = dc.replace(noisy, rotor=noisy.rotor[:, [1, 0, 3, 2]])
+    short = turning(own).rows(0, 200)
+    for log in (swapped, dc.replace(short, rotor=short.rotor[:, ::-1])):
+        assert in_vehicle_order(log, own) is log
+
+
+def test_a_file_in_another_order_opens_with_the_torque_of_the_right_one(tmp_path):
+    own = load_vehicle("crazyflie_brushless")
+    log = turning(own)
+    for name, rotor in (("right.csv", log.rotor), ("turned.csv", log.rotor[:, [3, 0, 1, 2]])):
+        write_log(dc.replace(log, rotor=rotor), tmp_path / name)
+    right, turned = (open_flights(tmp_path / name, own)[0][0] for name in ("right.csv", "turned.csv"))
+    np.testing.assert_array_equal(turned.u, right.u)
+    assert any(note.startswith(NOTE) for note in turned.notes)
+
+
+def test_torque_of_another_size_keeps_its_correlation_and_tells_the_factor():
+    own = load_vehicle("crazyflie")
+    log = turning(own, noise=0.0)
+    u = (own.thrust_coefficient * log.rotor**2) @ own.mixer.T
+    correlation, ratio = torque_agreement(dc.replace(log, u=0.25 * u), own)
+    np.testing.assert_allclose(correlation, 1.0, atol=0.01)  # filters and differences
+    np.testing.assert_allclose(ratio, 4.0, rtol=0.02)

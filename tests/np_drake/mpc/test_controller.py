@@ -1,0 +1,98 @@
+"""Laws of one period of the controller: what the solver is given, and what flies where it fails."""
+
+import dataclasses as dc
+
+import numpy as np
+import pytest
+
+from np_drake.mpc.controller import MpcController
+from np_drake.mpc.plan import shift
+from np_drake.mpc.problem import MpcSolution, MpcStatus, SolverFailure
+from np_drake.references.base import Hover
+
+LEVEL = np.array([0.3, 0, 1.0, 1.0, 0, 0, 0, 0.2, 0, 0, 0, 0, 0])
+PERIOD = 0.02
+
+
+class Scripted:
+    """A solver that answers with a plan of its own, fails where told, and keeps what it was given."""
+
+    name = "scripted"
+
+    def __init__(self, fails=()):
+        self.fails, self.given = set(fails), []
+
+    def solve(self, problem, warm_start=None):
+        self.given.append(warm_start)
+        if len(self.given) - 1 in self.fails:
+            raise SolverFailure("scripted: fails as told.")
+        n, rng = len(problem.u_ref), np.random.default_rng(len(self.given))
+        x = np.tile(problem.x0, (n + 1, 1)) + 0.01 * rng.standard_normal((n + 1, 13))
+        x[:, 3:7] /= np.linalg.norm(x[:, 3:7], axis=1, keepdims=True)
+        u = problem.u_ref + 0.1 * rng.standard_normal((n, 4))
+        return MpcSolution(u, x, rng.standard_normal((n, 6)), MpcStatus.OPTIMAL, 0.0, 0.0, 0.0, 1)
+
+
+@pytest.fixture
+def flown(vehicle, config):
+    """Return a function that runs periods at these states: (memories, solver, controller)."""
+
+    def run(states, fails=()):
+        solver = Scripted(fails)
+        dut = MpcController(vehicle, config, solver, period=PERIOD)
+        flat = Hover(np.array([0.0, 0.0, 1.0])).sample(np.arange(config.horizon + 1))
+        memories = [dut.initial_memory()]
+        for x in states:
+            memories.append(dut.step(memories[-1], x=x, flat=flat, forecast=None))
+        return memories, solver, dut
+
+    return run
+
+
+def as_solution(memory) -> MpcSolution:
+    return MpcSolution(memory.u, memory.x, memory.chi, MpcStatus.SHIFTED_PLAN, 0.0, 0.0, 0.0, 0)
+
+
+def same(a, b) -> None:
+    for name in ("u", "x", "chi"):
+        np.testing.assert_array_equal(getattr(a, name), getattr(b, name))
+
+
+def test_the_last_plan_one_period_on_is_the_next_guess_and_hover_never_is(flown, config):
+    memories, solver, _ = flown([LEVEL] * 4, fails={0})
+    assert solver.given[0] is None
+    assert solver.given[1] is None  # hover was flown, which is no plan
+    for k in (2, 3):
+        expected = shift(as_solution(memories[k]), elapsed=PERIOD, step=config.step)
+        same(solver.given[k], expected)
+        assert solver.given[k].status == MpcStatus.SHIFTED_PLAN
+
+
+def test_after_a_failure_that_guess_is_flown_and_is_a_plan_again(flown, config):
+    memories, solver, _ = flown([LEVEL] * 3, fails={1, 2})
+    same(memories[2], solver.given[1])
+    assert memories[2].flags[0] == MpcStatus.SHIFTED_PLAN
+    same(solver.given[2], shift(as_solution(memories[2]), elapsed=PERIOD, step=config.step))
+
+
+@pytest.mark.parametrize("entry", range(13))
+def test_hover_after_a_reading_that_is_no_number_has_a_finite_plan(flown, vehicle, entry):
+    bad = LEVEL.copy()
+    bad[entry] = np.nan
+    memories, *_ = flown([bad], fails={0})
+    np.testing.assert_array_equal(memories[1].u, np.broadcast_to(vehicle.hover_input, memories[1].u.shape))
+    np.testing.assert_array_equal(memories[1].x, memories[0].x)
+    np.testing.assert_array_equal(flown([LEVEL], fails={0})[0][1].x, np.broadcast_to(LEVEL, memories[1].x.shape))
+    assert memories[1].flags[0] == MpcStatus.HOVER
+    assert memories[1].flags[2] == 0.0
+
+
+def test_a_late_answer_counts_as_a_failure(flown, vehicle, config):
+    solver = Scripted()
+    dut = MpcController(vehicle, config, solver, period=PERIOD, deadline=0.0)
+    flat = Hover(np.zeros(3)).sample(np.arange(config.horizon + 1))
+    memory = dut.step(dut.initial_memory(), x=LEVEL, flat=flat, forecast=None)
+    assert memory.flags[0] == MpcStatus.HOVER
+    assert memory.flags[1] > 0.0
+    again = dc.replace(dut.initial_memory(), flags=np.array([0.0, 0.0, 1.0]))
+    assert dut.step(again, x=LEVEL, flat=flat, forecast=None).flags[0] == MpcStatus.SHIFTED_PLAN

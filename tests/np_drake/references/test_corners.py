@@ -1,0 +1,91 @@
+"""Laws of motions through waypoints: stops, the least snap, and how near a motion comes to its points."""
+
+import numpy as np
+import pytest
+
+from np_drake.references.corners import ACCELERATION, MinimumSnap, Stops
+from np_drake.references.passing import nearest, off_legs
+
+LINE = np.array([[0, 0, 1.0], [1, 0, 1.0], [1, 1, 1.5], [0, 1, 1.5]])
+SQUARE = np.concatenate([LINE, LINE[:1]])
+MOTIONS = {
+    "stops": Stops(LINE, speed=0.8, rest=0.5),
+    "stops round": Stops(SQUARE, speed=0.8, rest=0.5),
+    "snap": MinimumSnap(LINE, speed=0.8, ramp=2.0),
+    "snap round": MinimumSnap(SQUARE, speed=0.8, ramp=2.0),
+}
+
+
+@pytest.mark.parametrize("name", MOTIONS)
+def test_derivatives_are_those_of_the_motion(name):
+    t, h = np.linspace(0.05, 7.0, 80), 1e-5
+    sooner, now, later = (MOTIONS[name].sample(t + shift) for shift in (-h, 0.0, h))
+    for k in range(3):
+        np.testing.assert_allclose((later[k] - sooner[k]) / (2 * h), now[k + 1], atol=2e-3)
+
+
+@pytest.mark.parametrize("name", MOTIONS)
+def test_every_waypoint_is_passed(name):
+    dut = MOTIONS[name]
+    t = np.linspace(0.0, min(dut.end, 14.0), 20_000)
+    assert nearest(dut.points, dut.sample(t)[0]).max() < 1e-6  # [m]
+
+
+@pytest.mark.parametrize("name", MOTIONS)
+def test_it_starts_at_rest_and_an_open_one_ends_so(name):
+    dut = MOTIONS[name]
+    flat = dut.sample(np.array([-1.0, 0.0, min(dut.end, 1e3) + 1.0]))
+    np.testing.assert_allclose(flat[0, :2], LINE[[0, 0]], atol=1e-12)
+    np.testing.assert_allclose(flat[1:4, :2], 0.0, atol=1e-8)
+    if dut.end < np.inf:
+        np.testing.assert_allclose(flat[0, 2], LINE[-1], atol=1e-12)
+        np.testing.assert_allclose(flat[1:, 2], 0.0, atol=1e-9)
+
+
+def test_stops_stay_on_the_legs_and_rest_at_each_corner():
+    dut = MOTIONS["stops round"]
+    t = np.linspace(0.0, 14.0, 14_001)
+    flat = dut.sample(t)
+    assert off_legs(SQUARE, flat[0])[0] < 1e-9  # [m]
+    still = np.linalg.norm(flat[1], axis=1) < 1e-9
+    at_corner = np.linalg.norm(flat[0][:, None] - SQUARE, axis=2).min(axis=1) < 1e-9
+    assert at_corner[still].all()
+    assert 0.4 * 7 < np.sum(still) * 1e-3 < 0.6 * 8  # [s]; half a second at each of seven corners
+
+
+def test_a_short_leg_between_stops_takes_longer_than_its_speed_says():
+    flat = MOTIONS["stops"].sample(np.linspace(0.0, 8.0, 8001))
+    assert np.linalg.norm(flat[2], axis=1).max() == pytest.approx(ACCELERATION, rel=1e-3)
+    long = Stops(np.array([[0, 0, 1.0], [9, 0, 1.0]]), speed=0.5, rest=0.0)
+    assert long.end == pytest.approx(9 / 0.5)
+
+
+def test_no_motion_through_the_points_at_these_times_has_less_snap():
+    dut = MOTIONS["snap"]
+    t = np.linspace(0.0, dut.end, 4001)
+    flat, step = dut.sample(t), t[1] - t[0]
+    inside = np.abs(t[:, None] - [t[np.argmin(np.linalg.norm(flat[0] - p, axis=1))] for p in LINE]).min(axis=1)
+    cost = np.sum(flat[4] ** 2) * step
+    for scale in (0.01, -0.01):  # a bump between two waypoints, with five derivatives that vanish at its ends
+        first = np.argmin(np.linalg.norm(flat[0] - LINE[1], axis=1))
+        last = np.argmin(np.linalg.norm(flat[0] - LINE[2], axis=1))
+        s = np.clip((t - t[first]) / (t[last] - t[first]), 0.0, 1.0)
+        bump = np.polynomial.Polynomial.fromroots([0] * 5 + [1] * 5).deriv(4)(s) * 2**10
+        bump[(s <= 0) | (s >= 1)] = 0.0
+        other = flat[4] + scale * (bump / (t[last] - t[first]) ** 4)[:, None]
+        assert np.sum(other**2) * step > cost
+    assert inside.min() < 1e-9
+
+
+def test_the_largest_distance_from_the_legs_is_that_of_the_worst_place():
+    angle = np.linspace(0.0, 2 * np.pi, 2001)
+    round_it = np.column_stack([0.5 + np.sqrt(0.5) * np.cos(angle), 0.5 + np.sqrt(0.5) * np.sin(angle), 1 + 0 * angle])
+    flat_square = np.column_stack([SQUARE[:, :2], np.ones(5)])
+    off, _ = off_legs(flat_square, round_it)
+    assert off == pytest.approx(np.sqrt(0.5) - 0.5, abs=1e-5)  # [m]; the circle through the corners of a square of 1 m
+
+
+def test_a_point_between_two_rows_is_passed():
+    p = np.array([[0, 0, 1.0], [1.0, 0, 1.0]])
+    np.testing.assert_allclose(nearest(np.array([[0.4, 0.3, 1.0], [2.0, 0, 1.0]]), p), [0.3, 1.0])
+    np.testing.assert_allclose(nearest(np.array([[0.4, 0.3, 1.0]]), p[:1]), [0.5])
