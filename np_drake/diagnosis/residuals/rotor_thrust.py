@@ -10,6 +10,7 @@ from np_drake import attitude
 from np_drake.effects.base import ActuatorEffect
 from np_drake.effects.motor_lag import MotorLag
 from np_drake.flight_log import FlightLog
+from np_drake.logs.importing.interpolation import REPEATED
 from np_drake.training_data.segments import white_noise
 from np_drake.vehicle import Vehicle
 
@@ -38,6 +39,7 @@ class Rotors:
         self._row_t = log.t - log.t[0]
         self._t = np.arange(0.0, self._row_t[-1] + 0.5 * self._step, self._step)
         self._measured = log.input == "rotor_speed"
+        self._steps = self._measured and _repeats(log.u)
         place = self._row_t / self._step
         self._row = np.clip(np.round(place).astype(int), 0, len(self._t) - 1)
         self._before = np.clip(place.astype(int), 0, len(self._t) - 1)
@@ -48,7 +50,7 @@ class Rotors:
 
         Commands are held between rows, shifted, and passed through the effects, including their dead time. Their time
         counts from the first row. The lag of the vehicle file acts unless `effects` contain a lag. Measured rotor speed
-        (`log.input`) is interpolated instead of held, and passes propeller effects only.
+        (`log.input`) is interpolated instead of held, unless it steps, and passes propeller effects only.
 
         Args:
             effects: actuator effects in the order in which they act.
@@ -78,7 +80,7 @@ class Rotors:
 
     def _mean(self, thrust: np.ndarray) -> np.ndarray:
         """Return the mean thrust (n-1, 4) between rows [N]."""
-        later = np.concatenate([thrust[1:], thrust[-1:]]) if self._measured else thrust
+        later = np.concatenate([thrust[1:], thrust[-1:]]) if self._measured and not self._steps else thrust
         part = 0.5 * self._step * (thrust + later)
         total = np.zeros((len(part) + 1, 4))
         np.cumsum(part, axis=0, out=total[1:])
@@ -88,7 +90,7 @@ class Rotors:
     @property
     def noise(self) -> np.ndarray:
         """(4,) deviation of thrust and torques due to noise in rotor speed [N, N·m]; zero for commands."""
-        return self._read[1] if self._measured else np.zeros(4)
+        return self._read[1] if self._measured and not self._steps else np.zeros(4)
 
     @cached_property
     def _read(self) -> tuple[np.ndarray, np.ndarray]:
@@ -97,7 +99,7 @@ class Rotors:
     @cached_property
     def _commanded(self) -> np.ndarray:
         """(m, 4) commanded or measured thrust at substeps [N]."""
-        if not self._measured:
+        if self._steps or not self._measured:
             return self._held(0.0)
         read, _ = self._read
         return np.stack([np.interp(self._t, self._row_t, read[:, i]) for i in range(4)], axis=1)
@@ -113,6 +115,11 @@ class Rotors:
 
     def _lag(self, thrust: np.ndarray) -> np.ndarray:
         return MotorLag(self._vehicle.rotor_time_constant).respond(self._vehicle, self._t, thrust)
+
+
+def _repeats(u: np.ndarray) -> bool:
+    """Return whether telemetry is slower than the rows of u (n, 4), which repeat its readings."""
+    return bool(len(u) > 1 and np.mean(np.all(np.diff(u, axis=0) == 0, axis=1)) > REPEATED)
 
 
 def _held(t_row: np.ndarray, command: np.ndarray, t: np.ndarray, h: float) -> np.ndarray:

@@ -76,7 +76,8 @@ def _contents(path: Path) -> Contents:
     for s in subscriptions:
         if s.rows:
             found[s.name] = tuple(c for c in s.columns if c not in unused.get(s.name, ()))
-    parameters = {name: value for name, value in log.initial_parameters.items() if np.isfinite(value)}
+    numbers = {name: value for name, value in log.initial_parameters.items() if isinstance(value, (int, float))}
+    parameters = {name: float(value) for name, value in numbers.items() if np.isfinite(value)}
     return Scanned(found, parameters, rates, values)
 
 
@@ -117,7 +118,7 @@ def _stream(path: Path, name: str, parts: Sequence[Any], columns: Sequence[str],
     if "timestamp_sample" in known and not COMMANDS.fullmatch(name):
         measured = joined("timestamp_sample")[kept]
     times, delay = _times(published[kept], measured, log.start_timestamp)
-    flags = {c: joined(c)[kept] for c in sorted(known) if c in VALID or c.endswith(RESETS)}
+    flags = {c: joined(c)[kept] for c in sorted(known) if c in VALID or c.endswith(RESETS.strip("_"))}
     lost = [] if kept.all() else [f"{name}: {np.sum(~kept)} rows without a time are left out."]
     never = [column.removesuffix("_valid") for column in VALID if column in flags and not flags[column].any()]
     said = _Said(name, delay, [*lost, *_validity(name, times, flags)], never, _resets(times, flags))
@@ -143,7 +144,7 @@ def _validity(name: str, t: np.ndarray, flags: Mapping[str, np.ndarray]) -> Iter
         if not good.all():
             first = f"first valid at {t[good][0]:.2f} s" if good.any() else "never valid"
             yield f"{name}: {column} is 0 in {100 * np.mean(~good):.0f} % of the rows; {first}."
-    resets = {c: int(np.sum(v[1:] != v[:-1])) for c, v in flags.items() if c.endswith(RESETS)}
+    resets = {c: int(np.sum(v[1:] != v[:-1])) for c, v in flags.items() if c not in VALID}
     said = ", ".join(f"{c.removesuffix(RESETS)} {n}" for c, n in resets.items() if n)
     if said:
         yield f"{name}: the estimate jumps at its resets ({said})."
@@ -151,9 +152,9 @@ def _validity(name: str, t: np.ndarray, flags: Mapping[str, np.ndarray]) -> Iter
 
 def _resets(t: np.ndarray, flags: Mapping[str, np.ndarray]) -> list[tuple[float, str]]:
     """Return the times at which a counter of resets changes, and of what; where the estimate jumps there, it breaks."""
-    counters = {c: v for c, v in flags.items() if c.endswith(RESETS)}
+    counters = {c.removesuffix(RESETS.strip("_")).strip("_"): v for c, v in flags.items() if c not in VALID}
     found = [(float(t[k + 1]), c) for c, v in counters.items() for k in np.flatnonzero(np.diff(v.astype(float)))]
-    return [(at, f"the estimator resets {counter.removesuffix(RESETS)}?") for at, counter in sorted(found)]
+    return [(at, f"the estimator resets {what or 'its state'}?") for at, what in sorted(found)]
 
 
 def _timing(streams: Sequence[_Said]) -> Iterator[str]:

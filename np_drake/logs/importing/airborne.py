@@ -4,7 +4,6 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from np_drake import attitude
 from np_drake.logs.checks import STEP_RANGE
 from np_drake.logs.errors import LogError
 from np_drake.logs.importing.convert import GRAVITY
@@ -14,12 +13,6 @@ from np_drake.logs.units import FASTEST_ROTOR
 MOVED = 0.05  # from where it rests before and after the flight [m]; own choice
 STOPPED = 0.2  # share of the usual lift below which they carry no vehicle, even one that lost its load [1]; own choice
 STANDS = 1.0  # time at rest between two flights from which they are apart [s]; own choice
-STILL = 0.3  # speed of a wreck [m/s]; own choice
-LIES, TUMBLES = 0.5, 3.0  # least time at rest after a crash, and longest between its impacts and rest [s]; own choice
-LYING = 0.7  # share of the thrust axis that is vertical below which nothing hovers: 45 deg [1]; own choice
-ABOVE = 0.3  # height over the ground of a flight [m]; own choice
-# Acceleration over g of an impact, and time over which it acts [1, s]; own choice: a landing is softer.
-IMPACT, BLOW = 3.0, 0.1
 RUNNING = 0.5  # share of the usual lift below which the rotors do not carry [1]; own choice
 
 
@@ -84,48 +77,6 @@ def standing(t: np.ndarray, p: np.ndarray, lift: np.ndarray | None) -> np.ndarra
 def _falls(t: np.ndarray, z: np.ndarray) -> bool:
     """Return whether heights z (n,) are those of a fall that nothing but the rotors, idle, delays."""
     return bool(2 * np.polyfit(t - t[0], z, 2)[0] < -(1 - RUNNING) * GRAVITY)
-
-
-def before_the_crash(t: np.ndarray, p: np.ndarray, v: np.ndarray, q: np.ndarray) -> int:
-    """Return the row at which a flight ends that ends as a wreck; all rows where it does not.
-
-    A wreck is at rest, tilted as none can hover, or after an impact where the flight is lowest. The flight ends shortly
-    before the impact, where there is one.
-
-    Args:
-        t: (n,) [s].
-        p: (n, 3) position in W [m].
-        v: (n, 3) velocity in W [m/s].
-        q: (n, 4) attitude, body to W.
-    """
-    still = np.linalg.norm(v, axis=1) < STILL
-    rests = len(t) - int(np.argmin(still[::-1])) if not still.all() else 0
-    lying = slice(rests, len(t))
-    if rests == len(t) or t[-1] - t[rests] < LIES or np.ptp(p[lying], axis=0).max() > 4 * MOVED:
-        return len(t)
-    first = int(np.searchsorted(t, t[rests] - TUMBLES))
-    rows = max(round(BLOW / float(np.median(np.diff(t)))), 1)
-    after = v[first + rows : rests + rows]
-    change = after - v[first : first + len(after)]
-    hits = np.flatnonzero(np.linalg.norm(change, axis=1) > IMPACT * GRAVITY * BLOW)
-    tilted = float(np.median(attitude.body_z(q[lying])[:, 2])) < LYING
-    if not tilted and not (len(hits) and lies_below(p[lying], p[:rests])):
-        return len(t)
-    return first + int(hits[0]) if len(hits) else rests
-
-
-def lies_below(p: np.ndarray, others: np.ndarray) -> bool:
-    """Return whether a vehicle stays at one place, the lowest, and has been well above it otherwise.
-
-    Args:
-        p: (n, 3) positions while it may lie [m].
-        others: (m, 3) those of the rest of the log [m].
-    """
-    if not len(others):
-        return False
-    level = float(np.median(p[:, 2]))
-    stays = bool(np.ptp(p, axis=0).max() < 4 * MOVED)
-    return stays and level < float(others[:, 2].min()) + 4 * MOVED and float(np.median(others[:, 2])) > level + ABOVE
 
 
 RANGES = {  # of nearly all values in flight

@@ -13,7 +13,7 @@ from np_drake.logs.importing.log_map import UNITS, LogMap
 from np_drake.logs.importing.signals import OPTIONAL, STATE
 
 INPUTS = ("thrust", "torque", "throttle", "rotor_speed")
-PAUSE = 1.0  # gap of a signal from which a log is two [s]; own choice: shorter ones split flights, not conventions
+PAUSE = 0.3  # gap of a signal from which a log is two [s]; own choice: below the windows of the conventions
 SLOW = 10.0  # intervals of a signal that are no pause [1]; own choice
 LEAST = {  # jump of one interval; own choice
     "position": 0.1,  # [m]
@@ -24,6 +24,7 @@ MOST = 0.02  # share of the intervals that jump from which the signal is a noisy
 ABRUPT = 8.0  # jump over the largest change of the intervals around it [1]; own choice: motion has no such
 STATED = 0.3  # share of both that is enough where the log itself states a reset [1]; own choice
 AROUND = 8  # intervals before and after a jump with which it is compared [1]
+MOST_SAID = 5  # breaks that are named one by one
 LASTS = 3  # samples after which a jump is still there, and no single bad sample [1]
 Signals = dict[str, Signal]
 
@@ -84,6 +85,8 @@ def split(signals: Mapping[str, Signal], breaks: Sequence[Break]) -> tuple[list[
     for b, before, after in zip(breaks, kept[:-1], kept[1:], strict=True):
         what = "split there" if before and after else f"what comes {'after' if before else 'before'} it is left out"
         said.append(f"{b.reason} at {b.before - origin:.2f} s: {what}")
+    if len(said) > MOST_SAID:
+        said[MOST_SAID:] = [f"{len(said) - MOST_SAID} more such breaks, the last at {breaks[-1].before - origin:.2f} s"]
     return parts, said
 
 

@@ -21,7 +21,7 @@ from np_drake.logs.importing.interpolation import Signal
 from np_drake.logs.importing.log_map import UNITS, LogMap, MapFile
 from np_drake.logs.importing.parts import imported_parts
 from np_drake.logs.importing.sheet_content import sheet_content
-from np_drake.logs.importing.signals import gather, with_map_time
+from np_drake.logs.importing.signals import OPTIONAL, gather, with_map_time
 from np_drake.logs.importing.stated_units import require_stated_units
 
 SHORTEST = 1.0  # log whose unit of time is found by its rate alone [s]; own choice
@@ -132,6 +132,7 @@ def _parts(recording: Recording, log_map: LogMap, path: str) -> tuple[list[Signa
     recordings, said = clock_parts(with_map_time(recording, log_map))
     parts: list[Signals] = []
     notes: list[str] = []
+    short: list[str] = []
     clock: Change = ()
     origin = None
     for piece in recordings:
@@ -140,29 +141,36 @@ def _parts(recording: Recording, log_map: LogMap, path: str) -> tuple[list[Signa
         signals, own = gather(piece, log_map)
         signals, clock = _on_a_likely_clock(signals, log_map, path)
         origin = signals["attitude"].t[0] if origin is None else origin
-        signals = _cut(signals, log_map, origin, path)
+        signals, lacking = _cut(signals, log_map, origin)
+        if lacking:
+            short.append(lacking)
+            continue
         signals, slow = usable_inputs(signals, log_map)
         pieces, broken = split(signals, find_breaks(signals, log_map, recording.breaks))
         parts += pieces
         notes += [note for note in own if note not in notes]
         said += [line for line in (*slow, *broken) if line not in said]
+    if not parts and short:
+        raise LogError(f"{path}: start and stop must leave samples; {short[0]} in them.")
     if not parts:
         raise LogError(f"{path}: must hold a flight; no part has {LEAST_ROWS} samples of every signal.")
     return parts, clock, said, notes
 
 
-def _cut(signals: dict[str, Signal], log_map: LogMap, first: float, path: str) -> dict[str, Signal]:
-    """Return the signals between the map's start and stop, counted from `first`, the log's first attitude [s]."""
+def _cut(signals: dict[str, Signal], log_map: LogMap, first: float) -> tuple[dict[str, Signal], str]:
+    """Return the signals between the map's start and stop, counted from `first` [s], and which has too few samples."""
     if not log_map.start and not log_map.stop:
-        return signals
+        return signals, ""
     start, stop = first + log_map.start, first + log_map.stop if log_map.stop else np.inf
     out = {}
     for name, own in signals.items():
-        inside = (own.t >= start) & (own.t <= stop)
-        if inside.sum() < LEAST_ROWS:
-            raise LogError(f"{path}: start and stop must leave samples; {name} has {inside.sum()} in them.")
-        out[name] = dc.replace(own, t=own.t[inside], values=own.values[inside])
-    return out
+        inside = own.between(start, stop)
+        count = 0 if inside is None else len(inside.t)
+        if inside is not None and count >= (2 if name in OPTIONAL else LEAST_ROWS):
+            out[name] = inside
+        elif name not in OPTIONAL:
+            return {}, f"{name} has {count}"
+    return out, ""
 
 
 def _on_a_likely_clock(signals: dict[str, Signal], log_map: LogMap, path: str) -> tuple[dict[str, Signal], Change]:

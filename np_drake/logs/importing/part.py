@@ -9,10 +9,11 @@ from np_drake.flight_log import FlightLog
 from np_drake.logs.checks import LEAST_ROWS
 from np_drake.logs.errors import LogError
 from np_drake.logs.gaps import LONGEST as LONGEST_GAP
-from np_drake.logs.importing.airborne import airborne, before_the_crash, require_a_step, require_ranges, standing
+from np_drake.logs.importing.airborne import airborne, require_a_step, require_ranges, standing
 from np_drake.logs.importing.alignment import COMMANDS, Aligned, align
 from np_drake.logs.importing.conventions import Verdict
 from np_drake.logs.importing.convert import convert_quantity
+from np_drake.logs.importing.crash import before_the_crash, before_the_fall
 from np_drake.logs.importing.dead_reckoning import with_whole_motion
 from np_drake.logs.importing.inputs import collective, is_collective
 from np_drake.logs.importing.interpolation import FASTER, Signal
@@ -73,13 +74,14 @@ def import_part(signals: Signals, log_map: LogMap, verdict: Verdict, path: str, 
     if carried:
         require_ranges(aligned.values, log_map, path)
         x, lift = aligned.values, _lift(aligned.values)
-        end = before_the_crash(aligned.t, x["position"], x["velocity"], x["attitude"])
+        crash = before_the_crash(aligned.t, x["position"], x["velocity"], x["attitude"])
+        fall = before_the_fall(aligned.t, x["velocity"], x["attitude"], lift)
+        end = min(crash, fall)
         if end < LEAST_ROWS:
             raise LogError(f"{path}: must hold a flight; the vehicle lies still and tilted.")
         if end < len(aligned.t):
-            said.append(
-                f"fits until {aligned.t[end - 1] - origin:.1f} s, where the vehicle crashes; the rest is left out"
-            )
+            why = "the vehicle crashes" if crash <= fall else "the rotors carry it no longer though they run"
+            said.append(f"fits until {aligned.t[end - 1] - origin:.1f} s, where {why}; the rest is left out")
         where = aligned.t[:end], x["position"][:end], None if lift is None else lift[:end]
         rows = airborne(*where)
         ground[:end] = standing(*where)

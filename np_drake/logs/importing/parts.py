@@ -4,10 +4,10 @@ import numpy as np
 
 from np_drake.logs.errors import LogError
 from np_drake.logs.importing.agreement import agreed, fitting_stretch
-from np_drake.logs.importing.airborne import lies_below
 from np_drake.logs.importing.breaks import Signals
 from np_drake.logs.importing.consistency import WINDOW
 from np_drake.logs.importing.conventions import DOUBTED, Change, Verdict, WrongConventions
+from np_drake.logs.importing.crash import lies_below
 from np_drake.logs.importing.log_map import LogMap
 from np_drake.logs.importing.part import Part, flies, import_part
 
@@ -56,7 +56,7 @@ def imported_parts(
         if k in done and others and lies_below(done[k].aligned.values["position"], np.concatenate(others)):
             said.append(f"from {parts[k]['attitude'].t[0] - origin:.2f} s on the vehicle lies on the ground; left out")
             del done[k]
-    if max(done) < len(parts) - 1:
+    if max(done) < len(parts) - 1 and not any(line.startswith("fits ") for line in said):
         end = done[max(done)].aligned.t[-1] - origin
         said.append(f"fits until {end:.1f} s; what follows is left out")
     if not moving[by_length[0]]:

@@ -110,7 +110,9 @@ def _gaps_text(parts: Sequence[Part], flights: Sequence[FlightLog]) -> str:
     inside = [np.diff(log.t).max() for log in flights]
     text = "none" if not filled and len(flights) == 1 and max(inside) < 2.5 * flights[0].step else ""
     if not text:
-        text = f"{filled} rows inside gaps left out; longest gap in a part {max(inside):.3g} s"
+        text = (
+            f"{f'{filled} rows inside gaps left out' if filled else 'none'}; longest gap in a part {max(inside):.3g} s"
+        )
         text += f"; split into {len(flights)} parts" if len(flights) > 1 else ""
     return text
 

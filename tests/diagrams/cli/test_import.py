@@ -137,7 +137,7 @@ def test_a_landing_and_another_take_off_make_two_flights(tmp_path, monkeypatch, 
     logs = [open_flights(path, vehicle=Vehicle())[0][0] for path in sorted((tmp_path / "mine").glob("*.csv"))]
     assert [len(log) for log in logs] == pytest.approx([800, 800], abs=40)  # rows near the ground are left out
     assert all(log.u[:, 0].min() > 19 for log in logs)  # [N], of a weight of 19.62 N
-    assert "between flights" in (tmp_path / "mine" / "flight_part1.import.yaml").read_text()
+    assert "on the ground: " in (tmp_path / "mine" / "flight_part1.import.yaml").read_text()
 
 
 def test_two_logs_of_one_name_are_told_apart_from_a_file_that_was_there(table, tmp_path, capsys):

@@ -37,6 +37,15 @@ def test_a_command_is_held_from_its_row_to_the_next():
     np.testing.assert_allclose(mids, f[:-1], atol=1e-9)
 
 
+@pytest.mark.parametrize("rows", [2, 4])
+def test_rotor_speed_whose_readings_repeat_is_held(rows):
+    f = np.repeat(commands(3, 40), rows, axis=0)
+    log = dc.replace(log_of(f), rotor=np.sqrt(f / VEHICLE.thrust_coefficient), input="rotor_speed")
+    dut = Rotors(log, VEHICLE)
+    np.testing.assert_allclose(dut.thrust([])[1], f[:-1], atol=1e-9)
+    assert not dut.noise.any()
+
+
 def test_commands_are_held_between_rows_of_any_spacing():
     f = commands(1)
     log = log_of(f)

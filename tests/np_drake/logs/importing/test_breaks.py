@@ -207,3 +207,21 @@ def test_signals_without_a_break_stay_one_part(flown):
     log_map = LogMap(position=Source(["x", "y", "z"]), attitude=Source(["w", "x", "y", "z"]))
     assert find_breaks(signals, log_map, []) == []
     assert split(signals, []) == ([signals], [])
+
+
+@pytest.mark.parametrize("back, parts", [(0.5, 2), (100.0, 1)])
+def test_receipts_set_back_stay_apart_and_blocks_out_of_order_do_not(tmp_path, writer, flown, back, parts):
+    pytest.importorskip("rosbags", reason="ROS bags need rosbags")
+    import sqlite3
+
+    from np_drake.logs.formats.ros import ROS
+
+    writer("ros").write(tmp_path / "bag", {"/x": Stream(flown.t, {"data": flown.t})}, storage="sqlite3")
+    with sqlite3.connect(next((tmp_path / "bag").glob("*.db3"))) as database:
+        database.execute("UPDATE messages SET timestamp = timestamp - ? WHERE id > 400", (round(back * 1e9),))
+    stream = ROS.read(tmp_path / "bag", {"/x": ["data"]}, lambda share: None).streams["/x"]
+    found, _ = clock_parts(Recording("bag", {"/x": stream}))
+    assert len(found) == parts
+    first = found[0].streams["/x"].columns["data"]
+    assert first[0] == (0.0 if parts == 2 else 4.0)
+    assert (np.diff(found[0].streams["/x"].t) >= 0).all()

@@ -5,8 +5,10 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.logs.importing.airborne import before_the_crash
+from np_drake.logs.errors import LogError
+from np_drake.logs.formats.format import Stream
 from np_drake.logs.importing.conventions import WrongConventions
+from np_drake.logs.importing.crash import before_the_crash, before_the_fall
 
 
 def tumbling(streams, at: float, seed: int = 0):
@@ -45,8 +47,15 @@ def test_start_and_stop_of_a_call_count_from_the_log_s_own_start(flown, autopilo
     outputs = {"actuator_motors": autopilots.throttle(flown)}
     (dut,) = import_px4(outputs, start=1.5, stop=4.0).flights
     np.testing.assert_allclose(dut.p, flown.p[150:401], atol=1e-9)
-    (dut,) = import_px4(outputs, change=lambda s: tumbling(s, 6.0), stop=4.5).flights
+    battery = Stream(1.0 + np.arange(9.0), {"voltage_v": 16.0 - 0.1 * np.arange(9.0)})
+
+    def with_battery(streams):
+        return tumbling(streams, 6.0) | {"battery_status": battery}
+
+    (dut,) = import_px4(outputs, change=with_battery, stop=4.5).flights
     assert dut.t[-1] == pytest.approx(4.5)
+    with pytest.raises(LogError, match="start and stop must leave samples; position has 0 in them"):
+        import_px4(outputs, start=50.0)
 
 
 def fallen() -> tuple[np.ndarray, ...]:
@@ -76,3 +85,11 @@ def test_a_landing_and_a_hover_are_no_crash():
     p[:, 2] = np.clip(3.2 - 0.8 * (t - 3.0), 0.0, 3.2)
     assert before_the_crash(t, p, np.gradient(p, t, axis=0), level) == len(t)
     assert before_the_crash(t[:500], p[:500], v[:500], q[:500]) == 500
+
+
+def test_a_fall_with_running_rotors_ends_the_flight_and_one_without_does_not():
+    t, _, v, q = fallen()
+    lift = np.where(t < 5.8, 1.0, 0.0)
+    assert t[before_the_fall(t, v, q, lift)] == pytest.approx(4.95, abs=0.15)
+    assert before_the_fall(t, v, q, np.where(t < 5.0, 1.0, 0.0)) == len(t)
+    assert before_the_fall(t, v, q, None) == len(t)

@@ -1,0 +1,81 @@
+"""Where a flight ends that ends badly: in a fall that the rotors do not tell, or as a wreck on the ground."""
+
+import numpy as np
+
+from np_drake import attitude
+from np_drake.logs.importing.airborne import MOVED, RUNNING
+from np_drake.logs.importing.convert import GRAVITY
+from np_drake.training_data.accelerations import smooth_derivative
+
+STILL = 0.3  # speed of a wreck [m/s]; own choice
+LIES, TUMBLES = 0.5, 3.0  # least time at rest after a crash, and longest between its impacts and rest [s]; own choice
+LYING = 0.7  # share of the thrust axis that is vertical below which nothing hovers: 45 deg [1]; own choice
+ABOVE = 0.3  # height over the ground of a flight [m]; own choice
+# Acceleration over g of an impact, and time over which it acts [1, s]; own choice: a landing is softer.
+IMPACT, BLOW = 3.0, 0.1
+CARRIED, FALLS = 0.3, 0.3  # lift over the weight in a fall [1], and its least duration [s]; own choice
+BAND = 4.0  # of the measured lift [Hz]; own choice
+
+
+def before_the_fall(t: np.ndarray, v: np.ndarray, q: np.ndarray, lift: np.ndarray | None) -> int:
+    """Return the row at which the vehicle begins to fall although its rotors run; all rows where it does not.
+
+    Args:
+        t: (n,) [s].
+        v: (n, 3) velocity in W [m/s].
+        q: (n, 4) attitude, body to W.
+        lift: (n,) of the rotors in any unit; None: not known.
+    """
+    if lift is None:
+        return len(t)
+    carried = np.sum((smooth_derivative(v, t, BAND) + [0.0, 0.0, GRAVITY]) * attitude.body_z(q), axis=1) / GRAVITY
+    flying = carried > 1 - CARRIED
+    usual = float(np.median(lift[flying])) if flying.any() else np.inf
+    falls = (carried < CARRIED) & (lift > RUNNING * usual)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], falls, [False]]).astype(int)))
+    for start, stop in edges.reshape(-1, 2):
+        if t[stop - 1] - t[start] >= FALLS:
+            return max(int(np.searchsorted(t, t[start] - 0.5 / BAND)), 0)
+    return len(t)
+
+
+def before_the_crash(t: np.ndarray, p: np.ndarray, v: np.ndarray, q: np.ndarray) -> int:
+    """Return the row at which a flight ends that ends as a wreck; all rows where it does not.
+
+    A wreck is at rest, tilted as none can hover, or after an impact where the flight is lowest. The flight ends shortly
+    before the impact, where there is one.
+
+    Args:
+        t: (n,) [s].
+        p: (n, 3) position in W [m].
+        v: (n, 3) velocity in W [m/s].
+        q: (n, 4) attitude, body to W.
+    """
+    still = np.linalg.norm(v, axis=1) < STILL
+    rests = len(t) - int(np.argmin(still[::-1])) if not still.all() else 0
+    lying = slice(rests, len(t))
+    if rests == len(t) or t[-1] - t[rests] < LIES or np.ptp(p[lying], axis=0).max() > 4 * MOVED:
+        return len(t)
+    first = int(np.searchsorted(t, t[rests] - TUMBLES))
+    rows = max(round(BLOW / float(np.median(np.diff(t)))), 1)
+    after = v[first + rows : rests + rows]
+    change = after - v[first : first + len(after)]
+    hits = np.flatnonzero(np.linalg.norm(change, axis=1) > IMPACT * GRAVITY * BLOW)
+    tilted = float(np.median(attitude.body_z(q[lying])[:, 2])) < LYING
+    if not tilted and not (len(hits) and lies_below(p[lying], p[:rests])):
+        return len(t)
+    return first + int(hits[0]) if len(hits) else rests
+
+
+def lies_below(p: np.ndarray, others: np.ndarray) -> bool:
+    """Return whether a vehicle stays at one place, the lowest, and has been well above it otherwise.
+
+    Args:
+        p: (n, 3) positions while it may lie [m].
+        others: (m, 3) those of the rest of the log [m].
+    """
+    if not len(others):
+        return False
+    level = float(np.median(p[:, 2]))
+    stays = bool(np.ptp(p, axis=0).max() < 4 * MOVED)
+    return stays and level < float(others[:, 2].min()) + 4 * MOVED and float(np.median(others[:, 2])) > level + ABOVE
