@@ -86,7 +86,7 @@ def in_vehicle_order(log: FlightLog, vehicle: Vehicle) -> FlightLog:
     Raises: LogError: where the stated rotors are not those of the vehicle, or the torque tells that the rotors of the
     file turn or lie otherwise, in no order of the columns.
     """
-    log = _in_stated_order(log, vehicle)
+    given, log = log, _in_stated_order(log, vehicle)
     found = rotor_orders(log, vehicle)
     if found is None:
         return log
@@ -103,8 +103,12 @@ def in_vehicle_order(log: FlightLog, vehicle: Vehicle) -> FlightLog:
             f"{log.name}: rotor_positions and rotor_directions of vehicle {vehicle.name!r} must be in the order of the "
             f"log's columns; by what turns the vehicle these are {seen}. Correct the vehicle file."
         )
+    turned = np.argsort(best.rotors).tolist()
+    if given.layout is not None:
+        note = f"{NOTE} are not in the order that {given.layout.source} states, but turn the vehicle as {seen}"
+        return _reordered(dc.replace(log, notes=given.notes), turned, note)
     note = f"{NOTE} are not in the order of vehicle {vehicle.name!r} and were put into it: {seen}"
-    return _reordered(log, np.argsort(best.rotors).tolist(), note)
+    return _reordered(log, turned, note)
 
 
 def _in_stated_order(log: FlightLog, vehicle: Vehicle) -> FlightLog:

@@ -9,10 +9,13 @@ from scipy import optimize
 from np_drake import attitude
 from np_drake.flight_log import FlightLog
 from np_drake.logs.errors import LogError
-from np_drake.training_data.accelerations import smooth_derivative
+from np_drake.training_data.accelerations import smooth_derivative, smoothed
 from np_drake.vehicle import Vehicle
 
 EXPONENTS = (0.5, 2.5)  # of thrust over throttle: from a linearised to a bare motor [1]
+# Prior of the exponent, mean and deviation [1]. Source: a linearised motor has 1; a propeller's thrust goes with the
+# square of its speed, and speed with voltage.
+USUAL, SCATTER = 1.5, 0.5
 BAND = 4.0  # of the thrust that the map is fitted to [Hz]; own choice: below motor lag
 NOTE = "thrust from throttle"
 GRAVITY = 9.81  # where no vehicle states its own [m/s²]
@@ -22,8 +25,9 @@ LEAST = 0.02  # throttle below which a rotor stands [1]
 def with_throttle_input(log: FlightLog, vehicle: Vehicle, exponent: float | None = None) -> FlightLog:
     """Return the log with u from its throttle: f = m g (throttle / hover)^exponent, for all rotors together or each.
 
-    hover and exponent are those with which thrust carries the measured specific force along body z best. They take mass
-    and thrust from each other: neither can be told from such a log. A collective throttle says nothing of torque, which
+    hover and exponent are the most likely ones with which thrust carries the measured specific force along body z; a
+    flight whose thrust hardly varies leaves the usual exponent. They take mass and thrust from each other: neither can
+    be told from such a log. A collective throttle says nothing of torque, which
     is then NaN.
 
     Args:
@@ -35,7 +39,7 @@ def with_throttle_input(log: FlightLog, vehicle: Vehicle, exponent: float | None
     seen = _lifted(log, vehicle.gravity)
     whose = "exponent of the vehicle" if exponent is not None else "fitted to this flight's lift"
     exponent = _fitted_exponent([seen]) if exponent is None else exponent
-    hover = _scale(*seen, exponent) ** (-1 / exponent)
+    hover = seen.scale(exponent) ** (-1 / exponent)
     f = vehicle.mass * vehicle.gravity * (np.maximum(_throttle(log), 0.0) / hover) ** exponent
     unknown = np.full((len(log), 3), np.nan)
     u = np.column_stack([f, unknown]) if f.shape[1] == 1 else 0.25 * f @ vehicle.mixer.T
@@ -82,16 +86,15 @@ class LiftExponent:
 
 
 def lift_exponent(log: FlightLog) -> LiftExponent:
-    """Return the power of its throttle that explains a flight's lift best, within `EXPONENTS`.
+    """Return the most likely power of its throttle with which a flight's lift goes, within `EXPONENTS`.
 
     Args:
         log: with a throttle that carries the vehicle.
     Raises: LogError: if it never does.
     """
-    throttle, lift = _lifted(log, GRAVITY)
-    exponent = _fitted_exponent([(throttle, lift)])
-    rest = lift - _scale(throttle, lift, exponent) * _shape(throttle, exponent)
-    return LiftExponent(exponent, 1.0 - float(np.var(rest) / max(float(np.var(lift)), 1e-12)))
+    seen = _lifted(log, GRAVITY)
+    exponent = _fitted_exponent([seen])
+    return LiftExponent(exponent, 1.0 - float(np.var(seen.rest(exponent)) / max(float(np.var(seen.lift)), 1e-12)))
 
 
 def _throttle(log: FlightLog) -> np.ndarray:
@@ -100,8 +103,39 @@ def _throttle(log: FlightLog) -> np.ndarray:
     return log.throttle
 
 
-def _lifted(log: FlightLog, gravity: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return throttle (n, k) and the lift over gravity (n,) in the measured rows in which rotors turn [1]."""
+@dc.dataclass(frozen=True)
+class _Lifted:
+    """Throttle (m, k) and t (m,) [s] of a flight, the rows `flying` (m,) in which rotors turn, and lift there (n,).
+
+    Lift is over gravity [1].
+    """
+
+    t: np.ndarray
+    throttle: np.ndarray
+    flying: np.ndarray
+    lift: np.ndarray
+
+    @property
+    def samples(self) -> float:
+        """Number of independent samples of the lift, which is band-limited."""
+        return min(float(len(self.lift)), 2 * BAND * float(self.t[-1] - self.t[0]))
+
+    def shape(self, exponent: float) -> np.ndarray:
+        """Return the mean of the rotors' throttle to the exponent (n,), in the band of the lift [1]."""
+        return smoothed(np.mean(self.throttle**exponent, axis=1), self.t, BAND)[self.flying]
+
+    def scale(self, exponent: float) -> float:
+        """Return the factor of `shape` that fits the lift best."""
+        model = self.shape(exponent)
+        # Projection of the lift on the model: least squares of one factor.
+        return max(float(model @ self.lift / (model @ model)), 1e-6)
+
+    def rest(self, exponent: float) -> np.ndarray:
+        """Return what is left of the lift (n,) [1]."""
+        return self.lift - self.scale(exponent) * self.shape(exponent)
+
+
+def _lifted(log: FlightLog, gravity: float) -> _Lifted:
     throttle = np.maximum(_throttle(log), 0.0)
     flying = throttle.mean(axis=1) > LEAST
     if flying.sum() < 20:
@@ -109,28 +143,18 @@ def _lifted(log: FlightLog, gravity: float) -> tuple[np.ndarray, np.ndarray]:
     # The specific force along body z, below motor lag.
     a = smooth_derivative(log.v, log.t, BAND) + [0.0, 0.0, gravity]
     lift = np.sum(a * attitude.body_z(log.q), axis=1) / gravity
-    return throttle[flying], lift[flying]
+    return _Lifted(log.t, throttle, flying, lift[flying])
 
 
-def _fitted_exponent(flights: Sequence[tuple[np.ndarray, np.ndarray]]) -> float:
-    """Return the exponent that fits throttle (n, k) to lift over gravity (n,) best in all flights together [1]."""
+def _fitted_exponent(flights: Sequence[_Lifted]) -> float:
+    """Return the most likely exponent of all flights together [1].
+
+    Gaussian rest of the lift, of unknown variance in each flight, and the prior of the exponent.
+    """
 
     def loss(exponent: float) -> float:
-        return sum(
-            float(np.sum((lift - _scale(throttle, lift, exponent) * _shape(throttle, exponent)) ** 2))
-            for throttle, lift in flights
-        )
+        variance = [(seen.samples, float(np.mean(seen.rest(exponent) ** 2))) for seen in flights]
+        prior = 0.5 * ((exponent - USUAL) / SCATTER) ** 2
+        return prior + sum(0.5 * n * np.log(max(v, 1e-12)) for n, v in variance)
 
     return float(optimize.minimize_scalar(loss, bounds=EXPONENTS, method="bounded").x)
-
-
-def _shape(throttle: np.ndarray, exponent: float) -> np.ndarray:
-    """Return the mean of the rotors' throttle (n, k) to the exponent (n,) [1]."""
-    return np.mean(throttle**exponent, axis=1)
-
-
-def _scale(throttle: np.ndarray, lift: np.ndarray, exponent: float) -> float:
-    """Return the factor of that mean which fits the lift over gravity (n,) best [1]."""
-    # Projection of the lift on the model: least squares of one factor.
-    model = _shape(throttle, exponent)
-    return max(float(model @ lift / (model @ model)), 1e-6)

@@ -48,12 +48,22 @@ def smooth_derivative(value: np.ndarray, t: np.ndarray, bandwidth: float) -> np.
         bandwidth: of the low-pass [Hz].
     """
     rate = np.diff(value, axis=0) / np.diff(t)[:, None]
-    rate = np.concatenate([rate, rate[-1:]])
+    return smoothed(np.concatenate([rate, rate[-1:]]), t, bandwidth)
+
+
+def smoothed(value: np.ndarray, t: np.ndarray, bandwidth: float) -> np.ndarray:
+    """Return `value` (n, m) after a zero-phase low-pass of second order; itself where the rows have no more.
+
+    Args:
+        value: (n, m) samples.
+        t: (n,) times [s].
+        bandwidth: of the low-pass [Hz].
+    """
     nyquist = 0.5 / float(np.median(np.diff(t)))
     if bandwidth >= nyquist:
-        return rate
+        return value
     sos = signal.butter(2, bandwidth / nyquist, output="sos")
-    return signal.sosfiltfilt(sos, rate, axis=0, padlen=min(len(rate) - 1, 15))
+    return signal.sosfiltfilt(sos, value, axis=0, padlen=min(len(value) - 1, 15))
 
 
 def rows_at(log: FlightLog, step: float) -> np.ndarray:
