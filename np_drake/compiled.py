@@ -98,7 +98,7 @@ class Cache(caching.FunctionCache):
 
 def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
     """Return the function compiled, once for all processes; where no cache can be written, once for each."""
-    dispatcher = njit(error_model="numpy")(function)
+    dispatcher: Any = njit(error_model="numpy")(function)
     try:
         dispatcher._cache = Cache(function)
     except RuntimeError:

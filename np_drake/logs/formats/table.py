@@ -114,7 +114,7 @@ def read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Rec
         units = stated_units(known)
     else:
         columns, notes = table_text.read_columns(path, needed, progress)
-        units = stated_units(known) | table_text.read_layout(path).units
+        units = {**stated_units(known), **table_text.read_layout(path).units}
     length = len(next(iter(columns.values()), ()))
     t = columns[time] * UNITS["time"][TIMES[time]] if time else np.full(length, np.nan)
     clock = f"column {time} [{TIMES[time]}]" if time else "none of the known names"

@@ -2,6 +2,7 @@
 
 import dataclasses as dc
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
@@ -31,8 +32,8 @@ def with_whole_motion(
         if "position" in found or name in found:
             continue
         found[name] = _integral(found, rate, log_map)
-        world = Source([f"integral of {rate}"] * 3, axes="world", world="enu")
-        log_map = dc.replace(log_map, **{name: world})
+        world: dict[str, Any] = {name: Source([f"integral of {rate}"] * 3, axes="world", world="enu")}
+        log_map = dc.replace(log_map, **world)
         lacks.append(LACKS[name])
         notes.append(f"{name}: none in the log; {rate} integrated, and what acts through {name} cannot be told")
     return found, log_map, tuple(lacks), notes

@@ -1,7 +1,7 @@
 """One part of a log, between its breaks: conventions, the stretch that fits them, rows, and the flights in it."""
 
 import dataclasses as dc
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -69,7 +69,8 @@ def import_part(signals: Signals, log_map: LogMap, verdict: Verdict, path: str, 
     signals, log_map, lacks, derived = with_whole_motion(signals, log_map)
     aligned = align(signals, log_map, path)
     require_a_step(aligned.t, path)
-    rows, ground, said = slice(0, len(aligned.t)), np.zeros(len(aligned.t), bool), []
+    rows, ground = slice(0, len(aligned.t)), np.zeros(len(aligned.t), bool)
+    said: list[str] = []
     if carried:
         require_ranges(aligned.values, log_map, path)
         x, lift = aligned.values, _lift(aligned.values)
@@ -120,7 +121,7 @@ def _lift(values: Mapping[str, np.ndarray]) -> np.ndarray | None:
     return None
 
 
-def _with_collective(aligned: Aligned, names: list[str], log_map: LogMap) -> Aligned:
+def _with_collective(aligned: Aligned, names: Sequence[str], log_map: LogMap) -> Aligned:
     """Return the rows with the collective of the rotors as throttle, in place of the named inputs."""
     values = dict(aligned.values)
     for name in names:

@@ -57,7 +57,7 @@ def test_each_effect_is_replaced_beside_the_others():
     assert dut == {"drag": {"b": Model((1, 2), -0.1)}, "a": {"c": Model((0, 3), -0.2)}}
 
 
-def test_no_structure_no_effect_itself_and_nothing_that_does_not_go_together():
+def test_structure_the_effect_itself_and_what_does_not_fit_are_none():
     candidates = [Candidate(("drag",)), Candidate(("a",), generic=True), Candidate(("drag",)), Candidate(("b",))]
     scores = {(0,): 0.0, (1,): 0.0, (2,): 0.0, (3,): 0.0}
     assert equivalents(Problem(candidates, scores, apart=[(3,)]), Model((0,), 0.0)) == {"drag": {}}

@@ -59,7 +59,7 @@ def test_only_channels_that_are_there_and_act_have_innovations():
     np.testing.assert_allclose(driven[:, 0], values[P:, 0])
 
 
-def test_the_spectrum_integrates_to_the_variance_of_an_autoregressive_process():
+def test_the_spectrum_integrates_to_the_variance_of_the_process():
     a, variance = 0.6, 2.0
     model = NoiseModel(np.array([[a]]), np.eye(1), np.ones(1), np.array([variance]), 0.02)
     frequency = np.linspace(0.0, 25.0, 20001)
