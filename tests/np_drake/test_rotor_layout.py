@@ -20,7 +20,7 @@ def test_the_order_puts_rotors_where_the_vehicle_has_them(firmware):
     assert [layout.directions[n] for n in order] == PAPER.rotor_directions
 
 
-def test_every_order_is_found_of_rotors_off_their_place_and_in_another_unit():
+def test_every_order_is_found_of_rotors_off_place_and_in_another_unit():
     places = 1000.0 * np.array(PAPER.rotor_positions)[:, :2] + [[30, -20], [10, 25], [-30, 0], [5, 30]]
     for order in itertools.permutations(range(4)):
         layout = RotorLayout(tuple(map(tuple, places[list(order)])), (0.0,) * 4, "made")

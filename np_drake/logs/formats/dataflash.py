@@ -278,8 +278,8 @@ def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Re
         streams[name] = _stream(log, name, columns)
         progress(0.7 + 0.3 * i / len(wanted))
     notes = (f"{path}: times are those since boot", *(f"{path}: {note}" for note in dict.fromkeys(log.notes)))
-    primary = next((name.partition(".")[0] for name in wanted if name.endswith(PRIMARY)), "")
-    return Recording(str(path), streams, _facts(log), notes, breaks=tuple(_switches(log, primary)) if primary else ())
+    estimate = next((message for message in (name.partition(".")[0] for name in wanted) if message in LANES), "")
+    return Recording(str(path), streams, _facts(log), notes, breaks=tuple(_switches(log, estimate)))
 
 
 def _require_cells(log: _Log, wanted: Mapping[str, list[str]]) -> None:

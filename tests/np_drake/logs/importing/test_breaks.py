@@ -158,6 +158,14 @@ def test_a_switch_of_the_estimator_s_core_is_followed_and_splits(flown, autopilo
     assert max(np.abs(flight.p).max() for flight in found.flights) < 10.0
 
 
+def test_a_switch_splits_a_log_of_one_core_as_well(flown, autopilots, import_ardupilot):
+    t = np.arange(1.0, 9.0, 0.1)
+    lane = {"XKF4.0": Stream(t, {"PI": (t > 5.0).astype(float)})}
+    found = import_ardupilot(1000.0 + 1000.0 * autopilots.throttle(flown), change=lambda streams: streams | lane)
+    assert spans(found) == pytest.approx([4.0, 3.9], abs=0.15)
+    assert found.sheet.content["columns"]["position"]["from"][0] == "XKF1.0/PN"
+
+
 def test_a_part_that_contradicts_itself_is_left_out_and_named(flown, autopilots, import_px4):
     def wild(streams):
         streams = delayed(streams, 6.0, 3.0)

@@ -87,7 +87,7 @@ def test_a_landing_and_a_hover_are_no_crash():
     assert before_the_crash(t[:500], p[:500], v[:500], q[:500]) == 500
 
 
-def test_a_fall_with_running_rotors_ends_the_flight_and_one_without_does_not():
+def test_a_fall_with_running_rotors_ends_the_flight():
     t, _, v, q = fallen()
     lift = np.where(t < 5.8, 1.0, 0.0)
     assert t[before_the_fall(t, v, q, lift)] == pytest.approx(4.95, abs=0.15)
