@@ -118,9 +118,11 @@ def read(path: Path, wanted: Mapping[str, list[str]], progress: Progress, chunk:
 
 
 def default_map(contents: Contents) -> LogMap | None:
-    """Return the map of the firmware's own log variables; None without position and attitude.
+    """Return the map of the firmware's own log variables; None without attitude, or any motion of the centre.
 
-    Rotor speed is measured; thrust and torque of the Lee controller [N, N m] are used where there is none, else PWM.
+    The compressed state and the Lee controller's angles stand in for the estimate, whose pitch is nose up, against a
+    right-handed y. Rotor speed is measured; thrust and torque of the Lee controller [N, N m] are used where there is
+    none, else PWM.
     Source: Bitcraze, logging groups and variables of the firmware; world z up, body x forward, y left.
     """
 
@@ -134,13 +136,14 @@ def default_map(contents: Contents) -> LogMap | None:
         velocity=source(*_xyz(f"{estimate}v"), unit="m/s", axes="world")
         or source(*_xyz(f"{compressed}v"), unit="mm/s", axes="world"),
         attitude=source(*(f"{estimate}q{a}" for a in "xyzw"), order="xyzw", direction="body_to_world")
+        or _left_handed(source(*(f"{estimate}{a}" for a in ("roll", "pitch", "yaw")), unit="deg"))
         or source(*_xyz("ctrlLee.rpy")),
         rates=source(*_xyz("gyro."), unit="deg/s", axes="body") or source(*_xyz("ctrlLee.omega"), axes="body"),
         acceleration=source(*_xyz("acc."), unit="g", axes="body", kind="specific_force"),
         voltage=source("pm.vbatMV", unit="mV") or source("pm.vbat", unit="V"),
     )
     _add_inputs(found, source)
-    return found if found.position and found.attitude else None
+    return found if found.attitude and (found.position or found.velocity or found.acceleration) else None
 
 
 def _add_inputs(found: LogMap, source: Callable[..., Source]) -> None:
@@ -153,6 +156,11 @@ def _add_inputs(found: LogMap, source: Callable[..., Source]) -> None:
         found.torque = source(*_xyz("ctrlLee.torque"), unit="N.m")
         return
     found.throttle = source(*_rotors("pwm.m{}_pwm"), unit="pwm16") or source(*_rotors("motor.m{}"), unit="pwm16")
+
+
+def _left_handed(angles: Source) -> Source:
+    """Return roll, pitch and yaw of which pitch is positive nose up."""
+    return dc.replace(angles, signs=[1.0, -1.0, 1.0]) if angles else angles
 
 
 def _xyz(prefix: str) -> list[str]:

@@ -89,7 +89,7 @@ def parse_list(text: str, size: int) -> list[float]:
 
 
 def has_decimal_commas(cells: Sequence[str]) -> bool:
-    """Return whether numbers of a row have a decimal comma, and none a point."""
+    """Return whether numbers have a decimal comma, and none a point."""
     return any(COMMA.fullmatch(cell) for cell in cells) and not any("." in cell for cell in cells)
 
 

@@ -33,6 +33,7 @@ DELIMITERS = (",", ";", "\t")
 SEPARATOR = re.compile(r"sep=(.)\s*", re.IGNORECASE)  # the first line of Excel's exports
 
 LOOKED_AT = 1 << 16  # bytes by which the encoding is recognised
+ROWS_LOOKED_AT = 50  # by which a decimal comma is recognised
 
 Row = tuple[int, list[str]]  # number of its last line, counted from 1, and its cells
 
@@ -77,10 +78,11 @@ def read_layout(path: Path) -> Layout:
         delimiter = told or find_delimiter(header)
         names = split_header(header, delimiter)
         check_header(path, [name or f"column {i + 1}" for i, name in enumerate(names)])
-        rows = [cells for _, cells in itertools.islice(_rows(path, lines, delimiter, head), 2)]
-    has_units = len(rows) == 2 and is_units_row(*rows)
-    first = rows[-1] if rows and has_units else rows[0] if rows else []
+        rows = [cells for _, cells in itertools.islice(_rows(path, lines, delimiter, head), ROWS_LOOKED_AT)]
+    has_units = len(rows) > 1 and is_units_row(*rows[:2])
     units = {name: as_unit(text) for name, text in zip(names, rows[0], strict=False)} if has_units else {}
+    rows = rows[1:] if has_units else rows
+    first = rows[0] if rows else []
     first = first + [""] * (len(names) - len(first))
     sizes = [len(split_list(text)) if is_list(text) else None for text in first]
     cells = [Cell(name, i, sizes[i]) for i, name in enumerate(names) if name]
@@ -91,7 +93,7 @@ def read_layout(path: Path) -> Layout:
         head,
         {name: unit for name, unit in units.items() if unit},
         has_units,
-        delimiter != "," and has_decimal_commas(first),
+        delimiter != "," and has_decimal_commas([cell for row in rows for cell in row]),
         encoding,
     )
     require_names(path, layout.names)

@@ -271,9 +271,23 @@ def test_the_map_takes_rotor_speed_before_thrust_before_throttle():
         assert found == names
 
 
-def test_without_position_or_attitude_only_its_user_knows_the_map():
-    assert CRAZYFLIE.default_map({"a": tuple(STATE[:3])}) is None
-    assert CRAZYFLIE.default_map({"a": tuple(STATE[3:])}) is None
+def test_without_attitude_or_motion_only_its_user_knows_the_map():
+    attitude = tuple(name for name in STATE if ".q" in name)
+    assert CRAZYFLIE.default_map({"a": tuple(name for name in STATE if name not in attitude)}) is None
+    assert CRAZYFLIE.default_map({"a": attitude}) is None
+    assert CRAZYFLIE.default_map({"a": (*attitude, *SENSORS)}).acceleration  # as without a positioning system
+
+
+def test_other_variables_of_the_firmware_stand_in_for_the_estimate():
+    compressed = [f"stateEstimateZ.{a}" for a in ("x", "y", "z", "vx", "vy", "vz")]
+    lee = [f"ctrlLee.{name}{a}" for name in ("rpy", "omega", "torque") for a in "xyz"]
+    dut = CRAZYFLIE.default_map({"a": (*compressed, *lee, "ctrlLee.thrustSI")}).check()
+    assert (dut.position.unit, dut.velocity.unit, dut.rates.unit) == ("mm", "mm/s", "")
+    assert dut.attitude.columns == ["a/ctrlLee.rpyx", "a/ctrlLee.rpyy", "a/ctrlLee.rpyz"]
+    assert dut.thrust.columns == ["a/ctrlLee.thrustSI"]
+    angles = [f"stateEstimate.{a}" for a in ("roll", "pitch", "yaw")]
+    dut = CRAZYFLIE.default_map({"a": (*compressed, *lee, *angles)}).check()
+    assert (dut.attitude.unit, dut.attitude.signs) == ("deg", [1, -1, 1])
 
 
 FLIGHTS = {"bare": 15, "payload": 25}

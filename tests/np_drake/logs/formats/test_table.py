@@ -113,6 +113,8 @@ STYLES = {  # of one table: t, the wanted column, and a third; what Excel and fr
     "sep": "\ufeffsep=;\r\nt;x;y\r\n0.5;1.25;0\r\n1.5;-2.5e1;1\r\n",
     "sep of a tab": "sep=\t\nt\tx\ty\n0.5\t1.25\t0\n1.5\t-2.5e1\t1\n",
     "decimal commas": "t;x;y\n0,5;1,25;0\n1,5;-2,5e1;1\n",
+    "decimal commas below whole numbers": "t;x;y\n0,5;1,25;0\n1,5;-25;1\n",
+    "quotes and a delimiter at the end": 'sep=;\n"t";"x";"y"\n"0,5";"1,25";"0";\n"1,5";"-2,5e1";"1";\n',
     "units": "t,x,y\ns,m/s,1\n0.5,1.25,0\n1.5,-2.5e1,1\n",
     "units in brackets": "t;x;y\n[s];[m/s];[-]\n0,5;1,25;0\n1,5;-2,5e1;1\n",
 }

@@ -1,26 +1,20 @@
 """Laws of imported real flights: rotors carry a vehicle with nothing attached, and a payload pulls on it."""
 
+import dataclasses as dc
+
 import numpy as np
 import pytest
 
+from np_drake.diagnosis.doctor.examine import examine
 from np_drake.diagnosis.residuals import make_flight_residuals
 from np_drake.logs.importing.import_log import import_log
+from np_drake.logs.importing.log_map import LogMap, Source
+from np_drake.logs.opening import open_flights
+from np_drake.logs.rotor_order import NOTE, rotor_orders
 from np_drake.rotor_input import with_rotor_input
-from np_drake.vehicle import Vehicle
+from np_drake.vehicle import Vehicle, load_vehicle
 
-# Facts of the campaign (IMRCLab crazyflie-data-collection) and of shared/real/README.md.
-BARE = Vehicle(
-    name="crazyflie_brushless",
-    mass=0.037,
-    inertia=[[1.9e-5, 0.0, 0.0], [0.0, 1.9e-5, 0.0], [0.0, 0.0, 3.2e-5]],
-    rotor_positions=[[0.0325, -0.0325, 0], [-0.0325, -0.0325, 0], [-0.0325, 0.0325, 0], [0.0325, 0.0325, 0]],
-    rotor_directions=[-1.0, 1.0, -1.0, 1.0],
-    thrust_coefficient=3.704e-8,
-    torque_coefficient=0.006 * 3.704e-8,
-    rotor_radius=0.025,
-    max_rotor_thrust=0.25,
-    input="rotor_speed",
-)
+BARE = load_vehicle("crazyflie_brushless")
 MOST = 0.03  # RMS of each axis over weight [1]
 
 
@@ -43,3 +37,52 @@ def test_a_payload_of_five_grams_pulls_down_by_its_weight(real_flights):
     vehicle = BARE.with_mass(0.0397)
     flight = residual_force(real_flights / "imrc" / "payload" / "eckart06", vehicle)
     assert flight[2] == pytest.approx(0.0047 / 0.0397, abs=0.03)
+
+
+def columns(names: str, **how) -> Source:
+    return Source(names.split(), **how)
+
+
+# The maps that these tables need; both log the rotors in the order of the firmware.
+NANOBENCH = LogMap(
+    time=columns("t"),
+    position=columns("px py pz"),
+    velocity=columns("vx vy vz"),
+    attitude=columns("qx qy qz qw", order="xyzw"),
+    rates=columns("imu_gyro_x imu_gyro_y imu_gyro_z"),
+    acceleration=columns("imu_acc_x imu_acc_y imu_acc_z", unit="g"),
+    throttle=columns(" ".join(f"motor_motor_m{i}" for i in (1, 2, 3, 4)), unit="pwm16"),
+)
+IDSIA = LogMap(
+    time=columns("t"),
+    position=columns("x y z"),
+    velocity=columns("vx vy vz"),
+    attitude=columns("qx qy qz qw", order="xyzw"),
+    rates=columns("wx wy wz"),
+    acceleration=columns("ax ay az", axes="world"),
+    rotor_speed=columns(" ".join(f"m{i}_erpm" for i in (1, 2, 3, 4)), unit="rpm", scale=1 / 6),  # six pole pairs
+)
+CRAZYFLIES = [  # flight, preset, mass [kg], map
+    ("imrc/bare/eckart13", "crazyflie_brushless", 0.037, None),
+    ("imrc/payload/eckart45", "crazyflie_brushless", 0.0397, None),
+    ("crazyswarm2/standard/log172", "crazyflie", 0.032, None),
+    ("nanobench/dataset_B2_circle_fast_rep3.csv.gz", "crazyflie", 0.028, NANOBENCH),
+    ("idsia/square_20251017_run4.parquet", "crazyflie_brushless", 0.045, IDSIA),
+]
+
+
+@pytest.mark.parametrize("name, preset, mass, log_map", CRAZYFLIES, ids=[name for name, *_ in CRAZYFLIES])
+def test_a_crazyflies_log_fits_its_preset_in_order_and_weight(real_flights, name, preset, mass, log_map):
+    vehicle = load_vehicle(preset).with_mass(mass)
+    flights, _ = open_flights(real_flights / name, vehicle, log_map)
+    for log in flights:
+        if found := rotor_orders(log, vehicle):
+            assert found[0] == found[1][0]
+        assert not any(note.startswith(NOTE) for note in log.notes)
+    report = examine(flights, vehicle)
+    assert report.usable
+    assert max(report.residual_force.values()) < 0.25
+    turned = dc.replace(vehicle, rotor_positions=[vehicle.rotor_positions[i] for i in (3, 0, 1, 2)])
+    turned = dc.replace(turned, rotor_directions=[vehicle.rotor_directions[i] for i in (3, 0, 1, 2)])
+    (again, *_), _ = open_flights(real_flights / name, turned, log_map)
+    assert any(note.startswith(NOTE) for note in again.notes) == (log_map is not None or name.startswith("imrc"))
