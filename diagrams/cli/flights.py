@@ -82,7 +82,7 @@ def simulated(scenario: Path, config: "FlightConfig") -> Flight:
 
     with progress(f"flying {config.name}", config.end) as advance:
         flight = fly(config, seed=0, monitor=advance)
-    say(f"{scenario}: flown for {config.end:g} s with {config.controller.kind}, seed 0.")
+    say(f"{scenario}: flown for {config.end:g} s with {config.controller.name}, seed 0.")
     return Flight(flight.log(), config.vehicle)
 
 

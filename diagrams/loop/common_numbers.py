@@ -50,8 +50,8 @@ def with_payload(config: FlightConfig, *, mass: float | None = None, length: flo
         ]
         return dc.replace(config, reality=dc.replace(reality, effects=effects))
     weight, longer = new.mass / hung.mass, new.length / hung.length
-    cable = {"stiffness": hung.stiffness * weight / longer, "damping": hung.damping * weight / math.sqrt(longer)}
-    return dc.replace(config, reality=dc.replace(reality, payload=dc.replace(new, **cable)))
+    new.stiffness, new.damping = hung.stiffness * weight / longer, hung.damping * weight / math.sqrt(longer)
+    return dc.replace(config, reality=dc.replace(reality, payload=new))
 
 
 def with_speed(config: FlightConfig, speed: float) -> FlightConfig:

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from diagrams.loop.flight import FlightConfig
 from np_drake.files.figure_file import DASHES, PALETTE, new_figure, new_mosaic
 
+LEAST_EXTENT = 0.05  # of a track that is no hover [m]; half the window about a hover
 LEAST_HEIGHT = 0.05  # half the height that is shown at least, so that noise does not fill the panel [m]
 _AXES = ("x", "y", "z")
 
@@ -121,7 +122,12 @@ def _draw_track(ax: Axes, flights: Sequence[Shown], title: str) -> None:
     first = flights[0]
     ref = first.wanted[first.last_lap]
     drawn = "last lap" if len(ref) < np.sum(first.scored) else "as scored"
-    ax.plot(ref[:, 0], ref[:, 1], color="0.3", linestyle=":", linewidth=1.5, label="reference")
+    middle, extent = 0.5 * (ref.max(axis=0) + ref.min(axis=0)), float(np.ptp(ref[:, :2], axis=0).max())
+    point = {"marker": "+", "markersize": 10} if extent < LEAST_EXTENT else {}
+    ax.plot(ref[:, 0], ref[:, 1], color="0.3", linestyle=":", linewidth=1.5, label="reference", **point)
+    if point:  # a window about a hover, so that its noise does not look like a track
+        around = [[-LEAST_EXTENT, -LEAST_EXTENT], [LEAST_EXTENT, LEAST_EXTENT]]
+        ax.update_datalim(middle[:2] + around)
     points = first.config.reference.waypoints
     if points is not None:
         ax.plot(points[:, 0], points[:, 1], "x", color="black", markersize=7, markeredgewidth=1.6, label="waypoint")

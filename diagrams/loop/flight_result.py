@@ -332,7 +332,7 @@ class FlightResult:
 def fly(
     config: FlightConfig,
     *,
-    seed: int,
+    seed: int = 0,
     monitor: Callable[[float], None] | None = None,
     watch: Watch | None = None,
     real: RealVehicle = DRAKE,

@@ -127,6 +127,10 @@ def make_own_controller(
     Raises: ValueError: one line, where it makes none, or its ports do not fit.
     """
     who = f"controller {kind_of(factory).rpartition(':')[2]}"
+    if isinstance(factory, str):
+        raise ValueError(
+            f"controller: must be a class or function; got {factory!r}. Name it in config.controller.kind."
+        )
     if isinstance(factory, System) or not callable(factory):
         raise ValueError(
             f"{who}: must be a class or function that makes a new system each flight; got {type(factory).__name__}. "

@@ -54,7 +54,7 @@ def write_comparison(flights: Sequence[FlightResult], folder: Path, *, lost: Seq
         "name": first.config.name,
         "vehicle": first.config.vehicle.name,
         "seed": first.seed,
-        "headline": sentence(flights).rstrip("."),
+        "headline": sentence(flights).rstrip(".").replace(" cm", f"{words.NBSP}cm"),
         "conditions": conditions(first),
         "rows": [_row(flight) for flight in flights],
         "lost": lost,
@@ -73,7 +73,8 @@ def conditions(flight: FlightResult) -> str:
         f"{hung.mass * 1e3:.4g} g on {hung.length:.3g} m of {hung.tether}" if hung.tether != "none" else "no payload"
     )
     blown = f", wind {', '.join(f'{value:g}' for value in wind)} m/s" if any(wind) else ""
-    return f"{reference.track}, {reference.speed:.3g} m/s, {carried}{blown}; {config.end:.3g} s of flight."
+    moved = "" if reference.track == "hover" else f" at {reference.speed:.3g} m/s"
+    return f"{reference.track}{moved}, {carried}{blown}; {config.end:.3g} s of flight."
 
 
 def _row(flight: FlightResult) -> tuple[str, ...]:

@@ -12,11 +12,13 @@ from diagrams.loop.replay.scene import (
     BLUE,
     DARK,
     GREEN,
+    GREY,
     PINK,
     add_arrow,
     add_payload,
     add_quadrotor,
     add_trail,
+    add_waypoints,
     arm_length,
     new_scene,
 )
@@ -41,6 +43,9 @@ def write_replay(flight: FlightResult, path: str | Path) -> None:
     if len(rows) > 1:
         add_trail(meshcat, "trail", x[rows, :3], 0.06 * size, GREEN)
     meshcat.SetLine("reference", flight.wanted[flight.scored].T, 2.0, BLUE)
+    points = flight.config.reference.waypoints
+    if points is not None:
+        add_waypoints(meshcat, points, size)
     add_arrow(meshcat, "thrust", 0.04 * size, DARK)
     add_arrow(meshcat, "force", 0.07 * size, PINK)
     thrust, force, factor = _arrows(flight)
@@ -71,6 +76,7 @@ def write_replay(flight: FlightResult, path: str | Path) -> None:
             (BLUE, "reference, and the front rotors"),
             (DARK, "thrust"),
             (PINK, f"{told} external force × {factor:g}"),
+            *([] if points is None else [(GREY, "waypoints")]),
         ),
         follow=follow,
     )

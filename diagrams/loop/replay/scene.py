@@ -74,6 +74,19 @@ def add_payload(meshcat: Meshcat, radius: float, size: float, path: str = "", ov
     meshcat.SetObject(f"{path}tether", Cylinder(0.02 * size, 1.0), overlay or DARK)
 
 
+def add_waypoints(meshcat: Meshcat, points: np.ndarray, size: float) -> None:
+    """Add a ball at each waypoint, `waypoints/0` and on.
+
+    Args:
+        meshcat: the scene.
+        points: (k, 3) in W [m].
+        size: of the vehicle [m].
+    """
+    for number, point in enumerate(points):
+        meshcat.SetObject(f"waypoints/{number}", Sphere(0.12 * size), GREY)
+        meshcat.SetTransform(f"waypoints/{number}", RigidTransform(point))
+
+
 def add_arrow(meshcat: Meshcat, path: str, radius: float, color: Rgba) -> None:
     """Add an arrow of unit length along z; its z scale is its length.
 

@@ -163,13 +163,14 @@ def ports(inputs, outputs):
         (ports({"x": 12}, {"u": 4}), "input port x must have size 13; got 12"),
         (ports({"flat": 16}, {"u": 4}), "input port flat must have size 15 times the points of a horizon; got 16"),
         (ports({}, {"u": 4})(), "must be a class or function that makes a new system each flight"),
+        ("np", "must be a class or function; got 'np'. Name it in config.controller.kind"),
         (lambda: 3, "must make a Drake system; it made a int"),
         (lambda: {}["gain"], "cannot be made: KeyError: 'gain'"),
     ],
 )
 def test_a_controller_that_does_not_fit_is_refused_in_one_line(factory, said):
     with pytest.raises(ValueError, match=said) as refused:
-        fly(load_experiment("hover"), seed=0, controller=factory)
+        fly(load_experiment("hover"), controller=factory)
     assert len(str(refused.value).splitlines()) == 1
 
 

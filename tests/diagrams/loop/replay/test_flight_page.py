@@ -117,3 +117,11 @@ def test_a_minute_takes_less_than_6_mb(flight, tmp_path):
     long["t"] = flight.config.controller.period * np.arange(minute)
     write_replay(dc.replace(flight, signals=long), tmp_path / "long.html")
     assert (tmp_path / "long.html").stat().st_size < 6e6
+
+
+def test_the_legend_names_waypoints_where_the_track_has_any(tmp_path):
+    for name, there in (("steps", True), ("circle", False)):
+        config = load_experiment(name)
+        config.controller.kind, config.duration, config.reference.ramp = "cascade", 0.1, 0.1
+        write_replay(fly(config, seed=0), tmp_path / f"{name}.html")
+        assert (">waypoints<" in (tmp_path / f"{name}.html").read_text()) == there
