@@ -95,7 +95,7 @@ def test_a_flight_without_a_payload_shows_none(flight, replay_page, tmp_path):
     assert not {"payload", "tether"} & replay_page(tmp_path / "bare.html").objects
 
 
-def test_a_phone_shows_the_page_at_its_width_and_without_meshcats_own_controls(flight, tmp_path):
+def test_a_phone_shows_the_page_without_meshcats_own_controls(flight, tmp_path):
     write_replay(flight, tmp_path / "replay.html")
     page = (tmp_path / "replay.html").read_text()
     assert '<meta name="viewport" content="width=device-width, initial-scale=1">' in page
