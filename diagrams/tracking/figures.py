@@ -24,7 +24,7 @@ def plane_track(flights: Sequence[FlightResult], title: str = "") -> Figure:
     ref = first.signals["p_ref"][first.last_lap]
     drawn = "last lap" if len(ref) < np.sum(first.scored) else "as scored"
     span = np.ptp(ref[:, :2], axis=0) + 0.3
-    figure, axes = new_figure(1, 1, width=6.0, height=1.1 + 5.0 * min(span[1] / span[0], 1.0))
+    figure, axes = new_figure(1, 1, width=6.0, height=1.6 + 5.0 * min(span[1] / span[0], 1.0))
     ax = axes[0, 0]
     ax.plot(ref[:, 0], ref[:, 1], color="0.3", linestyle=":", linewidth=1.5, label="reference")
     for k, flight in enumerate(flights):
