@@ -1,12 +1,29 @@
-"""Draws docs/figures/diagnosis.svg, the steps of the diagnosis (`python docs/make_figures.py`)."""
+"""Draws the pictures of the pages in docs/figures (`python docs/make_figures.py`).
 
+`diagnosis.svg` has the steps of the diagnosis, `report_ladder.png` and `next_flight.png` what the guide's flights show.
+"""
+
+import dataclasses as dc
 from pathlib import Path
 
 import matplotlib.pyplot as plt
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.patches import FancyBboxPatch
 
-FILE = Path(__file__).parent / "figures" / "diagnosis.svg"
+from diagrams.gap.next_flight import track_figure
+from diagrams.loop.flight import default_flight
+from diagrams.loop.flight_result import fly
+from np_drake.diagnosis.diagnose import diagnose
+from np_drake.diagnosis.report.figures import ladder_figure
+from np_drake.files.figure_file import png
+from np_drake.flight_design.limits import limits_for
+from np_drake.flight_design.multisine import random_multisine
+from np_drake.vehicle import Vehicle
+from systems.payload_config import PayloadConfig
+
+FOLDER = Path(__file__).parent / "figures"
+FILE, RESOLUTION = FOLDER / "diagnosis.svg", 70  # of small pictures [dots an inch]
 BLUE, ORANGE, GREY = "#0072B2", "#E69F00", "#555555"  # Okabe and Ito's colours, for the colour-blind
 STEPS = (  # step, what it does, dataclass that it passes on, flights that it reads
     ("Residuals", "equations of motion inverted; sensors compared", "FlightResiduals", "all flights"),
@@ -64,6 +81,30 @@ def _second_answer(axes: Axes) -> None:
     axes.text(x + 0.15, (bottom + top) / 2, note, rotation=90, ha="left", va="center", fontsize=9, color=GREY)
 
 
+def ladder() -> Figure:
+    """Return the ladder of the report on the drag of docs/guide/read-the-report.md."""
+    config = default_flight(Vehicle())
+    config.reality.payload, config.reality.rotor_drag = PayloadConfig(tether="none"), 0.4
+    config.reality.motor_lag, config.reality.thrust_scale = 0.0, 1.0
+    config.duration, config.reference.speed, config.reference.ramp = 5.0, 2.0, 2.0
+    config.reference.dither = [0.08, 0.08, 0.04]
+    logs = []
+    for seed in range(2):
+        config.reference.dither_seed = seed
+        logs.append(fly(config.check_and_step(), seed=seed).log())
+    names = ("train_1.csv", "heldout_1.csv")
+    train, held_out = (dc.replace(log, name=name) for log, name in zip(logs, names, strict=True))
+    return ladder_figure(diagnose(config.vehicle, [train], [held_out]).gap_reduction)
+
+
+def next_flight() -> Figure:
+    """Return the multisine of docs/guide/next-flight.md in its room."""
+    limits = limits_for(Vehicle(), [], box=(4.0, 4.0, 2.5), speed=3.6, tilt=0.45)
+    return track_figure(random_multisine(limits, 20.0, seed=0), limits)
+
+
 if __name__ == "__main__":
     plt.rcParams["svg.hashsalt"] = "diagnosis"
     draw().savefig(FILE, bbox_inches="tight", metadata={"Date": None})
+    for name, figure in (("report_ladder", ladder()), ("next_flight", next_flight())):
+        (FOLDER / f"{name}.png").write_bytes(png(figure, RESOLUTION))

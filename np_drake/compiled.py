@@ -14,11 +14,15 @@ from numba.core import caching, event
 _log = logging.getLogger(__name__)
 
 
+NOTICE = "compiling inner loops, once on this machine; a minute or two."
 FLOORS = ("np_drake", "systems", "diagrams")  # packages whose loops these are
 
 
 class Notice(event.Listener):
-    """Says once why the user waits, where a person is looking and loops of this project are compiled."""
+    """Says once why the user waits, where loops of this project are compiled.
+
+    On a terminal it is a warning; elsewhere, where stderr is for errors alone, information, which the verbs print.
+    """
 
     def __init__(self) -> None:
         self._said = False
@@ -26,9 +30,9 @@ class Notice(event.Listener):
     def on_start(self, event: Any) -> None:
         """Take note that a function is being compiled."""
         module = event.data["dispatcher"].py_func.__module__
-        if not self._said and module.partition(".")[0] in FLOORS and sys.stderr.isatty():
+        if not self._said and module.partition(".")[0] in FLOORS:
             self._said = True
-            _log.warning("compiling inner loops, once on this machine; about half a minute.")
+            _log.log(logging.WARNING if sys.stderr.isatty() else logging.INFO, NOTICE)
 
     def on_end(self, event: Any) -> None:
         """Do nothing."""

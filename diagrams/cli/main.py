@@ -26,11 +26,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
     from diagrams.cli.app import app
     from diagrams.cli.outcome import BAD_INPUT, run_app
-    from diagrams.cli.streams import failure_of, open_streams
+    from diagrams.cli.streams import Waits, failure_of, open_streams
 
     outlets = open_streams()
     logging.basicConfig(level=logging.WARNING, format="%(levelname)s: %(message)s")
     logging.getLogger("drake").setLevel(logging.WARNING)
+    Waits.explain()
     end_in_order()
     code = run_app(app, arguments)
     end_at_once()

@@ -3,6 +3,7 @@
 import codecs
 import errno
 import io
+import logging
 import os
 import sys
 import unicodedata
@@ -28,6 +29,22 @@ class Outlet(io.FileIO):
             except OSError as error:
                 self.failure = error
         return len(content)
+
+
+class Waits(logging.Handler):
+    """Says on stdout why the user waits, so that stderr stays for errors."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Print the line at once."""
+        print(record.getMessage(), flush=True)
+
+    @classmethod
+    def explain(cls) -> None:
+        """Print what the compiler of inner loops tells."""
+        logger = logging.getLogger("np_drake.compiled")
+        logger.setLevel(logging.INFO)
+        logger.propagate = False
+        logger.addHandler(cls())
 
 
 def open_streams() -> list[Outlet]:
