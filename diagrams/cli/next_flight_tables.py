@@ -67,7 +67,8 @@ def finding(
 def _instead(explanations: Sequence[Explanation]) -> str:
     """Return what to measure on the ground, of the effects that the explanations do not share."""
     sets = [set(e.named) for e in explanations]
-    differ = sorted(set.union(*sets) - set.intersection(*sets))
+    shared = sets[0].intersection(*sets[1:])
+    differ = sorted(sets[0].union(*sets[1:]) - shared)
     checks = [check for effect in differ if (check := effect_of(effect).bench_check)]
     return f" On the ground: {'; '.join(checks)}." if checks else ""
 
@@ -123,8 +124,8 @@ def _manoeuvres(told: Mapping[str, Prediction]) -> Table:
     title = "manoeuvres, each as large as the limits allow"
     known = {name: prediction.information for name, prediction in told.items()}
     if next(iter(known.values())).weakest is None:
-        rows = [(name, number(i.parameters(0), 2)) for name, i in known.items()]
-        return title, ["manoeuvre", "about the parameters [nat]"], rows
+        told_of = [(name, number(i.parameters(0), 2)) for name, i in known.items()]
+        return title, ["manoeuvre", "about the parameters [nat]"], told_of
     pairs = {name: float(i.distances[i.weakest]) for name, i in known.items()}
     cells = {name: number(d, 2) if d < SURE else f"> {SURE:g}" for name, d in pairs.items()}
     rows = [(name, probability(i.outlook.worst), cells[name]) for name, i in known.items()]

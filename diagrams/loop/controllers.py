@@ -225,10 +225,15 @@ def add_controller(
     """
     believed = config.believed(vehicle)
     if factory is not None or is_own(config.kind):
-        own = {"vehicle": believed, "reference": reference, "period": config.period}
-        system = make_own_controller(factory or load_factory(config.kind), config.parameters, **own)
-        timing = {"period": config.period, "step": config.mpc.step}
-        return add_own_controller(builder, system, believed, reference, rig, label=config.label, **timing)
+        system = make_own_controller(
+            factory or load_factory(config.kind),
+            config.parameters,
+            vehicle=believed,
+            reference=reference,
+            period=config.period,
+        )
+        times = {"period": config.period, "step": config.mpc.step}
+        return add_own_controller(builder, system, believed, reference, rig, label=config.label, **times)
     if config.kind == "cascade":
         return _add_cascade(builder, believed, reference, rig, period=config.period)
     N, period = config.mpc.horizon, config.period

@@ -2,6 +2,7 @@
 
 import io
 from pathlib import Path
+from typing import Any
 
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
@@ -37,7 +38,7 @@ def new_figure(rows: int, columns: int, *, width: float, height: float, **layout
     return figure, figure.subplots(rows, columns, squeeze=False, **layout)
 
 
-def new_mosaic(layout: list[list[str]], *, width: float, height: float, **ratios):
+def new_mosaic(layout: list[Any], *, width: float, height: float, **ratios):
     """Return a Figure and its axes by name, without global state or display.
 
     Args:
