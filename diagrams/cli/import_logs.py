@@ -79,9 +79,14 @@ def import_logs(
         else [],
         config={"logs": [str(p) for p in logs], "map": None if log_map is None else str(log_map), **how},
         metrics={"files": written, "failures": failures},
-        summary=[*left, f"{len(written)} flights written to {run.folder}, a sheet beside each."] if written else [],
+        summary=[*left, _written(len(written), run.folder)] if written else [],
         failure=failure,
     )
+
+
+def _written(count: int, folder: Path) -> str:
+    each = "1 flight" if count == 1 else f"{count} flights"
+    return f"{each} written to {folder}, a sheet beside {'it' if count == 1 else 'each'}."
 
 
 def _imported(path: Path, declared: "MapFile | None", how: dict[str, Any], tell: Any) -> "Imported":
