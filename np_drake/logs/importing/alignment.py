@@ -11,7 +11,7 @@ from np_drake import attitude
 from np_drake.logs.checks import GAP
 from np_drake.logs.errors import LogError
 from np_drake.logs.importing.convert import GRAVITY, convert_quantity
-from np_drake.logs.importing.interpolation import FASTER, Signal
+from np_drake.logs.importing.interpolation import FASTER, SLOWEST_ROTORS, Signal
 from np_drake.logs.importing.log_map import LogMap
 from np_drake.logs.importing.signals import STATE
 
@@ -81,9 +81,12 @@ def align(signals: Signals, log_map: LogMap, path: str = "log") -> Aligned:
     for name in (n for n in READINGS if n in signals):
         own = in_frames(name)
         steps = name == "rotor_speed" and width > 0 and own.renewal > FASTER * width
-        out[name] = own.held(t) if steps else own.averaged(t, width)
+        if name == "rotor_speed" and own.renewal * SLOWEST_ROTORS > 1:  # of which the collective alone is taken
+            out[name] = own.renewed.linear(t)
+        else:
+            out[name] = own.held(t) if steps else own.averaged(t, width)
     for name in (n for n in COMMANDS if n in signals):
-        out[name] = _command(in_frames(name), log_map.command, t)
+        out[name] = _command(in_frames(name), command_meaning(signals[name], log_map), t)
     return Aligned(t, out, _in_gaps(signals, t), tuple(notes))
 
 
@@ -160,6 +163,17 @@ def _position(p: Signal, v: Signal, t: np.ndarray) -> np.ndarray:
         return p.values
     inside = np.clip(t, p.t[0], p.t[-1])
     return CubicHermiteSpline(p.t, p.values, v.linear(p.t))(inside)
+
+
+def command_meaning(own: Signal, log_map: LogMap) -> str:
+    """Return what the rows of a command mean: one that is logged slowly, without a word on it, changes in between.
+
+    Args:
+        own: as logged.
+        log_map: with the meaning declared.
+    """
+    slow = own.step * SLOWEST_ROTORS > 1
+    return "sampled" if slow and log_map.command == "unknown" else log_map.command
 
 
 def _command(own: Signal, timing: str, t: np.ndarray) -> np.ndarray:

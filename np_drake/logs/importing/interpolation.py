@@ -38,6 +38,14 @@ class Signal:
             return self.step
         return float(np.median(np.diff(self.t[new + 1])))
 
+    @property
+    def renewed(self) -> "Signal":
+        """The samples at which the values change, where many repeat."""
+        if self.renewal < FASTER * self.step:
+            return self
+        new = np.concatenate([[True], np.any(np.diff(self.values, axis=0) != 0, axis=1)])
+        return dc.replace(self, t=self.t[new], values=self.values[new])
+
     def between(self, start: float, stop: float) -> "Signal | None":
         """Return the samples from `start` to `stop` [s]; None where they are fewer than two.
 

@@ -10,7 +10,7 @@ from np_drake.logs.checks import LEAST_ROWS
 from np_drake.logs.errors import LogError
 from np_drake.logs.gaps import LONGEST as LONGEST_GAP
 from np_drake.logs.importing.airborne import airborne, require_a_step, require_ranges, standing
-from np_drake.logs.importing.alignment import COMMANDS, Aligned, align
+from np_drake.logs.importing.alignment import COMMANDS, Aligned, align, command_meaning
 from np_drake.logs.importing.conventions import Verdict
 from np_drake.logs.importing.convert import convert_quantity
 from np_drake.logs.importing.crash import before_the_crash, before_the_fall
@@ -178,7 +178,8 @@ def _flight(aligned: Aligned, rows: np.ndarray, log_map: LogMap) -> FlightLog:
 
 def _timing(signals: Mapping[str, Signal], log_map: LogMap) -> float:
     """Return the deviation of the time at which a row's command acts [s]; 0 without a command."""
-    step = max((signals[name].step for name in COMMANDS if name in signals), default=0.0)
+    commands = [signals[name] for name in COMMANDS if name in signals]
+    step = max((own.step for own in commands), default=0.0)
     ticks = max(own.tick for own in signals.values()) * TICK
     if "rotor_speed" in signals and not step:
         own = signals["rotor_speed"]
@@ -187,4 +188,4 @@ def _timing(signals: Mapping[str, Signal], log_map: LogMap) -> float:
     a = signals.get("acceleration")
     if log_map.command == "averaged" and (a is None or FASTER * a.step <= step):
         return ticks
-    return max(ticks, UNCERTAIN[log_map.command] * step)
+    return max(ticks, *(UNCERTAIN[command_meaning(own, log_map)] * own.step for own in commands), 0.0)

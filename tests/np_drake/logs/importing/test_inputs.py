@@ -50,7 +50,7 @@ def test_motors_seen_ten_times_a_second_tell_thrust_and_no_torque(flown, autopil
     )
     lift = np.sum(ours**2, axis=1)
     theirs = np.interp(dut.t, flown.t, lift)
-    assert np.corrcoef(dut.throttle[20:-20, 0] ** 2, theirs[20:-20])[0, 1] > 0.6
+    assert np.corrcoef(dut.throttle[20:-20, 0] ** 2, theirs[20:-20])[0, 1] > 0.9
     assert "inertia_error" in found.sheet.content["cannot_be_told"]["the log has no torque"]
 
 
