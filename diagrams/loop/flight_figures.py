@@ -123,7 +123,7 @@ def _draw_track(ax: Axes, flights: Sequence[Shown], title: str) -> None:
     ref = first.wanted[first.last_lap]
     drawn = "last lap" if len(ref) < np.sum(first.scored) else "as scored"
     middle, extent = 0.5 * (ref.max(axis=0) + ref.min(axis=0)), float(np.ptp(ref[:, :2], axis=0).max())
-    point = {"marker": "+", "markersize": 10} if extent < LEAST_EXTENT else {}
+    point: dict[str, Any] = {"marker": "+", "markersize": 10} if extent < LEAST_EXTENT else {}
     ax.plot(ref[:, 0], ref[:, 1], color="0.3", linestyle=":", linewidth=1.5, label="reference", **point)
     if point:  # a window about a hover, so that its noise does not look like a track
         around = [[-LEAST_EXTENT, -LEAST_EXTENT], [LEAST_EXTENT, LEAST_EXTENT]]
