@@ -179,5 +179,37 @@ def test_a_browser_shows_the_page(folder, tmp_path):
         assert np.std(part) > 0.02
 
 
+WIDTHS = (390, 800, 1200)  # of a phone, a tablet, a screen
+FRAMES = """<!DOCTYPE html><body>{frames}<script>onload = () => setTimeout(() => {{
+document.body.innerText = [...document.querySelectorAll("iframe")].map((f) => {{
+const page = f.contentDocument;
+page.querySelectorAll("details").forEach((d) => (d.open = true));
+const right = [...page.querySelectorAll("table, img, h1, p")].map((e) => e.getBoundingClientRect().right);
+return "wide:" + Math.max(page.documentElement.scrollWidth, ...right); }}).join(" "); }}, 300);</script></body>"""
+
+
+def test_nothing_is_wider_than_a_phone_a_tablet_or_a_screen(folder, tmp_path):
+    browser = next(filter(None, map(shutil.which, BROWSERS)), None)
+    if browser is None:
+        pytest.skip("no Chromium or Chrome on this machine: the page is not measured")
+    page = (folder / "report.html").as_uri()
+    frames = "".join(f'<iframe src="{page}" style="border:0;width:{w}px;height:900px"></iframe>' for w in WIDTHS)
+    (tmp_path / "frames.html").write_text(FRAMES.format(frames=frames))
+    options = "--headless --no-sandbox --disable-quic --no-first-run --allow-file-access-from-files --dump-dom"
+    command = [browser, *options.split(), "--virtual-time-budget=5000", f"--user-data-dir={tmp_path / 'profile'}"]
+    shown = subprocess.run(
+        [*command, (tmp_path / "frames.html").as_uri()], check=True, capture_output=True, text=True, timeout=120
+    ).stdout
+    found = [float(width) for width in re.findall(r"wide:([\d.]+)", shown)]
+    assert len(found) == len(WIDTHS)
+    assert [width <= most + 1 for width, most in zip(found, WIDTHS, strict=True)] == [True] * 3, found
+
+
+def test_the_page_has_a_dark_mode(folder):
+    page = (folder / "report.html").read_text()
+    assert "@media (prefers-color-scheme: dark)" in page
+    assert "color-scheme: light dark" in page
+
+
 def _traces(where):
     return {"times": where.times, "before": where.before, "after": where.after}
