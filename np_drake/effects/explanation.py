@@ -57,8 +57,8 @@ class Explanation:
         Raises: ValueError: on an unknown effect, or what is no probability or no covariance of its parameters.
         """
         names, probability = tuple(content["parameters"]), float(content["probability"])
-        if not 0 < probability <= 1 + ROUNDING:
-            raise ValueError(f"explanation: probability must be above 0 and at most 1; got {probability:g}.")
+        if not 0 <= probability <= 1 + ROUNDING:
+            raise ValueError(f"explanation: probability must be 0 to 1; got {probability:g}.")
         covariance = np.array(content["covariance"], float) if names else np.zeros((0, 0))
         if covariance.shape != (len(names), len(names)) or not (np.abs(covariance) <= LARGEST).all():
             raise ValueError(f"explanation: covariance must be {len(names)} by {len(names)}, of at most {LARGEST:g}.")
