@@ -21,7 +21,7 @@ def sentence(flights: Sequence[FlightResult]) -> str:
     what = "payload" if flights[0].config.follows_payload else "position"
     (least, best), *others = ((f"{100 * error:.2f} cm", label) for error, label in errors)
     rest = "".join(f"; {label} {error}" for error, label in others)
-    return f"{best} has the least {what} error, {least} RMS after the ramp{rest}."
+    return f"{best} has the least {what} error, {least} RMS{rest}."
 
 
 def _error(flight: FlightResult) -> float:
