@@ -90,7 +90,11 @@ class FlightLog:
             ("rotor speed [rad/s]", self.rotor),
             ("voltage [V]", self.voltage),
         ]
-        rows = [(n, f"{np.nanmin(v):.3g} to {np.nanmax(v):.3g}") for n, v in ranges if v is not None and len(v)]
+        rows = [
+            (n, f"{np.nanmin(v):.3g} to {np.nanmax(v):.3g}")
+            for n, v in ranges
+            if v is not None and np.isfinite(v).any()
+        ]
         return html_table(repr(self), ("", "range"), rows, self.notes[:MOST_NOTES])
 
     def columns(self) -> dict[str, np.ndarray]:

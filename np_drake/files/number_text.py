@@ -1,6 +1,7 @@
 """Numbers and units as text, alike on the screen, in reports and in tables."""
 
 import math
+import sys
 
 NOTHING = "–"
 NBSP = "\u00a0"  # a number and its unit stay on one line
@@ -30,7 +31,7 @@ def number(value: float | None, digits: int = 3) -> str:
     """
     if value is None or not math.isfinite(value):
         return NOTHING
-    if value == 0:
+    if abs(value) < sys.float_info.min:
         return "0"
     power = math.floor(math.log10(abs(float(f"{value:.{digits - 1}e}"))))  # of the rounded value
     if -4 <= power < 5:

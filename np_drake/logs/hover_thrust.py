@@ -41,6 +41,8 @@ def with_hover_thrust(
     if not len(squares):
         return vehicle, list(train), list(held_out)
     factor = float(squares @ lift / (squares @ squares)) / vehicle.thrust_coefficient
+    if factor <= 0:
+        return vehicle, list(train), list(held_out)  # upside down: the laws of the log say so
     fitted = dc.replace(
         vehicle,
         thrust_coefficient=factor * vehicle.thrust_coefficient,
@@ -61,7 +63,7 @@ def _note(vehicle: Vehicle, coefficient: float) -> str:
     spread = vehicle.thrust_uncertainty or 0.0
     given = f"{vehicle.thrust_coefficient:.4g} ± {100 * spread:.2g} % N/(rad/s)², a guess in the file"
     times = coefficient / vehicle.thrust_coefficient
-    if abs(times - 1) > MOST_DEVIATIONS * spread:
+    if abs(np.log(times)) > MOST_DEVIATIONS * spread:
         return (
             f"{FAR}: rotor speed carries {vehicle.mass:.4g} kg with {times:.2g} times that of {vehicle.name!r}, "
             f"{given}; check vehicle and mass"

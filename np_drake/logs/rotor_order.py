@@ -97,8 +97,17 @@ def in_vehicle_order(log: FlightLog, vehicle: Vehicle) -> FlightLog:
     likely = [o for o in orders if best.score - o.score < SURE]
     as_built = [o for o in likely if o.follows(vehicle)]  # columns in another order, of the vehicle as in its file
     best = as_built[0] if len(as_built) == 1 else best
-    seen = f"{_described(best, vehicle)} (torque about x, y, z correlates by {_figures(best)}, not {_figures(own)})"
-    if len(as_built) != 1:
+    stated = _stated_order(given, vehicle)
+    logged = dc.replace(
+        best,
+        rotors=tuple(best.rotors[stated.index(i)] for i in range(4)),
+        directions=tuple(best.directions[stated.index(i)] for i in range(4)),
+    )
+    seen = f"{_described(logged, vehicle)} (torque about x, y, z correlates by {_figures(best)}, not {_figures(own)})"
+    if len(as_built) > 1:
+        note = f"{NOTE} are hardly in the order of vehicle {vehicle.name!r}; this flight does not tell in which: {seen}"
+        return dc.replace(log, notes=[*log.notes, note])
+    if not as_built:
         raise LogError(
             f"{log.name}: rotor_positions and rotor_directions of vehicle {vehicle.name!r} must be in the order of the "
             f"log's columns; by what turns the vehicle these are {seen}. Correct the vehicle file."
@@ -111,6 +120,19 @@ def in_vehicle_order(log: FlightLog, vehicle: Vehicle) -> FlightLog:
     return _reordered(log, turned, note)
 
 
+def _stated_order(log: FlightLog, vehicle: Vehicle) -> list[int]:
+    """Return the column of every rotor of the vehicle file, by the layout that a log's autopilot states, if any.
+
+    Raises: LogError: if the stated rotors are not those of the vehicle.
+    """
+    if log.layout is None or not (_each(log.rotor) or _each(log.throttle)):
+        return list(range(4))
+    try:
+        return log.layout.order_of(vehicle.rotor_positions, vehicle.rotor_directions)
+    except ValueError as error:
+        raise LogError(f"{log.name}, vehicle {vehicle.name!r}: {error}") from None
+
+
 def _in_stated_order(log: FlightLog, vehicle: Vehicle) -> FlightLog:
     """Return the log with its rotor columns in the order of the vehicle file, by the layout that its autopilot states.
 
@@ -118,13 +140,7 @@ def _in_stated_order(log: FlightLog, vehicle: Vehicle) -> FlightLog:
     """
     if log.layout is None:
         return log
-    layout, log = log.layout, dc.replace(log, layout=None)
-    if not (_each(log.rotor) or _each(log.throttle)):
-        return log
-    try:
-        order = layout.order_of(vehicle.rotor_positions, vehicle.rotor_directions)
-    except ValueError as error:
-        raise LogError(f"{log.name}, vehicle {vehicle.name!r}: {error}") from None
+    order, layout, log = _stated_order(log, vehicle), log.layout, dc.replace(log, layout=None)
     if order == list(range(4)):
         return log
     taken = ", ".join(str(number + 1) for number in order)

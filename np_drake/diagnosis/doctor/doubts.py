@@ -11,7 +11,7 @@ import numpy as np
 from np_drake.diagnosis.residuals import FORCE, FlightResiduals
 from np_drake.flight_log import FlightLog
 from np_drake.logs import hover_thrust, rotor_order
-from np_drake.logs.importing.consistency import SCALE, failing, lone_axes, misfits, never_tilts
+from np_drake.logs.importing.consistency import OPPOSED, SCALE, failing, lone_axes, misfits, never_tilts
 from np_drake.logs.rotor_order import torque_agreement
 
 MOST_RESIDUAL = 0.25  # of the weight, from which it is said first [1]
@@ -63,8 +63,10 @@ def law_doubts(log: FlightLog) -> list[Doubt]:
         laws = f"{', '.join(other)} contradict each other"
         found.append(Doubt(log.name, f"{laws}; check columns, frames and units", fails=True))
     if lift:
+        opposed = any(own[law] >= OPPOSED for law in lift)
         what = f"misfit of {_shown(lift, own)} ({SCALE}): horizontal acceleration is not along the thrust axis"
-        found.append(Doubt(log.name, f"{what}; check attitude and frames", fails=True))
+        why = "check attitude and frames" if opposed else "another force acts, or the attitude is wrong"
+        found.append(Doubt(log.name, f"{what}; {why}", fails=opposed))
     if aside:
         what = f"misfit of {_shown(aside, own)} ({SCALE}) on that axis alone, as of a sensor that drifts"
         found.append(Doubt(log.name, what))

@@ -6,7 +6,7 @@ from np_drake.logs.importing.log_map import LogMap, Source
 
 
 def default_map(contents: Contents) -> LogMap | None:
-    """Return the map of the names that ArduPilot gives; None without attitude, or position and velocity.
+    """Return the map of the names that ArduPilot gives; None without attitude, or any of position and acceleration.
 
     Position, velocity and attitude are those of the primary core of the EKF, else the first. Body rates and
     acceleration are those of the first IMU, with its biases. Motors are those that the parameters name, else on the
@@ -15,9 +15,9 @@ def default_map(contents: Contents) -> LogMap | None:
     """
     ekf = _first(contents, ("XKF1", "NKF1"), ("PN", "PE", "PD", "VN", "VE", "VD"))
     attitude = _attitude(contents)
-    if not (ekf and attitude):
-        return None
     imu = _first(contents, ("IMU",), ("GyrX", "GyrY", "GyrZ", "AccX", "AccY", "AccZ"))
+    if not (attitude and (ekf or imu)):
+        return None
     driven = motors(contents)
     battery = _first(contents, ("BAT", "CURR"), ("Volt",))
     throttle, hover = driven.throttle, Source()

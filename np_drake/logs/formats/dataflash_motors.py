@@ -17,7 +17,10 @@ FUNCTION = re.compile(r"SERVO(\d+)_FUNCTION")
 MOTOR_FUNCTIONS = (*range(33, 41), *range(82, 86))  # of an output: motor 1 to 8, 9 to 12
 USED = re.compile(r"SERVO\d+_FUNCTION|FRAME_(CLASS|TYPE)|MOT_PWM_(MIN|MAX)")
 CLASSES = {1: 4, 2: 6, 3: 8, 4: 8, 5: 6}  # motors by FRAME_CLASS: quad, hexa, octa, octaquad, Y6
-OTHERS = {6: "helicopter", 7: "tricopter", 8: "single copter", 9: "coaxial copter", 10: "tailsitter"}
+OTHERS = {
+    **{6: "a helicopter", 7: "a tricopter", 8: "a single copter", 9: "a coaxial copter", 10: "a tailsitter"},
+    **{11: "a dual helicopter", 12: "a dodecahexacopter", 13: "a quad helicopter", 14: "a decacopter"},
+}
 QUADS = {  # by FRAME_TYPE: angle of motors 1 to 4 from the front, to the right [deg]; sign, 1 turns clockwise
     0: ("plus", (90, -90, 0, 180), (-1, -1, 1, 1)),
     1: ("X", (45, -135, -45, 135), (-1, -1, 1, 1)),
@@ -38,10 +41,10 @@ def motors(contents: Contents) -> Motors:
     """
     parameters: Mapping[str, float] = getattr(contents, "parameters", {})
     frame = int(parameters.get("FRAME_CLASS", 0))
-    if frame in OTHERS:
+    if frame and frame not in CLASSES:
         raise ValueError(
-            f"FRAME_CLASS {frame} is a {OTHERS[frame]}; the rotors of a vehicle file push alike. Name one "
-            "column as throttle in a map to take its collective."
+            f"FRAME_CLASS {frame} is {OTHERS.get(frame, 'none that is known')}; the rotors of a vehicle file push "
+            "alike. Name one column as throttle in a map to take its collective."
         )
     outputs = _outputs(parameters) or list(range(1, CLASSES.get(frame, 4) + 1))
     columns = [_output(contents, number) for number in outputs]

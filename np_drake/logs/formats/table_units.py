@@ -30,8 +30,9 @@ def as_unit(text: str) -> str:
 
 def stated_units(names: Iterable[str]) -> dict[str, str]:
     """Return by column the known units that stand in brackets at the end of their names."""
-    found = {name: as_unit(match[1]) for name in names if (match := BRACKETS.search(name))}
-    return {name: unit for name, unit in found.items() if unit}
+    found = {name: match[1] for name in names if (match := BRACKETS.search(name))}
+    # A number is the place of an item in a list.
+    return {name: unit for name, text in found.items() if not text.strip().isdecimal() and (unit := as_unit(text))}
 
 
 def is_units_row(cells: Sequence[str], following: Sequence[str]) -> bool:

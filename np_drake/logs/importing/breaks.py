@@ -91,10 +91,8 @@ def split(signals: Mapping[str, Signal], breaks: Sequence[Break]) -> tuple[list[
 
 
 def _between(own: Signal, start: float, stop: float, name: str) -> Signal | None:
-    inside = (own.t >= start) & (own.t <= stop)
-    if inside.sum() < (2 if name in OPTIONAL else LEAST_ROWS):
-        return None
-    return Signal(own.t[inside], own.values[inside])
+    inside = own.between(start, stop)
+    return inside if inside is not None and len(inside.t) >= (2 if name in OPTIONAL else LEAST_ROWS) else None
 
 
 def _pauses(own: Signal) -> list[Break]:

@@ -20,7 +20,9 @@ AROUND = 8  # intervals over which the rate of samples is compared [1]; own choi
 CLOSER = 0.7  # interval over the usual one from which samples of two times are merged [1]; half is expected
 SPARSE = 80.0  # percentile of the interval that is the usual one, where others are of merged samples; own choice
 LONGEST = 0.75  # share of a file that may be merged [1]; own choice
-WILDER = 3.0  # change from sample to sample over the usual one, where samples of two times are merged [1]; own choice
+# Change over two samples over that over one, summed, below which samples alternate between two times [1]; own choice: a
+# smooth signal has 2, white noise 1.
+ALTERNATE = 0.75
 
 
 def clock_parts(recording: Recording) -> tuple[list[Recording], list[str]]:
@@ -74,7 +76,8 @@ def _after_the_start(recording: Recording) -> tuple[Recording, list[str]]:
         first = int(distinct[0]) + 1 if len(distinct) else 0
         if first < LEAST_STEP or len(stream) - first < LEAST_ROWS:
             continue
-        usual = float(np.median(np.diff(stream.t[first:])))
+        interval = np.diff(stream.t[first:])
+        usual = float(np.median(interval[interval > 0])) if (interval > 0).any() else np.inf
         if stream.t[first] - stream.t[0] > LONGER * usual:
             streams[name] = _rows(stream, slice(first, None))
             text = (
@@ -93,7 +96,8 @@ def _parts_of_clocks(recording: Recording, said: list[str]) -> list[Recording]:
     edges = [-np.inf, *(0.5 * (start + stop) for start, stop in gaps), np.inf]
     spans = [(a, b) for a, b in itertools.pairwise(sorted(set(edges)))]
     cut = [{n: _rows(s, (s.t > a) & (s.t <= b)) for n, s in recording.streams.items()} for a, b in spans]
-    whole = [streams for streams in cut if all(len(s) >= LEAST_ROWS for s in streams.values())]
+    # A stream of its own may be slow, as that of a battery's voltage.
+    whole = [streams for streams in cut if any(len(s) >= LEAST_ROWS for s in streams.values())]
     if len(whole) > 1:
         start, stop = gaps[0]
         said.append(f"the clock is set between {start:.6g} s and {stop:.6g} s: split there")
@@ -157,7 +161,7 @@ def _merged_parts(recording: Recording, said: list[str]) -> list[Recording]:
 
 
 def _merged(stream: Stream) -> Iterator[tuple[float, float]]:
-    """Yield first and last time of every stretch with samples twice as dense, and wild, as elsewhere."""
+    """Yield first and last time of every stretch with samples twice as dense as elsewhere, between two tracks."""
     t = stream.t
     interval = np.diff(t)
     if len(interval) < 4 * AROUND or np.any(interval < 0) or not stream.columns:
@@ -170,11 +174,9 @@ def _merged(stream: Stream) -> Iterator[tuple[float, float]]:
             continue
         close = np.arange(max(start - AROUND, 0), min(stop + AROUND, len(interval)))
         close = close[interval[close] < CLOSER * usual]
-        inside = np.zeros(len(interval), bool)
-        inside[close[0] : close[-1] + 1] = True
-        changes = [np.abs(np.diff(column)) for column in stream.columns.values()]
-        wild = [c[inside].mean() / max(float(c[~inside].mean()), 1e-12) for c in changes if np.ptp(c) > 0]
-        if wild and np.median(wild) > WILDER:
+        inside = [column[close[0] : close[-1] + 2] for column in stream.columns.values()]
+        two_over_one = [np.abs(x[2:] - x[:-2]).sum() / np.abs(np.diff(x)).sum() for x in inside if np.ptp(x) > 0]
+        if two_over_one and np.median(two_over_one) < ALTERNATE:
             yield float(t[close[0]]), float(t[close[-1] + 1])
 
 

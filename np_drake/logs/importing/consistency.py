@@ -81,9 +81,10 @@ def never_tilts(t: np.ndarray, x: Mapping[str, np.ndarray]) -> tuple[float, floa
     if not over.fit or "velocity" not in x or "attitude" not in x:
         return None
     a = over.change(x["velocity"])[:, :2] / over.spans[:, None]
-    needed = _rms(np.linalg.norm(a - a.mean(axis=0), axis=1)) / GRAVITY
+    # Of most windows: a single bad sample of the velocity needs no tilt.
+    needed = float(np.median(np.linalg.norm(a - np.median(a, axis=0), axis=1))) / GRAVITY
     z = attitude.body_z(x["attitude"])[:, :2]
-    tilt = _rms(np.linalg.norm(z - z.mean(axis=0), axis=1))
+    tilt = float(np.median(np.linalg.norm(z - np.median(z, axis=0), axis=1)))
     return (tilt, needed) if tilt < LEVEL * needed and needed > LEAST["lift"] / GRAVITY else None
 
 

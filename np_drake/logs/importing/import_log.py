@@ -133,12 +133,17 @@ def _parts(recording: Recording, log_map: LogMap, path: str) -> tuple[list[Signa
     parts: list[Signals] = []
     notes: list[str] = []
     short: list[str] = []
+    failure: LogError | None = None
     clock: Change = ()
     origin = None
     for piece in recordings:
-        if len(recordings) > 1 and any(len(stream) < LEAST_ROWS for stream in piece.streams.values()):
+        try:
+            signals, own = gather(piece, log_map)
+        except LogError as error:
+            failure = failure or error
+            times = [stream.t[0] for stream in piece.streams.values() if len(stream)]
+            said.append(f"the part from {min(times, default=0.0):.6g} s on has too few samples; left out")
             continue
-        signals, own = gather(piece, log_map)
         signals, clock = _on_a_likely_clock(signals, log_map, path)
         origin = signals["attitude"].t[0] if origin is None else origin
         signals, lacking = _cut(signals, log_map, origin)
@@ -150,6 +155,8 @@ def _parts(recording: Recording, log_map: LogMap, path: str) -> tuple[list[Signa
         parts += pieces
         notes += [note for note in own if note not in notes]
         said += [line for line in (*slow, *broken) if line not in said]
+    if not parts and failure is not None:
+        raise failure
     if not parts and short:
         raise LogError(f"{path}: start and stop must leave samples; {short[0]} in them.")
     if not parts:
@@ -188,4 +195,4 @@ def _on_a_likely_clock(signals: dict[str, Signal], log_map: LogMap, path: str) -
             f"{path}: rows of the attitude must be 0.1 ms to 0.2 s apart; got {step:.4g} s. Log at a higher rate, "
             "or export the times with all their digits."
         )
-    return {name: dc.replace(own, t=own.t * factor) for name, own in signals.items()}, change
+    return {name: dc.replace(own, t=own.t * factor, tick=own.tick * factor) for name, own in signals.items()}, change

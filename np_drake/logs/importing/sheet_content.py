@@ -117,10 +117,6 @@ def _gaps_text(parts: Sequence[Part], flights: Sequence[FlightLog]) -> str:
     return text
 
 
-def _notes(part: Part) -> list[str]:
-    return [*part.derived, *part.aligned.notes, *ground_notes(part)]
-
-
 def ground_notes(part: Part) -> list[str]:
     """Return one line on the time on the ground that is left out of a part, or none."""
     t, ground = part.aligned.t, part.ground

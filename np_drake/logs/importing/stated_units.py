@@ -1,5 +1,7 @@
 """Units that a log states for its columns, against those that its map declares."""
 
+import numpy as np
+
 from np_drake.logs.errors import LogError, place
 from np_drake.logs.formats.format import Recording, find_column
 from np_drake.logs.importing.log_map import UNITS, LogMap
@@ -18,8 +20,8 @@ def require_stated_units(recording: Recording, log_map: LogMap) -> None:
         for column in source.columns:
             _, own = find_column(recording.contents, column, recording.path)
             stated = recording.units.get(own, declared)
-            if stated in UNITS[name] and UNITS[name][stated] != UNITS[name][declared]:
+            if stated in UNITS[name] and not np.isclose(UNITS[name][stated], UNITS[name][declared] * abs(source.scale)):
                 raise LogError(
                     f"{place(recording.path, column=own)}: is in {stated} by the file, in {declared} by the map; "
-                    f"write {name}: {{unit: {stated}}} in the map."
+                    f"write {name}: {{unit: {stated}}}, without a scale, in the map."
                 )

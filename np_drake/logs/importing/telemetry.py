@@ -43,7 +43,7 @@ def spread_ticks(t: np.ndarray) -> tuple[np.ndarray, float]:
     later = interval[interval > 0]
     if not len(later):
         return t, 0.0
-    usual = float(t[-1] - t[0]) / len(interval)
+    usual = float(np.median(later))
     tick = int(np.gcd.reduce(np.round(np.minimum(later, LONGEST) / RESOLUTION).astype(np.int64))) * RESOLUTION
     if tick < COARSE:
         return t, 0.0
