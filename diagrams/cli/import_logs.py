@@ -35,9 +35,10 @@ def import_logs(
         float, Option(metavar="HZ", min=0, max=20_000, help="Rate of the rows; 0: of the fastest signal that is used.")
     ] = 0.0,
     start: Annotated[
-        float, Option(metavar="SECONDS", min=0, help="Of what is imported, from the log's first attitude on [s].")
+        float,
+        Option(metavar="SECONDS", min=0, max=1e9, help="Of what is imported, from the log's first attitude on [s]."),
     ] = 0.0,
-    stop: Annotated[float, Option(metavar="SECONDS", min=0, help="Its end; 0: the log's [s].")] = 0.0,
+    stop: Annotated[float, Option(metavar="SECONDS", min=0, max=1e9, help="Its end; 0: the log's [s].")] = 0.0,
     adopt: Annotated[
         bool, Option("--adopt", help="Where a log fits other conventions than declared, take those.")
     ] = False,

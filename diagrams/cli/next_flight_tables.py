@@ -3,6 +3,8 @@
 from collections.abc import Mapping, Sequence
 from itertools import combinations
 
+import numpy as np
+
 from diagrams.cli.output import Table
 from diagrams.gap.limits_check import Flown
 from np_drake.effects.explanation import STANDS, Explanation
@@ -24,9 +26,9 @@ def rank(prediction: Prediction) -> tuple[float, float]:
 
 
 def hopeless(told: Mapping[str, Prediction]) -> bool:
-    """Return whether every manoeuvre leads to the same explanation, whichever is true."""
-    outlooks = [prediction.information.outlook for prediction in told.values()]
-    return len(outlooks[0].each) > 1 and all(sum(p >= EVEN for p in o.each) <= 1 for o in outlooks)
+    """Return whether no manoeuvre tells any two explanations apart."""
+    known = [prediction.information for prediction in told.values()]
+    return all(i.weakest is not None and np.max(i.distances) < HARDLY for i in known)
 
 
 def sentence(explanations: Sequence[Explanation]) -> str:
@@ -60,6 +62,11 @@ def finding(
         always = explanations[each.index(max(each))].label
         why = f"the log would most likely name {always}" if max(each) >= EVEN else "the log would name none alone"
         return f"No flight will tell these apart: whatever is true, {why}.{_instead(explanations)}"
+    if best.outlook.worst < EVEN:
+        a, b = (explanations[k] for k in best.weakest)
+        others = ", and tells the others" if len(explanations) > 2 else ""
+        apart = number(float(best.distances[best.weakest]), 2)
+        return f"Fly the {name}: it hardly tells {a.label} from {b.label}, {apart} nat{others}.{_instead([a, b])}"
     chance = probability(best.outlook.worst)
     return f"Fly the {name}: whichever explanation is true, it alone is left with a probability of {chance} or more."
 

@@ -3,7 +3,6 @@
 Only the command line prints. Files appear whole or not at all (`np_drake.files.atomic_file`).
 """
 
-import os
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -70,16 +69,15 @@ def progress(description: str, total: float) -> Iterator[Advance]:
 
 def screen_width() -> int:
     """Return the columns that tables and sentences may take: those of the terminal, `WIDTH` at most; else `NARROW`."""
-    if not sys.stdout.isatty() and "COLUMNS" not in os.environ:
+    if not sys.stdout.isatty():
         return NARROW
     return max(min(WIDTH, Console(file=sys.stdout).width), LEAST)
 
 
 def tell(*lines: str) -> None:
     """Print sentences on stdout, broken between words where a terminal would break them anywhere."""
-    watched = sys.stdout.isatty() or "COLUMNS" in os.environ
     for line in lines:
-        say(*(wrapped(line, screen_width()) if watched else [line]))
+        say(*(wrapped(line, screen_width()) if sys.stdout.isatty() else [line]))
 
 
 def print_table(title: str, header: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:

@@ -12,7 +12,7 @@ import functools
 import inspect
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +20,7 @@ from diagrams.batch.run import Report, Run, counted, make_folder
 from diagrams.batch.workers import Workers
 from diagrams.cli import options, output
 from np_drake.files.atomic_file import is_regular
+from np_drake.files.input_file import is_own
 from np_drake.files.run_lock import lock_outputs
 
 WRITTEN = ("out", "checkpoint")  # options of a body whose file or folder a run holds for itself
@@ -123,7 +124,10 @@ def _parameters(shared: Sequence[Shared]) -> list[inspect.Parameter]:
 
 @contextmanager
 def _removed_at_failure(folder: Path | None) -> Iterator[None]:
-    """Remove what a run that fails has added to its folder; cases of many stay, for the next run to go on from."""
+    """Remove what a run that fails has itself added to its folder; finished cases stay, for the next run to go on from.
+
+    What others put there meanwhile stays as well.
+    """
 
     def content() -> set[Path]:
         return set() if folder is None else set(folder.rglob("*"))
@@ -133,7 +137,11 @@ def _removed_at_failure(folder: Path | None) -> Iterator[None]:
         yield
     except BaseException:
         for path in sorted(content() - before, reverse=True):  # what a folder holds comes before it
-            path.rmdir() if path.is_dir() and not path.is_symlink() else path.unlink(missing_ok=True)
+            with suppress(OSError):  # a folder that holds more
+                if path.is_dir() and not path.is_symlink():
+                    path.rmdir()
+                elif is_own(path):
+                    path.unlink()
         raise
 
 

@@ -30,7 +30,7 @@ class Numbers:
         """
         from diagrams.loop.common_numbers import require_clearance, with_payload, with_speed, with_wind
 
-        config = config if self.duration is None else dc.replace(config, duration=self.duration)
+        config = config if self.duration is None else dc.replace(config, duration=self.duration).check()
         if self.payload is not None or self.length is not None:
             config = with_payload(config, mass=self.payload, length=self.length)
             require_clearance(config)
@@ -93,11 +93,11 @@ def scenarios(
     first = numbers.applied(first)
     first.controller.solver = solver or named_solver(experiment) or options.DEFAULT_SOLVER
     if told_mass:
-        first.controller.extra_mass = first.reality.hung.mass
+        first.controller.extra_mass = 0.0 if first.reality.hung.tether == "none" else first.reality.hung.mass
     kinds = list(controllers)
     if not kinds:
         kinds = [_default_controller(first, predictor)] if experiment in EXPERIMENTS else [first.controller.kind]
-    configs = [_flown_with(first, kind, own=not controllers) for kind in kinds]
+    configs = [_flown_with(first, kind) for kind in kinds]
     for config in configs:
         if predictor is not None and (len(configs) == 1 or config.controller.kind in LEARNED):
             config.controller.predictor = str(predictor)
@@ -110,12 +110,12 @@ def scenarios(
     return configs
 
 
-def _flown_with(config: "FlightConfig", kind: str, *, own: bool) -> "FlightConfig":
-    """Return a copy of the scenario with another controller; `own`: it is the scenario's, and keeps its parameters."""
+def _flown_with(config: "FlightConfig", kind: str) -> "FlightConfig":
+    """Return a copy of the scenario with a controller; one of another kind has not the parameters of the scenario's."""
     config = copy.deepcopy(config)
+    if kind != config.controller.kind:
+        config.controller.parameters, config.controller.predictor = {}, ""
     config.controller.kind = kind
-    if not own:
-        config.controller.parameters = {}
     return config
 
 

@@ -63,7 +63,7 @@ def _loss(config: FlightConfig, kind: str) -> str:
     controller = dc.replace(config.controller, kind=kind)
     try:
         fly(dc.replace(config, duration=SECONDS, controller=controller).check_and_step(), seed=0)
-    except LostVehicle as error:
+    except (LostVehicle, ValueError) as error:  # it falls, or is none that a controller could carry
         return str(error)
     return ""
 

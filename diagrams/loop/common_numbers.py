@@ -70,6 +70,9 @@ def with_speed(config: FlightConfig, speed: float) -> FlightConfig:
     if isinstance(dc.replace(config, reference=dc.replace(reference, dither=[0.0] * 3)).track, Trajectory):
         raise ValueError(f"--speed: {reference.track} states its own times, and with them the speed. Leave it out.")
     flown = dc.replace(config, reference=dc.replace(reference, speed=speed))
+    now = flown.reference.own_duration
+    if now is not None and config.duration == reference.own_duration:
+        flown = dc.replace(flown, duration=now)
     _require_reach(flown)
     return flown
 

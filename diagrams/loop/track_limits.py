@@ -67,7 +67,7 @@ def warnings(config: ReferenceConfig, track: Reference, *, end: float) -> list[s
     p = track.sample(np.linspace(0.0, end, min(int(end * RATE) + 2, MOST_INSTANTS)))[0]
     said = missed(nearest(points, p), config.within, "the track")
     off, leg = off_legs(points, p)
-    if off > config.within:
+    if config.is_file and off > config.within:
         said.append(
             f"the track leaves the straight leg from waypoint {leg + 1} to {leg + 2} by {off:.2f} m; "
             "reference.corners: stop keeps to the legs."

@@ -163,6 +163,12 @@ def note_output(path: str | Path) -> None:
         guard.outputs.discard(os.path.abspath(path))
 
 
+def is_own(path: str | Path) -> bool:
+    """Return whether this run has written a file itself; False outside `guard_inputs`."""
+    guard, file = _guard.get(), _identity(path)
+    return guard is not None and file is not None and file in guard.own
+
+
 def require_no_input(path: str | Path) -> None:
     """Check that a file to write is none that is read, and let none that is read later be it.
 

@@ -106,7 +106,8 @@ def without_late_onsets(causes: Sequence[Cause], ends: Mapping[str, float]) -> t
         return np.inf if time is not None and time > ends.get(flight, np.inf) - LAST else time
 
     settled = [dc.replace(c, onset={name: told(name, t) for name, t in c.onset.items()}) for c in causes]
-    never = [c for c in settled if c.onset and all(t == np.inf for t in c.onset.values())]
+    moved = [c.onset != before.onset for c, before in zip(settled, causes, strict=True)]
+    never = [c for c, m in zip(settled, moved, strict=True) if m and all(t == np.inf for t in c.onset.values())]
     late = [Finding(c.identifier, "it would begin in the last second of a flight alone", c.share) for c in never]
     return [c for c in settled if c not in never], late
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from np_drake.diagnosis.report.words import bare_name, capital, described, flights, listed, measure, phrase
 from np_drake.diagnosis.result import UNKNOWN, Cause, Diagnosis, Finding, GapReduction
-from np_drake.files.number_text import NBSP, number, probability
+from np_drake.files.number_text import NBSP, number, percent, probability
 
 PLAIN_GAP = 1.4  # residual over noise above which a simulator does not agree with the logs [1]; own choice
 LEAST_GAP = 1.05  # residual over noise below which a share of the gap has no meaning [1]; own choice
@@ -54,7 +54,7 @@ def _explained(diagnosis: Diagnosis, causes: Sequence[Cause]) -> str:
     one, share, judges = len(causes) == 1, diagnosis.gap_reduction.fraction, _judges(diagnosis)
     if share < 0:
         return f"{who} {'does' if one else 'do'} not help: the gap on {judges} grows"
-    text = f"{who} explain{'s' if one else ''} {probability(share)} of the gap on {judges}"
+    text = f"{who} explain{'s' if one else ''} {percent(share)} of the gap on {judges}"
     return text + _replayed(diagnosis.gap_reduction)
 
 

@@ -58,7 +58,15 @@ def test_help_has_the_fields_words(verb, capsys):
 
 
 CHECKED = {"visible", "speed", "tilt", "duration", "mass", "wheelbase", "propeller", "hover_throttle"}
-CHECKED |= {"mass_uncertainty", "thrust_uncertainty", "box", "vehicles", "seconds"}  # by what they are passed to
+CHECKED |= {
+    "mass_uncertainty",
+    "thrust_uncertainty",
+    "box",
+    "vehicles",
+    "seconds",
+    "payload",
+    "length",
+}  # by what they are passed to
 
 
 @pytest.mark.parametrize("verb", VERBS)

@@ -11,6 +11,7 @@ from diagrams.batch.failed_run import FailedRun
 from diagrams.cli import options
 from diagrams.cli.outcome import run_app
 from diagrams.cli.runner import Report, Run, counting, reports
+from np_drake.files.atomic_file import write_text
 from np_drake.files.figure_file import new_figure
 
 TABLE = ("a title", ["what", "value"], [("one | two", 1.23456)])
@@ -166,8 +167,8 @@ def test_a_run_that_fails_leaves_nothing_of_its_own_but_cases(tmp_path, there, m
 
     def change(run):
         (run.out / "cases").mkdir()
-        (run.out / "cases" / "a.json").write_text("{}")
-        (run.out / "half.html").write_text("<")
+        write_text(run.out / "cases" / "a.json", "{}")
+        write_text(run.out / "half.html", "<")
         raise ValueError("the rest is missing.")
 
     app, _ = made(change, many=many)
@@ -176,6 +177,17 @@ def test_a_run_that_fails_leaves_nothing_of_its_own_but_cases(tmp_path, there, m
     kept = ["out", "out/kept.csv"] if there else []
     own = ["out", "out/cases", "out/cases/a.json", "out/half.html"]
     assert found == sorted({*kept, *(own if many else [])})
+
+
+def test_what_others_write_meanwhile_stays(tmp_path):
+    def change(run):
+        write_text(run.out / "half.html", "<")
+        (run.out / "notes.txt").write_text("of somebody else")
+        raise ValueError("the rest is missing.")
+
+    app, _ = made(change)
+    assert call(app, "--out", tmp_path / "out") == 2
+    assert [path.name for path in (tmp_path / "out").iterdir()] == ["notes.txt"]
 
 
 def test_a_report_whose_cases_failed_is_written_whole(tmp_path):
