@@ -65,16 +65,18 @@ def find_breaks(signals: Mapping[str, Signal], log_map: LogMap, stated: Sequence
     return _joined(found)
 
 
-def split(signals: Mapping[str, Signal], breaks: Sequence[Break]) -> tuple[list[Signals], list[str]]:
+def split(
+    signals: Mapping[str, Signal], breaks: Sequence[Break], origin: float = 0.0
+) -> tuple[list[Signals], list[str]]:
     """Return the signals of every part, and one line on every break and on every part that is left out.
 
     Args:
         signals: as logged, by quantity.
         breaks: in time.
+        origin: from which times of the lines count [s].
     """
     if not breaks:
         return [dict(signals)], []
-    origin = signals["attitude"].t[0]
     edges = [-np.inf, *(edge for b in breaks for edge in (b.before, b.after)), np.inf]
     parts, kept = [], []
     for start, stop in zip(edges[::2], edges[1::2], strict=True):
@@ -107,24 +109,22 @@ def _jumps(t: np.ndarray, change: np.ndarray, name: str, asked: Sequence[tuple[f
     if count < 4 * AROUND:
         return []
     found = []
-    usual = float(np.median(size))
-    candidates = np.flatnonzero(size > STATED * max(LEAST[name], ABRUPT * usual))
-    for k in candidates.tolist() if len(candidates) < MOST * count else ():
-        near = np.r_[max(k - AROUND, 0) : k, k + 1 : min(k + 1 + AROUND, count)]
-        around = size[near].max()
+    near = np.lib.stride_tricks.sliding_window_view(np.pad(size, AROUND), 2 * AROUND + 1)
+    around = np.maximum(near[:, :AROUND].max(axis=1), near[:, AROUND + 1 :].max(axis=1))
+    for k in np.flatnonzero(size > STATED * np.maximum(LEAST[name], ABRUPT * around)).tolist():
         back = np.linalg.norm(change[k : k + LASTS].sum(axis=0)) < 0.5 * size[k]
         came = np.linalg.norm(change[max(k - LASTS + 1, 0) : k + 1].sum(axis=0)) < 0.5 * size[k]
         if back or came:
             continue
         reason = next((r for at, r in asked if t[max(k - 1, 0)] <= at <= t[min(k + 2, count)]), "")
         share = STATED if reason else 1.0
-        if size[k] > share * LEAST[name] and size[k] > share * ABRUPT * around:
+        if size[k] > share * LEAST[name] and size[k] > share * ABRUPT * around[k]:
             said = (
                 f"{np.degrees(size[k]):.3g} deg" if name == "attitude" else f"{size[k]:.3g} {next(iter(UNITS[name]))}"
             )
             what = reason.rstrip("?") or f"the {name} jumps by {said}"
             found.append(Break(float(t[k]), float(t[k + 1]), what + (f" ({name} by {said})" if reason else "")))
-    return found
+    return found if len(found) < MOST * count else []
 
 
 def _joined(found: Sequence[Break]) -> list[Break]:

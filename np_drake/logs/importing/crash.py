@@ -30,6 +30,7 @@ def before_the_fall(t: np.ndarray, v: np.ndarray, q: np.ndarray, lift: np.ndarra
         return len(t)
     carried = np.sum((smooth_derivative(v, t, BAND) + [0.0, 0.0, GRAVITY]) * attitude.body_z(q), axis=1) / GRAVITY
     flying = carried > 1 - CARRIED
+    flying &= lift > RUNNING * np.percentile(lift, 95)  # on the ground, the ground carries
     usual = float(np.median(lift[flying])) if flying.any() else np.inf
     falls = (carried < CARRIED) & (lift > RUNNING * usual)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], falls, [False]]).astype(int)))

@@ -77,8 +77,8 @@ def import_log(
     require_a_flight(log_map, str(path))
     recording = known.read(Path(path), by_stream(contents, log_map.names(), str(path)), on_progress)
     require_stated_units(recording, log_map)
-    signals, clock, said, notes = _parts(recording, log_map, str(path))
-    log_map, parts, told = imported_parts(signals, log_map, str(path), clock=clock, adopt=adopt)
+    signals, clock, said, notes, origin = _parts(recording, log_map, str(path))
+    log_map, parts, told = imported_parts(signals, log_map, str(path), origin=origin, clock=clock, adopt=adopt)
     name = ENDINGS.sub("", Path(path).name)
     flights = [flight for part in parts for flight in part.flights]
     if not flights:
@@ -127,16 +127,22 @@ def _motors_of(motors: Motors, log_map: LogMap) -> Motors:
     return motors if own else Motors()
 
 
-def _parts(recording: Recording, log_map: LogMap, path: str) -> tuple[list[Signals], Change, list[str], list[str]]:
-    """Return the signals of every part of a recording, the change of their unit of time, and lines on both."""
+def _parts(
+    recording: Recording, log_map: LogMap, path: str
+) -> tuple[list[Signals], Change, list[str], list[str], float]:
+    """Return the signals of every part of a recording, the change of their unit of time, lines on both, and the origin.
+
+    Times of messages count from the origin [s], the first attitude of the log, as start and stop do. Behind a step of
+    the clock they go on counting.
+    """
     recordings, said = clock_parts(with_map_time(recording, log_map))
     parts: list[Signals] = []
     notes: list[str] = []
     short: list[str] = []
     failure: LogError | None = None
     clock: Change = ()
-    origin = None
-    for piece in recordings:
+    origin, elapsed = 0.0, 0.0
+    for number, piece in enumerate(recordings):
         try:
             signals, own = gather(piece, log_map)
         except LogError as error:
@@ -145,13 +151,15 @@ def _parts(recording: Recording, log_map: LogMap, path: str) -> tuple[list[Signa
             said.append(f"the part from {min(times, default=0.0):.6g} s on has too few samples; left out")
             continue
         signals, clock = _on_a_likely_clock(signals, log_map, path)
-        origin = signals["attitude"].t[0] if origin is None else origin
-        signals, lacking = _cut(signals, log_map, origin)
+        begun, ended = float(signals["attitude"].t[0]), float(signals["attitude"].t[-1])
+        origin = begun if number == 0 else origin
+        signals, lacking = _cut(signals, log_map, begun - elapsed)
+        elapsed += ended - begun
         if lacking:
             short.append(lacking)
             continue
         signals, slow = usable_inputs(signals, log_map)
-        pieces, broken = split(signals, find_breaks(signals, log_map, recording.breaks))
+        pieces, broken = split(signals, find_breaks(signals, log_map, recording.breaks), origin)
         parts += pieces
         notes += [note for note in own if note not in notes]
         said += [line for line in (*slow, *broken) if line not in said]
@@ -161,7 +169,7 @@ def _parts(recording: Recording, log_map: LogMap, path: str) -> tuple[list[Signa
         raise LogError(f"{path}: start and stop must leave samples; {short[0]} in them.")
     if not parts:
         raise LogError(f"{path}: must hold a flight; no part has {LEAST_ROWS} samples of every signal.")
-    return parts, clock, said, notes
+    return parts, clock, said, notes, origin
 
 
 def _cut(signals: dict[str, Signal], log_map: LogMap, first: float) -> tuple[dict[str, Signal], str]:

@@ -73,7 +73,7 @@ def import_part(signals: Signals, log_map: LogMap, verdict: Verdict, path: str, 
     said: list[str] = []
     if carried:
         require_ranges(aligned.values, log_map, path)
-        x, lift = aligned.values, _lift(aligned.values)
+        x, lift = aligned.values, lift_of(aligned.values)
         crash = before_the_crash(aligned.t, x["position"], x["velocity"], x["attitude"])
         fall = before_the_fall(aligned.t, x["velocity"], x["attitude"], lift)
         end = min(crash, fall)
@@ -111,7 +111,7 @@ def flies(signals: Signals, log_map: LogMap) -> bool:
     return True
 
 
-def _lift(values: Mapping[str, np.ndarray]) -> np.ndarray | None:
+def lift_of(values: Mapping[str, np.ndarray]) -> np.ndarray | None:
     """Return what stands for the lift of the rotors (n,), in any unit; None where nothing does."""
     if "rotor_speed" in values:
         return np.sum(values["rotor_speed"] ** 2, axis=1)

@@ -4,16 +4,17 @@ import numpy as np
 
 from np_drake.logs.errors import LogError
 from np_drake.logs.importing.agreement import agreed, fitting_stretch
+from np_drake.logs.importing.airborne import RUNNING
 from np_drake.logs.importing.breaks import Signals
 from np_drake.logs.importing.consistency import WINDOW
 from np_drake.logs.importing.conventions import DOUBTED, Change, Verdict, WrongConventions
 from np_drake.logs.importing.crash import lies_below
 from np_drake.logs.importing.log_map import LogMap
-from np_drake.logs.importing.part import Part, flies, import_part
+from np_drake.logs.importing.part import Part, flies, import_part, lift_of
 
 
 def imported_parts(
-    parts: list[Signals], log_map: LogMap, path: str, *, clock: Change, adopt: bool
+    parts: list[Signals], log_map: LogMap, path: str, *, origin: float, clock: Change, adopt: bool
 ) -> tuple[LogMap, list[Part], list[str]]:
     """Return the map that agrees with the longest part, what was made of every part, and one line on each left out.
 
@@ -21,11 +22,11 @@ def imported_parts(
         parts: signals of each, in time.
         log_map: as declared.
         path: of the log, for messages.
+        origin: from which times of the lines count [s].
         clock: change of the unit of time, made in the signals.
         adopt: take other conventions where the longest part fits those.
     Raises: WrongConventions, LogError: if that of the longest part that fails, where none holds a flight.
     """
-    origin = parts[0]["attitude"].t[0]
     moving = [flies(signals, log_map) for signals in parts]
     by_length = sorted(range(len(parts)), key=lambda k: (not moving[k], -np.ptp(parts[k]["attitude"].t)))
     done: dict[int, Part] = {}
@@ -52,8 +53,8 @@ def imported_parts(
     if failure is not None and not done:
         raise failure
     for k in by_length[1:]:
-        others = [part.aligned.values["position"] for n, part in done.items() if n != k]
-        if k in done and others and lies_below(done[k].aligned.values["position"], np.concatenate(others)):
+        others = [part for n, part in done.items() if n != k]
+        if k in done and others and _lies(done[k], others):
             said.append(f"from {parts[k]['attitude'].t[0] - origin:.2f} s on the vehicle lies on the ground; left out")
             del done[k]
     if max(done) < len(parts) - 1 and not any(line.startswith("fits ") for line in said):
@@ -62,6 +63,15 @@ def imported_parts(
     if not moving[by_length[0]]:
         said.insert(0, "no flight: position stays, or the rotors stand; nothing can be identified")
     return log_map, [done[k] for k in sorted(done)], said
+
+
+def _lies(part: Part, others: list[Part]) -> bool:
+    """Return whether the vehicle lies on the ground, below the flights of other parts and with rotors that idle."""
+    lift, flown = lift_of(part.aligned.values), [lift_of(other.aligned.values) for other in others]
+    known = [own for own in flown if own is not None]
+    if lift is None or not known or np.median(lift) > RUNNING * np.median(np.concatenate(known)):
+        return False
+    return lies_below(part.aligned.values["position"], np.concatenate([o.aligned.values["position"] for o in others]))
 
 
 def _fitting(

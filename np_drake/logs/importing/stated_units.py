@@ -20,7 +20,9 @@ def require_stated_units(recording: Recording, log_map: LogMap) -> None:
         for column in source.columns:
             _, own = find_column(recording.contents, column, recording.path)
             stated = recording.units.get(own, declared)
-            if stated in UNITS[name] and not np.isclose(UNITS[name][stated], UNITS[name][declared] * abs(source.scale)):
+            # A scale may be that of the unit, or a gain in the unit that the file states.
+            factors = np.multiply(UNITS[name][declared], [1.0, abs(source.scale)])
+            if stated in UNITS[name] and not np.isclose(UNITS[name][stated], factors).any():
                 raise LogError(
                     f"{place(recording.path, column=own)}: is in {stated} by the file, in {declared} by the map; "
                     f"write {name}: {{unit: {stated}}}, without a scale, in the map."
