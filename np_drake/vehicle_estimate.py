@@ -10,8 +10,8 @@ import math
 from np_drake.files.yaml_text import quoted
 from np_drake.rotor_layout import CORNERS, FIRMWARE
 from np_drake.vehicle import Vehicle
+from np_drake.vehicle_physics import AIR
 
-AIR = 1.225  # density at sea level, 15 °C [kg/m³]
 GRAVITY = 9.81  # [m/s²]
 AT_ROTORS = 0.5  # share of the mass at the rotors: motors, propellers, outer arms [1]
 # Thrust coefficient T / (rho n² D⁴), n in revolutions a second. Source: own choice; the presets span 0.045 to 0.201.

@@ -9,34 +9,27 @@ from typer.core import TyperCommand, TyperGroup
 HELP = {"help_option_names": ["-h", "--help"]}
 
 
-class Verb(TyperCommand):
-    """Verb that refuses an option which stands twice, of which the last would silently win."""
+class _Once:
+    """Refuses an option of one value that stands twice, of which the last would silently win."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Parse the words behind the verb.
+        """Parse the words behind a verb or a group.
 
         Args:
             ctx: of this call.
             args: words.
         Raises: ValueError: where an option of one value stands twice.
         """
-        _require_once(self.make_parser(ctx), args)
-        return super().parse_args(ctx, args)
+        _require_once(self.make_parser(ctx), args)  # type: ignore[attr-defined]
+        return super().parse_args(ctx, args)  # type: ignore[misc]
 
 
-class Group(TyperGroup):
+class Verb(_Once, TyperCommand):
+    """Verb whose options stand once."""
+
+
+class Group(_Once, TyperGroup):
     """Group of verbs whose own options stand once."""
-
-    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Parse the words behind the group.
-
-        Args:
-            ctx: of this call.
-            args: words.
-        Raises: ValueError: where an option of one value stands twice.
-        """
-        _require_once(self.make_parser(ctx), args)
-        return super().parse_args(ctx, args)
 
 
 class Verbs(typer.Typer):

@@ -12,6 +12,7 @@ from np_drake.effects.explanation import Explanation
 from np_drake.effects.posterior import Posterior
 from np_drake.files.atomic_file import plain
 from np_drake.files.notebook import data_frame, html_table
+from np_drake.files.number_text import probability
 from np_drake.flight_log import FlightLog
 
 CHANNELS = ("force x", "force y", "force z", "torque x", "torque y", "torque z")  # body axes
@@ -239,7 +240,7 @@ class Diagnosis:
     def _repr_html_(self) -> str:
         """Return what a notebook shows: a row for every parameter of a cause, and the first warnings."""
         rows = [
-            (c.identifier, _percent(c.probability), ", ".join(f"{n} {_shown(e)}" for n, e in c.parameters.items()))
+            (c.identifier, probability(c.probability), ", ".join(f"{n} {_shown(e)}" for n, e in c.parameters.items()))
             for c in self.causes
         ]
         header = ("cause", "probability", "parameters, ± half of the 95 % interval")
@@ -265,10 +266,6 @@ class Diagnosis:
     def as_json(self) -> dict[str, Any]:
         """Return the content of `diagnosis.json` in plain types."""
         return as_json(self)
-
-
-def _percent(probability: float) -> str:
-    return "> 99.9 %" if probability > 0.9995 else f"{100 * probability:.3g} %"
 
 
 def _shown(estimate: Estimate) -> str:

@@ -5,14 +5,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from np_drake import attitude
 from np_drake.flight_log import FlightLog
 from np_drake.rotor_input import with_rotor_input
-from np_drake.training_data.accelerations import smooth_derivative
+from np_drake.training_data.accelerations import lift_over_weight
 from np_drake.vehicle import Vehicle
 
 GUESS = 0.1  # `thrust_uncertainty` from which a thrust coefficient is a guess [1]; own choice
-BAND = 4.0  # of the lift that the coefficient is fitted to [Hz]; own choice: below motor lag
 LEAST = 10.0  # speed of a rotor that turns [rad/s]
 MOST_DEVIATIONS = 3.0  # of the file's uncertainty beyond which its coefficient is another vehicle's [1]
 NOTE = "thrust coefficient"
@@ -74,7 +72,6 @@ def _note(vehicle: Vehicle, coefficient: float) -> str:
 def _lifted(log: FlightLog, vehicle: Vehicle) -> tuple[np.ndarray, np.ndarray]:
     """Return the sum of squared rotor speeds (n,) and the lift (n,) [N] in the rows in which rotors turn."""
     assert log.rotor is not None
-    a = smooth_derivative(log.v, log.t, BAND) + [0.0, 0.0, vehicle.gravity]
     turning = log.rotor.mean(axis=1) > LEAST
-    lift = vehicle.mass * np.sum(a * attitude.body_z(log.q), axis=1)
+    lift = vehicle.mass * vehicle.gravity * lift_over_weight(log.t, log.v, log.q, vehicle.gravity)
     return np.sum(log.rotor**2, axis=1)[turning], lift[turning]

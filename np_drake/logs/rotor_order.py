@@ -15,6 +15,7 @@ from scipy import signal
 
 from np_drake.flight_log import FlightLog
 from np_drake.logs.errors import LogError
+from np_drake.rotor_layout import CORNERS
 from np_drake.vehicle import Vehicle
 
 BAND = (0.7, 8.0)  # in which torques are compared [Hz]; own choice: above trim and drift, below most noise
@@ -25,8 +26,7 @@ LEAST_SECONDS = 3.0  # of a flight whose order is looked for [s]; own choice
 FOUND = 0.3
 TURNS = 0.2  # correlation about yaw from which directions are found [1]; own choice: its torque is the smallest
 SURE = 10.0  # log likelihood ratio from which an order is preferred to another [nat]; own choice: 1 in 22,000
-NAMED = {(1, 1): "front left", (1, -1): "front right", (-1, -1): "rear right", (-1, 1): "rear left"}
-NAMED |= {(1, 0): "front", (0, 1): "left", (-1, 0): "rear", (0, -1): "right"}
+NAMED = CORNERS | {(1, 0): "front", (0, 1): "left", (-1, 0): "rear", (0, -1): "right"}
 NOTE = "rotor columns"
 
 
@@ -251,7 +251,7 @@ def _described(order: RotorOrder, vehicle: Vehicle) -> str:
     """Return the columns in words: where each rotor lies, and which way it turns, seen from above."""
     positions = np.array(vehicle.rotor_positions, float)[list(order.rotors), :2]
     sign = np.sign(np.where(np.abs(positions) < 0.1 * np.abs(positions).max(), 0.0, positions)).astype(int)
-    names = [NAMED.get((int(x), int(y)), f"rotor {i + 1}") for (x, y), i in zip(sign, order.rotors, strict=True)]
+    names = [NAMED.get((x, y), f"rotor {i + 1}") for (x, y), i in zip(sign, order.rotors, strict=True)]
     turns = ["cw" if d > 0 else "ccw" for d in order.directions]
     return ", ".join(f"{name} ({turn})" for name, turn in zip(names, turns, strict=True))
 

@@ -6,17 +6,15 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import optimize
 
-from np_drake import attitude
 from np_drake.flight_log import FlightLog
 from np_drake.logs.errors import LogError
-from np_drake.training_data.accelerations import smooth_derivative, smoothed
+from np_drake.training_data.accelerations import LIFT_BAND, lift_over_weight, smoothed
 from np_drake.vehicle import Vehicle
 
 EXPONENTS = (0.5, 2.5)  # of thrust over throttle: from a linearised to a bare motor [1]
 # Prior of the exponent, mean and deviation [1]. Source: a linearised motor has 1; a propeller's thrust goes with the
 # square of its speed, and speed with voltage.
 USUAL, SCATTER = 1.5, 0.5
-BAND = 4.0  # of the thrust that the map is fitted to [Hz]; own choice: below motor lag
 NOTE = "thrust from throttle"
 GRAVITY = 9.81  # where no vehicle states its own [m/s²]
 LEAST = 0.02  # throttle below which a rotor stands [1]
@@ -118,11 +116,11 @@ class _Lifted:
     @property
     def samples(self) -> float:
         """Number of independent samples of the lift, which is band-limited."""
-        return min(float(len(self.lift)), 2 * BAND * float(self.t[-1] - self.t[0]))
+        return min(float(len(self.lift)), 2 * LIFT_BAND * float(self.t[-1] - self.t[0]))
 
     def shape(self, exponent: float) -> np.ndarray:
         """Return the mean of the rotors' throttle to the exponent (n,), in the band of the lift [1]."""
-        return smoothed(np.mean(self.throttle**exponent, axis=1), self.t, BAND)[self.flying]
+        return smoothed(np.mean(self.throttle**exponent, axis=1), self.t, LIFT_BAND)[self.flying]
 
     def scale(self, exponent: float) -> float:
         """Return the factor of `shape` that fits the lift best."""
@@ -140,9 +138,7 @@ def _lifted(log: FlightLog, gravity: float) -> _Lifted:
     flying = throttle.mean(axis=1) > LEAST
     if flying.sum() < 20:
         raise LogError(f"{log.name}: throttle must be between 0 and 1 and carry the vehicle; it never exceeds {LEAST}.")
-    # The specific force along body z, below motor lag.
-    a = smooth_derivative(log.v, log.t, BAND) + [0.0, 0.0, gravity]
-    lift = np.sum(a * attitude.body_z(log.q), axis=1) / gravity
+    lift = lift_over_weight(log.t, log.v, log.q, gravity)
     return _Lifted(log.t, throttle, flying, lift[flying])
 
 

@@ -1,9 +1,8 @@
 """Motions through waypoints that differ in their corners: a stop at each, or the least snap."""
 
 import numpy as np
-from scipy.interpolate import BSpline, make_interp_spline
 
-from np_drake.references.points import Steps
+from np_drake.references.points import Spline, Steps
 from np_drake.references.ramp import compose, ramped_phase
 from np_drake.references.waypoints import graded, is_closed, periodic
 
@@ -11,7 +10,7 @@ ACCELERATION = 3.0  # largest of a move between two stops [m/s²]; own choice: 1
 DEGREE = 7  # of the spline with the least integral of the squared fourth derivative
 
 
-class Stops(Steps):
+class PointToPoint(Steps):
     """Straight legs between waypoints, with a stop at each; a closed track is flown round after round.
 
     A leg takes its length over `speed`, and longer where that took more than 3 m/s².
@@ -54,7 +53,8 @@ class MinimumSnap:
             self.end, self.rate = np.inf, 2 * np.pi / self.lap
             return
         gaps[0], gaps[-1] = gaps[0] + 0.5 * ramp, gaps[-1] + 0.5 * ramp
-        self._spline, self.end = _from_rest_to_rest(through, gaps), float(np.sum(gaps))
+        times = np.concatenate([[0.0], np.cumsum(gaps)])
+        self._open, self.end = Spline(through, times), float(times[-1])
 
     def sample(self, t: np.ndarray) -> np.ndarray:
         """Return p and its four derivatives in W, (5, n, 3), at times t (n,) [s]."""
@@ -63,12 +63,4 @@ class MinimumSnap:
             phase = ramped_phase(t, 1.0, self.lead)
             at = phase[0] % self.lap
             return compose(np.stack([self._spline(at, k) for k in range(5)]), phase)
-        inside = ((t >= 0.0) & (t <= self.end))[:, None]
-        at = np.clip(t, 0.0, self.end)
-        return np.stack([self._spline(at, k) * (1.0 if k == 0 else inside) for k in range(5)])
-
-
-def _from_rest_to_rest(points: np.ndarray, gaps: np.ndarray) -> BSpline:
-    """Return the spline through points, `gaps` [s] apart, with three vanishing derivatives at both ends."""
-    rest = [(order, np.zeros(3)) for order in (1, 2, 3)]
-    return make_interp_spline(np.concatenate([[0.0], np.cumsum(gaps)]), points, k=DEGREE, bc_type=(rest, rest))
+        return self._open.sample(t)

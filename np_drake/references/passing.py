@@ -4,8 +4,6 @@ from itertools import pairwise
 
 import numpy as np
 
-ROWS = 0.01  # between two looks at a motion [s]
-
 
 def nearest(points: np.ndarray, p: np.ndarray) -> np.ndarray:
     """Return how near a path comes to each point (k,) [m].

@@ -9,12 +9,12 @@ from np_drake.logs.columns import Table
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.csv_file import read_csv, write_csv
 from np_drake.references.base import Reference
-from np_drake.references.corners import MinimumSnap, Stops
+from np_drake.references.corners import MinimumSnap, PointToPoint
 from np_drake.references.trajectory import LEAST_ROWS, Trajectory
 from np_drake.references.waypoints import Waypoints
 from np_drake.vehicle import Vehicle
 
-FileTrack = Waypoints | MinimumSnap | Stops | Trajectory
+FileTrack = Waypoints | MinimumSnap | PointToPoint | Trajectory
 ROUND, STOP, SNAP = CORNERS = ("round", "stop", "snap")  # of waypoints: rounded off, with a stop, of the least snap
 SUFFIXES = (".csv", ".csv.gz")
 TIME = "t"
@@ -68,7 +68,7 @@ def _read_track(path: str, speed: float, ramp: float, corners: str, rest: float,
     points = _waypoints(table)
     _require_rest(path, ramp, rests=corners == STOP)
     if corners == STOP:
-        return Stops(points, speed=speed, rest=rest)
+        return PointToPoint(points, speed=speed, rest=rest)
     return (MinimumSnap if corners == SNAP else Waypoints)(points, speed=speed, ramp=ramp)
 
 

@@ -5,11 +5,13 @@ import dataclasses as dc
 import numpy as np
 from scipy import signal
 
+from np_drake import attitude
 from np_drake.flight_log import FlightLog
 from np_drake.labels import LabelConfig, labels, smooth_labels
 from np_drake.training_data.segments import WrenchSequence
 from np_drake.vehicle import Vehicle
 
+LIFT_BAND = 4.0  # of a measured lift [Hz]; own choice: below motor lag
 BANDWIDTH = 15.0  # [Hz], -6 dB; own choice: 0.3 m/s² of noise from 0.01 m/s at 100 Hz
 
 
@@ -64,6 +66,19 @@ def smoothed(value: np.ndarray, t: np.ndarray, bandwidth: float) -> np.ndarray:
         return value
     sos = signal.butter(2, bandwidth / nyquist, output="sos")
     return signal.sosfiltfilt(sos, value, axis=0, padlen=min(len(value) - 1, 15))
+
+
+def lift_over_weight(t: np.ndarray, v: np.ndarray, q: np.ndarray, gravity: float) -> np.ndarray:
+    """Return the specific force along body z over gravity (n,) [1], in a band below motor lag.
+
+    Args:
+        t: (n,) [s].
+        v: (n, 3) velocity in W [m/s].
+        q: (n, 4) attitude, body to W.
+        gravity: [m/s²].
+    """
+    a = smooth_derivative(v, t, LIFT_BAND) + [0.0, 0.0, gravity]
+    return np.sum(a * attitude.body_z(q), axis=1) / gravity
 
 
 def rows_at(log: FlightLog, step: float) -> np.ndarray:

@@ -5,7 +5,7 @@ import numpy as np
 from np_drake import attitude
 from np_drake.logs.importing.airborne import MOVED, RUNNING
 from np_drake.logs.importing.convert import GRAVITY
-from np_drake.training_data.accelerations import smooth_derivative
+from np_drake.training_data.accelerations import LIFT_BAND, lift_over_weight
 
 STILL = 0.3  # speed of a wreck [m/s]; own choice
 LIES, TUMBLES = 0.5, 3.0  # least time at rest after a crash, and longest between its impacts and rest [s]; own choice
@@ -14,7 +14,6 @@ ABOVE = 0.3  # height over the ground of a flight [m]; own choice
 # Acceleration over g of an impact, and time over which it acts [1, s]; own choice: a landing is softer.
 IMPACT, BLOW = 3.0, 0.1
 CARRIED, FALLS = 0.3, 0.3  # lift over the weight in a fall [1], and its least duration [s]; own choice
-BAND = 4.0  # of the measured lift [Hz]; own choice
 
 
 def before_the_fall(t: np.ndarray, v: np.ndarray, q: np.ndarray, lift: np.ndarray | None) -> int:
@@ -28,7 +27,7 @@ def before_the_fall(t: np.ndarray, v: np.ndarray, q: np.ndarray, lift: np.ndarra
     """
     if lift is None:
         return len(t)
-    carried = np.sum((smooth_derivative(v, t, BAND) + [0.0, 0.0, GRAVITY]) * attitude.body_z(q), axis=1) / GRAVITY
+    carried = lift_over_weight(t, v, q, GRAVITY)
     flying = carried > 1 - CARRIED
     flying &= lift > RUNNING * np.percentile(lift, 95)  # on the ground, the ground carries
     usual = float(np.median(lift[flying])) if flying.any() else np.inf
@@ -36,7 +35,7 @@ def before_the_fall(t: np.ndarray, v: np.ndarray, q: np.ndarray, lift: np.ndarra
     edges = np.flatnonzero(np.diff(np.concatenate([[False], falls, [False]]).astype(int)))
     for start, stop in edges.reshape(-1, 2):
         if t[stop - 1] - t[start] >= FALLS:
-            return max(int(np.searchsorted(t, t[start] - 0.5 / BAND)), 0)
+            return max(int(np.searchsorted(t, t[start] - 0.5 / LIFT_BAND)), 0)
     return len(t)
 
 

@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from np_drake.references.corners import ACCELERATION, MinimumSnap, Stops
+from np_drake.references.corners import ACCELERATION, MinimumSnap, PointToPoint
 from np_drake.references.passing import nearest, off_legs
 
 LINE = np.array([[0, 0, 1.0], [1, 0, 1.0], [1, 1, 1.5], [0, 1, 1.5]])
 SQUARE = np.concatenate([LINE, LINE[:1]])
 MOTIONS = {
-    "stops": Stops(LINE, speed=0.8, rest=0.5),
-    "stops round": Stops(SQUARE, speed=0.8, rest=0.5),
+    "stops": PointToPoint(LINE, speed=0.8, rest=0.5),
+    "stops round": PointToPoint(SQUARE, speed=0.8, rest=0.5),
     "snap": MinimumSnap(LINE, speed=0.8, ramp=2.0),
     "snap round": MinimumSnap(SQUARE, speed=0.8, ramp=2.0),
 }
@@ -56,7 +56,7 @@ def test_stops_stay_on_the_legs_and_rest_at_each_corner():
 def test_a_short_leg_between_stops_takes_longer_than_its_speed_says():
     flat = MOTIONS["stops"].sample(np.linspace(0.0, 8.0, 8001))
     assert np.linalg.norm(flat[2], axis=1).max() == pytest.approx(ACCELERATION, rel=1e-3)
-    long = Stops(np.array([[0, 0, 1.0], [9, 0, 1.0]]), speed=0.5, rest=0.0)
+    long = PointToPoint(np.array([[0, 0, 1.0], [9, 0, 1.0]]), speed=0.5, rest=0.0)
     assert long.end == pytest.approx(9 / 0.5)
 
 
