@@ -70,7 +70,7 @@ def test_a_log_without_rows_prints_and_shows():
 
 def test_a_diagnosis_says_verdict_and_residual_and_shows_its_causes():
     assert repr(FOUND) == "Diagnosis(paper: suspended_payload; residual 7.1 to 0.98 times the noise)"
-    page = FOUND._repr_html_()
+    page = FOUND._repr_html_().replace("\N{NO-BREAK SPACE}", " ")
     assert "mass 0.260 ± 0.012 kg" in page
     assert "&gt; 99.9 %" in page
     assert page.count("<p>warning") == 3
