@@ -2,14 +2,15 @@
 
     python tests/mutants.py --count 50 --seed 0 [--only np_drake/effects]
 
-A mutant changes one operator, comparison, constant or sign of `np_drake/` or `systems/`. The tests that name its module
-run on a copy of the repository, nearest first, until one fails. What none notices is printed: such a line lacks a law,
-or the change is equivalent. Exit code 1 below `--asked` killed.
+A mutant changes one operator, comparison, constant or sign of `np_drake/` or `systems/`. The suite runs once on a copy
+of the repository, to see which tests reach which mutant. Those run on each mutant, nearest first, until one fails. What
+none notices is printed: such a line lacks a law, or the change is equivalent. Exit code 1 below `--asked` killed.
 """
 
 import argparse
 import ast
 import dataclasses as dc
+import itertools
 import os
 import random
 import shutil
@@ -21,6 +22,8 @@ from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from queue import Queue
+
+from mutant_probe import FOLDER, reached
 
 ROOT = Path(__file__).resolve().parent.parent
 COPIED = ("np_drake", "systems", "diagrams", "tests", "docs", "pyproject.toml", "README.md", "Makefile")
@@ -36,8 +39,9 @@ TEXT: dict[type, str] = {
     **{ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!="},
     **{ast.And: "and", ast.Or: "or"},
 }
-MOST_FILES = 12  # test files that a mutant may run
-LONGEST = 240  # seconds for one of them; a mutant that hangs is noticed
+MOST_SECONDS = 40.0  # of the tests that run on a mutant, as the suite took them
+MOST_TESTS = 200
+HANGS = 10.0  # times as long, and a minute to begin: a mutant that hangs is noticed
 
 
 @dc.dataclass(frozen=True)
@@ -102,45 +106,116 @@ def _without_effect(node: ast.AST) -> list[ast.AST]:
     return [node.annotation] if isinstance(node, ast.AnnAssign) else []
 
 
-def tests_of(path: Path) -> list[Path]:
-    """Return the test files of a module, nearest first: of its name, of its room, then those that import it."""
-    room = ROOT / "tests" / path.parent
-    module = ".".join(path.with_suffix("").parts)
-    every = sorted((ROOT / "tests").rglob("test_*.py"))
-    text = {p: p.read_text() for p in every}
-    named = [p for p in every if p.name == f"test_{path.name}"]
-    importing = [p for p in every if module in text[p]]
-    beside = [p for p in every if p.parent == room or p.name == f"test_{path.parent.name}.py"]
-    symbols = [
-        n.name for n in ast.parse((ROOT / path).read_text()).body if isinstance(n, ast.FunctionDef | ast.ClassDef)
+def probes_of(path: Path, mutants: dict[int, Mutant]) -> str:
+    """Return the text of a file with a probe before the statement of each mutant.
+
+    A statement outside functions, or in a compiled function, is reached by whatever runs a plain function of its file.
+
+    Args:
+        path: Of the file.
+        mutants: Those of this file, by number.
+    """
+    text = (ROOT / path).read_text()
+    lines, tree = text.splitlines(keepends=True), ast.parse(text)
+    compiled = {
+        id(n)
+        for f in ast.walk(tree)
+        if isinstance(f, ast.FunctionDef) and any("compiled" in ast.unparse(d) for d in f.decorator_list)
+        for n in ast.walk(f)
+    }
+    functions = [n for n in ast.walk(tree) if isinstance(n, ast.FunctionDef) and id(n) not in compiled]
+    within = [
+        n for f in functions for s in f.body for n in ast.walk(s) if isinstance(n, ast.stmt) and not _is_text(n, s, f)
     ]
-    using = [p for p in every if any(s in text[p] for s in symbols if not s.startswith("_"))]
-    within = sorted(importing, key=lambda p: p.parent != room)
-    found = list(dict.fromkeys([*named, *within, *using, *beside]))[:MOST_FILES]
-    return [p.relative_to(ROOT) for p in found]
+    first = [next((s for s in f.body if not _is_text(s, s, f)), None) for f in functions]
+    at: dict[tuple[int, int], list[int]] = {}
+    for number, mutant in mutants.items():
+        around = [
+            n
+            for n in within
+            if n.lineno <= mutant.line <= (n.end_lineno or 0)
+            and not lines[n.lineno - 1].lstrip().startswith("elif")
+            and (n.lineno, n.col_offset) <= (mutant.line, mutant.column)
+        ]
+        places = [max(around, key=lambda n: (n.lineno, n.col_offset))] if around else [n for n in first if n]
+        for place in places:
+            above = min([place.lineno, *(d.lineno for d in getattr(place, "decorator_list", ()))])
+            at.setdefault((above, place.col_offset), []).append(number)
+    for (line, column), numbers in sorted(at.items(), reverse=True):
+        probe = f"__import__('mutant_probe').hit({', '.join(map(str, dict.fromkeys(numbers)))})"
+        lines.insert(line - 1, " " * column + probe + "\n")
+    return "".join(lines)
 
 
-def killer_of(mutant: Mutant, root: Path) -> str:
-    """Return the test file that notices a mutant in the copy at `root`; "" where none does."""
-    mutant.write(root)
-    try:
-        for test in tests_of(mutant.path):
-            command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", str(test)]
-            # A cache by file would let a caller in another file keep the function with which it was compiled.
-            fresh = {"NUMBA_CACHE_DIR": str(root / "cache")} if "@compiled" in (ROOT / mutant.path).read_text() else {}
-            shutil.rmtree(root / "cache", ignore_errors=True)
-            environment = os.environ | {"PYTHONPATH": str(root), "MPLBACKEND": "Agg"} | fresh
-            try:
-                done = subprocess.run(
-                    command, cwd=root, env=environment, capture_output=True, timeout=LONGEST, check=False
-                )
-            except subprocess.TimeoutExpired:
-                return f"{test} (time)"
-            if done.returncode in (1, 2, 3, 4):
-                return str(test)
+def _is_text(node: ast.AST, statement: ast.stmt, function: ast.FunctionDef) -> bool:
+    """Return whether a node is the docstring of a function."""
+    return node is statement is function.body[0] and isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
+
+
+def run_probed(drawn: list[Mutant], root: Path, workers: int, notes: Path) -> None:
+    """Run the suite once with a probe before the statement of every mutant.
+
+    Args:
+        drawn: The mutants.
+        root: A copy of the repository, left as it was.
+        workers: Processes of the suite.
+        notes: New folder of what the probes note, see `reached`.
+    """
+    by_file: dict[Path, dict[int, Mutant]] = {}
+    for number, mutant in enumerate(drawn):
+        by_file.setdefault(mutant.path, {})[number] = mutant
+    for path, mutants in by_file.items():
+        text = probes_of(path, mutants)
+        compile(text, str(path), "exec")
+        (root / path).write_text(text)
+    notes.mkdir(parents=True)
+    environment = _environment(root) | {FOLDER: str(notes)}
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "mutant_probe", "-n", str(workers), "--dist", "worksteal"]
+    subprocess.run([*command, "tests"], cwd=root, env=environment, capture_output=True, check=False)
+    for path in by_file:
+        shutil.copyfile(ROOT / path, root / path)
+
+
+def _environment(root: Path) -> dict[str, str]:
+    return os.environ | {"PYTHONPATH": f"{root}{os.pathsep}{root / 'tests'}", "MPLBACKEND": "Agg"}
+
+
+def _distance(path: Path, test: str) -> int:
+    """Return how near a test lies to a source file: 0 in the test of its name, 1 in its room, 2 elsewhere."""
+    file = Path(test.partition("::")[0])
+    room = file.parent == Path("tests") / path.parent or file.name == f"test_{path.parent.name}.py"
+    return 0 if file.name == f"test_{path.name}" else 1 if room else 2
+
+
+def killer_of(mutant: Mutant, tests: dict[str, float], root: Path) -> str:
+    """Return the test that notices a mutant in the copy at `root`; "" where none does.
+
+    Args:
+        mutant: The change.
+        tests: What reaches it, with the usual durations [s]; the first MOST_TESTS run, as far as MOST_SECONDS go.
+        root: A copy of the repository, left as it was.
+    """
+    if not tests:
         return ""
+    nearest = sorted(tests, key=lambda name: (_distance(mutant.path, name), tests[name]))
+    until = itertools.accumulate(tests[name] for name in nearest)
+    chosen = [n for n, spent in zip(nearest, until, strict=True) if spent <= MOST_SECONDS][:MOST_TESTS] or nearest[:1]
+    limit = 60 + HANGS * sum(tests[name] for name in chosen)
+    mutant.write(root)
+    # A cache by file would let a caller in another file keep the function with which it was compiled.
+    fresh = {"NUMBA_CACHE_DIR": str(root / "cache")} if "@compiled" in (ROOT / mutant.path).read_text() else {}
+    shutil.rmtree(root / "cache", ignore_errors=True)
+    command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", *chosen]
+    try:
+        done = subprocess.run(
+            command, cwd=root, env=_environment(root) | fresh, capture_output=True, timeout=limit, text=True
+        )
+    except subprocess.TimeoutExpired:
+        return "time"
     finally:
         shutil.copyfile(ROOT / mutant.path, root / mutant.path)
+    failed = [line.split()[1] for line in done.stdout.splitlines() if line.startswith(("FAILED ", "ERROR "))]
+    return (failed or [f"code {done.returncode}"])[0] if done.returncode else ""
 
 
 def copied(root: Path) -> Path:
@@ -160,6 +235,7 @@ def main() -> int:
     parser.add_argument("--only", action="append", default=[], help="files or folders to draw from; repeatable")
     parser.add_argument("--line", help="only mutants of this line: PATH:LINE")
     parser.add_argument("--jobs", type=int, default=1, help="mutants at once")
+    parser.add_argument("--notes", type=Path, help="folder of the suite's run, kept for another run of this draw")
     parser.add_argument("--asked", type=float, default=0.9, help="least share killed")
     options = parser.parse_args()
     paths = [p.relative_to(ROOT) for top in ("np_drake", "systems") for p in sorted((ROOT / top).rglob("*.py"))]
@@ -176,15 +252,22 @@ def main() -> int:
         roots: Queue[Path] = Queue()
         for k in range(options.jobs):
             roots.put(copied(Path(folder) / str(k)))
+        notes = (options.notes or Path(folder) / "notes").resolve()
+        if not notes.exists():
+            run_probed(drawn, copied(Path(folder) / "probed"), options.jobs, notes)
+        tests = reached(notes)
+        print(f"The suite reaches {len(tests)} of them.", flush=True)
 
-        def tried(mutant: Mutant) -> tuple[str, float]:
+        def tried(number: int) -> tuple[str, float]:
             start, root = time.monotonic(), roots.get()
             try:
-                return killer_of(mutant, root), time.monotonic() - start
+                return killer_of(drawn[number], tests.get(number, {}), root), time.monotonic() - start
             finally:
                 roots.put(root)
 
-        for i, (mutant, (killer, spent)) in enumerate(zip(drawn, pool.map(tried, drawn), strict=True), start=1):
+        for i, (mutant, (killer, spent)) in enumerate(
+            zip(drawn, pool.map(tried, range(len(drawn))), strict=True), start=1
+        ):
             alive += [] if killer else [mutant]
             said = f"killed by {killer}" if killer else "SURVIVES"
             print(f"{i:3d}/{len(drawn)}  {spent:4.0f} s  {said}  {mutant}", flush=True)
