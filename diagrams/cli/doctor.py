@@ -84,22 +84,20 @@ def _opened(
 ) -> "tuple[list[FlightLog], dict[str, Any], list[Exception]]":
     """Return flights, by name the content of the sheets of those that were imported, and what could not be opened."""
     from np_drake.logs.errors import LogError
-    from np_drake.logs.opening import open_flights
+    from np_drake.logs.opening import Opened, read_log, with_vehicle
 
-    flights: list[FlightLog] = []
-    sheets: dict[str, Any] = {}
+    opened: list[Opened] = []
     failures: list[Exception] = []
+    refused: list[LogError] = []
     for number, path in enumerate(paths):
         try:
-            found, sheet = open_flights(
-                path, vehicle, declared, repair=repair, on_progress=_part(tell, number, len(paths))
-            )
+            opened.append(read_log(path, declared, repair=repair, on_progress=_part(tell, number, len(paths))))
         except (LogError, OSError) as error:
             failures.append(error)
-            continue
-        flights += found
-        sheets |= {log.name: sheet.content for log in found if sheet is not None}
-    return flights, sheets, failures
+    opened = with_vehicle(opened, vehicle, refused)
+    flights = [log for found in opened for log in found.flights]
+    sheets = {log.name: found.sheet.content for found in opened if found.sheet is not None for log in found.flights}
+    return flights, sheets, [*failures, *refused]
 
 
 def _part(tell: Callable[[float], None], number: int, count: int) -> Callable[[float], None]:

@@ -10,7 +10,7 @@ from np_drake.diagnosis.residuals import make_flight_residuals
 from np_drake.logs.importing.import_log import import_log
 from np_drake.logs.importing.log_map import LogMap, Source
 from np_drake.logs.opening import open_flights
-from np_drake.logs.rotor_order import NOTE, rotor_orders
+from np_drake.logs.rotor_order import NOTE, rotor_orders, torques_seen
 from np_drake.rotor_input import with_rotor_input
 from np_drake.vehicle import Vehicle, load_vehicle
 
@@ -76,7 +76,7 @@ def test_a_crazyflies_log_fits_its_preset_in_order_and_weight(real_flights, name
     vehicle = load_vehicle(preset).with_mass(mass)
     flights, _ = open_flights(real_flights / name, vehicle, log_map)
     for log in flights:
-        if found := rotor_orders(log, vehicle):
+        if found := rotor_orders(torques_seen([log], vehicle).get(None, ()), vehicle):
             assert found[0] == found[1][0]
         assert not any(note.startswith(NOTE) for note in log.notes)
     report = examine(flights, vehicle)
