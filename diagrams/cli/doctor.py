@@ -39,7 +39,6 @@ def doctor(
 ) -> Report:
     """Examine flight logs: rates, gaps, noise, clocks, motion, and which effects they can tell, to what size."""
     from np_drake.diagnosis.doctor.examine import examine
-    from np_drake.logs.hover_thrust import with_hover_thrust
     from np_drake.logs.importing.log_map import load_map_file
 
     nominal = _vehicle(vehicle)
@@ -48,8 +47,6 @@ def doctor(
         flights, sheets, failures = _opened(logs, nominal, declared, repair, lambda share: advance(0.3 * share))
         if not flights:
             raise failures[0]
-        if nominal is not None:
-            nominal, flights, _ = with_hover_thrust(nominal, flights)
         report = examine(
             flights, nominal, sheets=sheets, on_progress=lambda share, text: advance(0.3 + 0.7 * share, text)
         )

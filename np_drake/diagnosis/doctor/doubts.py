@@ -122,7 +122,7 @@ def _torque(e: FlightResiduals) -> list[Doubt]:
 
 def _taken_over(log: FlightLog) -> list[Doubt]:
     """Return what a reader found of order and coefficient of the rotors, which is not that of the vehicle file."""
-    known = (rotor_order.NOTE, hover_thrust.FAR)
+    known = (rotor_order.NOTE, hover_thrust.NOTE)
     return [Doubt(log.name, note) for note in log.notes if note.startswith(known)]
 
 

@@ -11,7 +11,7 @@ from np_drake.logs.checks import LEAST_ROWS
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats import format_of
 from np_drake.logs.formats.format import Contents, Format, Motors, Progress, Recording, by_stream, no_progress
-from np_drake.logs.import_sheet import Sheet
+from np_drake.logs.import_sheet import Sheet, read_sheet
 from np_drake.logs.importing.airborne import require_a_flight
 from np_drake.logs.importing.breaks import Signals, find_breaks, split
 from np_drake.logs.importing.clock_parts import clock_parts
@@ -68,6 +68,7 @@ def import_log(
     WrongConventions, one of these, if it does not agree with its conventions; OSError: if it cannot be opened.
     """
     known, contents, found, motors = _map_for(Path(path), log_map)
+    beside = read_sheet(path) if log_map is None else Sheet()  # of a log that an import wrote, without its position
     try:
         log_map = dc.replace(
             found, rate=rate or found.rate, start=start or found.start, stop=stop or found.stop
@@ -87,15 +88,15 @@ def import_log(
     if unstated and parts[0].carried and all(flight.throttle is not None for flight in flights):
         flights, unit = in_the_unit_of_the_lift(flights)
         said += [unit] if unit else []
-    timing = max(part.timing for part in parts)
+    timing, layout = max(beside.timing, *(part.timing for part in parts)), motors.layout or beside.rotors
     for number, flight in enumerate(flights, start=1):
         flight.name = name if len(flights) == 1 else f"{name}_part{number}"
-        flight.timing, flight.layout = timing, motors.layout
+        flight.timing, flight.layout = timing, layout
     said = [*motors.notes, *recording.said, *said, *told]
     content = sheet_content(
         path, known.title, recording.facts, log_map, parts, flights, [*said, *recording.notes, *notes]
     )
-    return Imported(tuple(flights), Sheet(timing, content, motors.layout), tuple(said))
+    return Imported(tuple(flights), Sheet(timing, content, layout), tuple(said))
 
 
 def _map_for(path: Path, log_map: LogMap | MapFile | None) -> tuple[Format, Contents, LogMap, Motors]:

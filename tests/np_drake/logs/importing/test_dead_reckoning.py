@@ -10,6 +10,7 @@ from np_drake.diagnosis.residuals import FORCE, TORQUE, make_flight_residuals
 from np_drake.effects.library import LIBRARY
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.log_file import write_log
+from np_drake.logs.import_sheet import write_sheet
 from np_drake.logs.opening import open_flights
 from np_drake.vehicle import Vehicle
 
@@ -59,6 +60,24 @@ def test_what_was_integrated_is_not_written_and_integrated_again(without, tmp_pa
     assert again.lacks == first.lacks == ("velocity", "height")
     np.testing.assert_allclose(again.v, first.v, atol=1e-9)
     assert any("what acts through velocity cannot be told" in note for note in again.notes)
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".parquet"])
+def test_a_log_that_was_written_without_position_keeps_its_sheet(flown, autopilots, import_px4, tmp_path, suffix):
+    def no_position(streams):
+        return {name: stream for name, stream in streams.items() if name != "vehicle_local_position"}
+
+    ours = autopilots.throttle(flown)
+    outputs = {"actuator_motors": ours[:, autopilots.PX4_FROM_OURS]}
+    found = import_px4(outputs, autopilots.PX4_CORNERS, no_position)
+    path = tmp_path / f"again{suffix}"
+    write_log(found.flights[0], path)
+    write_sheet(found.sheet, path)
+    (again,), sheet = open_flights(path)
+    assert again.timing == sheet.timing == found.sheet.timing > 0.004
+    assert again.layout == sheet.rotors == found.sheet.rotors
+    (driven,), _ = open_flights(path, Vehicle())
+    np.testing.assert_allclose(driven.throttle, ours, atol=1e-9)
 
 
 def test_a_log_without_any_motion_of_its_centre_is_refused_in_one_line(excited, tmp_path):
