@@ -2,6 +2,7 @@
 
 import dataclasses as dc
 import re
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -16,9 +17,10 @@ from np_drake.logs.importing.airborne import require_a_flight
 from np_drake.logs.importing.breaks import Signals, find_breaks, split
 from np_drake.logs.importing.clock_parts import clock_parts
 from np_drake.logs.importing.conventions import Change, fitting_time_unit
-from np_drake.logs.importing.inputs import in_the_unit_of_the_lift, usable_inputs
+from np_drake.logs.importing.inputs import usable_inputs
 from np_drake.logs.importing.interpolation import Signal
 from np_drake.logs.importing.log_map import UNITS, LogMap, MapFile
+from np_drake.logs.importing.output_unit import in_the_likely_unit
 from np_drake.logs.importing.parts import imported_parts
 from np_drake.logs.importing.sheet_content import sheet_content
 from np_drake.logs.importing.signals import OPTIONAL, gather, with_map_time
@@ -79,15 +81,14 @@ def import_log(
     recording = known.read(Path(path), by_stream(contents, log_map.names(), str(path)), on_progress)
     require_stated_units(recording, log_map)
     signals, clock, said, notes, origin = _parts(recording, log_map, str(path))
-    log_map, parts, told = imported_parts(signals, log_map, str(path), origin=origin, clock=clock, adopt=adopt)
+    how = partial(imported_parts, path=str(path), origin=origin, clock=clock, adopt=adopt)
+    log_map, parts, told = (
+        how(signals, log_map) if motors.unit else in_the_likely_unit(how, signals, log_map, str(path))
+    )
     name = ENDINGS.sub("", Path(path).name)
     flights = [flight for part in parts for flight in part.flights]
     if not flights:
         raise LogError(f"{path}: must hold a flight; no part between gaps has {LEAST_ROWS} rows.")
-    unstated = log_map.throttle.unit == "us" and not log_map.throttle.ends
-    if unstated and parts[0].carried and all(flight.throttle is not None for flight in flights):
-        flights, unit = in_the_unit_of_the_lift(flights)
-        said += [unit] if unit else []
     timing, layout = max(beside.timing, *(part.timing for part in parts)), motors.layout or beside.rotors
     for number, flight in enumerate(flights, start=1):
         flight.name = name if len(flights) == 1 else f"{name}_part{number}"
@@ -110,6 +111,8 @@ def _map_for(path: Path, log_map: LogMap | MapFile | None) -> tuple[Format, Cont
         found = log_map.over(own) if isinstance(log_map, MapFile) else log_map or own
         if own is not None and found is not None:
             motors = _motors_of(known.motors(contents), found)
+            told = isinstance(log_map, MapFile) and "unit" in log_map.named.get("throttle", ())
+            motors = dc.replace(motors, unit=motors.unit or told or found.throttle != motors.throttle)
     except ValueError as error:
         raise error if isinstance(error, LogError) else LogError(f"{path}: {error}") from None
     if found is None:

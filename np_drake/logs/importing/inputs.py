@@ -1,19 +1,13 @@
-"""What of a log's inputs explains motion: fast enough, without the gaps of telemetry, in a unit that fits the lift."""
+"""What of a log's inputs explains motion: fast enough, or their collective alone."""
 
-import dataclasses as dc
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 
-from np_drake.flight_log import FlightLog
 from np_drake.logs.importing.interpolation import SLOWEST_ROTORS, Signal
 from np_drake.logs.importing.log_map import LogMap
-from np_drake.logs.throttle_input import lift_exponent
 
 HELD = ("held_after", "held_before", "averaged")  # commands that are known between their rows, however slow
-# Exponents of lift over throttle of outputs in a right unit: a linearised motor to a bare one, and its scatter [1].
-PLAUSIBLE = (0.9, 2.5)
-CLEAR = 0.8  # share of the lift that the throttle explains from which its exponent tells the unit [1]; own choice
 
 
 def usable_inputs(signals: Mapping[str, Signal], log_map: LogMap) -> tuple[dict[str, Signal], list[str]]:
@@ -58,31 +52,3 @@ def is_collective(name: str, own: Signal, log_map: LogMap) -> bool:
 def collective(values: np.ndarray) -> np.ndarray:
     """Return the throttle (n, 1) at which all rotors together lift as those of (n, k): thrust goes with its square."""
     return np.sqrt(np.mean(np.square(values), axis=1, keepdims=True))
-
-
-def in_the_unit_of_the_lift(flights: Sequence[FlightLog]) -> tuple[list[FlightLog], str]:
-    """Return flights whose throttle was read as pulses of 1000 to 2000 µs, as DShot counts where the lift says so.
-
-    A note says what is taken; empty: pulses fit.
-
-    Args:
-        flights: of one log, whose unit it does not state.
-    """
-    flights = list(flights)
-    longest = max(flights, key=len)
-    digital = [_as_dshot(log) for log in flights]
-    as_pulses, as_counts = lift_exponent(longest), lift_exponent(_as_dshot(longest))
-    below = min(float(log.throttle.min()) for log in flights if log.throttle is not None) < -0.25
-    told = as_counts.explained > CLEAR and PLAUSIBLE[0] <= as_counts.exponent <= PLAUSIBLE[1]
-    if below or (told and as_pulses.exponent < PLAUSIBLE[0]):
-        return digital, (
-            f"outputs are taken as DShot counts, 0 to 2000: thrust goes with their power {as_counts.exponent:.2g}, "
-            f"with {as_pulses.exponent:.2g} of pulses in µs"
-        )
-    if PLAUSIBLE[0] <= as_pulses.exponent and as_pulses.explained > CLEAR:
-        return flights, ""
-    return flights, "the log does not state the unit of its outputs; they are taken as pulses of 1000 to 2000 µs"
-
-
-def _as_dshot(log: FlightLog) -> FlightLog:
-    return log if log.throttle is None else dc.replace(log, throttle=(1000.0 + 1000.0 * log.throttle) / 2000.0)
