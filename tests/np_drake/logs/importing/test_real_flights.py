@@ -15,6 +15,7 @@ from np_drake.rotor_input import with_rotor_input
 from np_drake.vehicle import Vehicle, load_vehicle
 
 BARE = load_vehicle("crazyflie_brushless")
+TOLD = {"eckart00", "eckart01", "eckart02", "eckart03", "eckart04", "eckart12"}  # the preset's coefficient is theirs
 MOST = 0.03  # RMS of each axis over weight [1]
 
 
@@ -27,8 +28,8 @@ def residual_force(path, vehicle: Vehicle) -> np.ndarray:
 
 
 def test_the_rotors_carry_a_bare_vehicle_to_three_percent_of_its_weight(real_flights):
-    paths = sorted((real_flights / "imrc" / "bare").iterdir())
-    assert len(paths) >= 10
+    paths = sorted(path for path in (real_flights / "imrc" / "bare").iterdir() if path.name not in TOLD)
+    assert len(paths) == 9
     worst = {path.name: residual_force(path, BARE).max() for path in paths}
     assert max(worst.values()) < MOST, worst
 
