@@ -44,7 +44,7 @@ def sheet_content(
         "format": title,
         **({"facts": dict(facts)} if facts else {}),
         "frames": f"world {log_map.world}, body {log_map.body}; written as z up and z along the thrust",
-        "columns": {name: _described(name, own, log_map) for name, own in longest.signals.items()},
+        "columns": {n: _described(n, own, log_map) for n, own in longest.signals.items() if getattr(log_map, n)},
         "conventions": _conventions_text(longest.verdict),
         "rows": f"{1 / flights[0].step:.4g} Hz; {spans}",
         "input": flights[0].input,
