@@ -10,8 +10,8 @@ import numpy as np
 from np_drake.flight_log import FlightLog
 from np_drake.logs.checks import LEAST_ROWS
 from np_drake.logs.errors import LogError
-from np_drake.logs.formats import format_of
 from np_drake.logs.formats.format import Contents, Format, Motors, Progress, Recording, by_stream, no_progress
+from np_drake.logs.formats.library import format_of
 from np_drake.logs.import_sheet import Sheet, read_sheet
 from np_drake.logs.importing.airborne import require_a_flight
 from np_drake.logs.importing.breaks import Signals, find_breaks, split
