@@ -12,6 +12,7 @@ from np_drake.logs.importing.conventions import Change, Verdict, WrongConvention
 from np_drake.logs.importing.convert import convert
 from np_drake.logs.importing.interpolation import Signal
 from np_drake.logs.importing.log_map import LogMap
+from np_drake.logs.windows import stretches
 
 CHECK_RATE = 50.0  # of the rows on which conventions are checked [Hz]
 SPAN = 2.0  # over which a law is tested by itself [s]; own choice: four windows of a law
@@ -45,7 +46,7 @@ def fitting_stretch(signals: Mapping[str, Signal], log_map: LogMap, verdict: Ver
         return all(own.get(law, 0.0) <= most for law in laws)
 
     good = np.array([holds(k) for k in starts])
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], good, [False]]).astype(int))).reshape(-1, 2)
+    edges = stretches(good)
     if not len(edges) or good.all():
         return None
     first, after = edges[np.argmax(edges[:, 1] - edges[:, 0])]

@@ -8,6 +8,7 @@ import numpy as np
 
 from np_drake.logs.checks import LEAST_ROWS
 from np_drake.logs.formats.format import Recording, Stream
+from np_drake.logs.windows import stretches
 
 LEAST_STEP = 5  # samples by which a clock is set back; fewer are late messages; own choice
 MOST_STEPS = 20  # in one recording; more are rows out of order; own choice
@@ -168,8 +169,7 @@ def _merged(stream: Stream) -> Iterator[tuple[float, float]]:
         return
     mean = np.convolve(interval, np.ones(AROUND) / AROUND, mode="same")
     usual = float(np.percentile(mean, SPARSE))
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], mean < CLOSER * usual, [False]]).astype(int)))
-    for start, stop in edges.reshape(-1, 2):
+    for start, stop in stretches(mean < CLOSER * usual):
         if not AROUND <= stop - start < LONGEST * len(interval):
             continue
         close = np.arange(max(start - AROUND, 0), min(stop + AROUND, len(interval)))

@@ -9,7 +9,7 @@ from np_drake.flight_log import FlightLog
 from np_drake.logs.checks import LEAST_ROWS
 from np_drake.logs.errors import LogError
 from np_drake.logs.gaps import LONGEST as LONGEST_GAP
-from np_drake.logs.importing.airborne import airborne, require_a_step, require_ranges, standing
+from np_drake.logs.importing.airborne import require_ranges, standing
 from np_drake.logs.importing.alignment import COMMANDS, Aligned, align, command_meaning
 from np_drake.logs.importing.conventions import Verdict
 from np_drake.logs.importing.convert import convert_quantity
@@ -36,7 +36,7 @@ Signals = Mapping[str, Signal]
 class Part:
     """What was made of one part.
 
-    carried: whether the vehicle flies at all.   rows: between take-off and landing.   ground: (n,) bool, on the ground.
+    carried: whether the vehicle flies at all.   ground: (n,) bool, on the ground.
     timing: deviation of the time at which a row's command acts [s].   said: one line each.   derived: what was
         integrated because the log lacks it, one line each.
     """
@@ -45,7 +45,6 @@ class Part:
     verdict: Verdict
     aligned: Aligned
     carried: bool
-    rows: slice
     ground: np.ndarray
     flights: tuple[FlightLog, ...]
     timing: float
@@ -53,7 +52,9 @@ class Part:
     derived: tuple[str, ...] = ()
 
 
-def import_part(signals: Signals, log_map: LogMap, verdict: Verdict, path: str, *, origin: float) -> Part:
+def import_part(
+    signals: Signals, log_map: LogMap, verdict: Verdict, path: str, *, origin: float, usual: float = 0.0
+) -> Part:
     """Return the flights of one part, in SI units and our frames.
 
     Args:
@@ -62,14 +63,13 @@ def import_part(signals: Signals, log_map: LogMap, verdict: Verdict, path: str, 
         verdict: on these.
         path: of the log, for messages.
         origin: first time of the log [s].
-    Raises: LogError: if its signals do not overlap, come at no rate of a flight log, are in another unit, or are those
-    of a wreck.
+        usual: lift in the flights of the longest part, as of `lift_of`; 0: not known.
+    Raises: LogError: if its signals do not overlap, are in another unit, or are those of a wreck.
     """
     carried = flies(signals, log_map)
     signals, log_map, lacks, derived = with_whole_motion(signals, log_map)
     aligned = align(signals, log_map, path)
-    require_a_step(aligned.t, path)
-    rows, ground = slice(0, len(aligned.t)), np.zeros(len(aligned.t), bool)
+    ground = np.zeros(len(aligned.t), bool)
     said: list[str] = []
     if carried:
         require_ranges(aligned.values, log_map, path)
@@ -82,14 +82,13 @@ def import_part(signals: Signals, log_map: LogMap, verdict: Verdict, path: str, 
         if end < len(aligned.t):
             why = "the vehicle crashes" if crash <= fall else "the rotors carry it no longer though they run"
             said.append(f"fits until {aligned.t[end - 1] - origin:.1f} s, where {why}; the rest is left out")
-        where = aligned.t[:end], x["position"][:end], None if lift is None else lift[:end]
-        rows = airborne(*where)
-        ground[:end] = standing(*where)
+        aligned = aligned.until(end)
+        ground = standing(aligned.t, aligned.values["position"], lift[:end], usual)
     names = [n for n in ("rotor_speed", "throttle") if n in signals and is_collective(n, signals[n], log_map)]
-    flights = _flights(_with_collective(aligned, names, log_map), rows, ground, log_map)
+    flights = _flights(_with_collective(aligned, names, log_map), ground, log_map)
     flights = [dc.replace(flight, lacks=lacks, notes=[*flight.notes, *derived]) for flight in flights]
     timing = _timing(signals, log_map)
-    return Part(signals, verdict, aligned, carried, rows, ground, tuple(flights), timing, tuple(said), tuple(derived))
+    return Part(signals, verdict, aligned, carried, ground, tuple(flights), timing, tuple(said), tuple(derived))
 
 
 def flies(signals: Signals, log_map: LogMap) -> bool:
@@ -111,14 +110,11 @@ def flies(signals: Signals, log_map: LogMap) -> bool:
     return True
 
 
-def lift_of(values: Mapping[str, np.ndarray]) -> np.ndarray | None:
-    """Return what stands for the lift of the rotors (n,), in any unit; None where nothing does."""
+def lift_of(values: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Return what stands for the lift of the rotors (n,), in any unit."""
     if "rotor_speed" in values:
         return np.sum(values["rotor_speed"] ** 2, axis=1)
-    for name in ("thrust", "throttle"):
-        if name in values:
-            return values[name].mean(axis=1)
-    return None
+    return values["thrust" if "thrust" in values else "throttle"].mean(axis=1)
 
 
 def _with_collective(aligned: Aligned, names: Sequence[str], log_map: LogMap) -> Aligned:
@@ -133,12 +129,9 @@ def _with_collective(aligned: Aligned, names: Sequence[str], log_map: LogMap) ->
     return dc.replace(aligned, values=values)
 
 
-def _flights(aligned: Aligned, rows: slice, ground: np.ndarray, log_map: LogMap) -> list[FlightLog]:
-    """Return the flights between take-off and landing, split at long gaps; rows in gaps, on `ground`, are left out."""
-    keep = np.zeros(len(aligned.t), bool)
-    keep[rows] = True
-    keep &= ~aligned.filled & ~ground
-    chosen = np.flatnonzero(keep)
+def _flights(aligned: Aligned, ground: np.ndarray, log_map: LogMap) -> list[FlightLog]:
+    """Return the flights, split at long gaps; rows in gaps and on the `ground` are left out."""
+    chosen = np.flatnonzero(~aligned.filled & ~ground)
     if not len(chosen):
         return []
     breaks = np.flatnonzero(np.diff(aligned.t[chosen]) > LONGEST_GAP + 1e-9) + 1

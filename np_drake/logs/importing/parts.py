@@ -4,11 +4,10 @@ import numpy as np
 
 from np_drake.logs.errors import LogError
 from np_drake.logs.importing.agreement import agreed, fitting_stretch
-from np_drake.logs.importing.airborne import RUNNING
+from np_drake.logs.importing.airborne import usual_lift
 from np_drake.logs.importing.breaks import Signals
 from np_drake.logs.importing.consistency import WINDOW
 from np_drake.logs.importing.conventions import DOUBTED, Change, Verdict, WrongConventions
-from np_drake.logs.importing.crash import lies_below
 from np_drake.logs.importing.log_map import LogMap
 from np_drake.logs.importing.part import Part, flies, import_part, lift_of
 
@@ -32,6 +31,7 @@ def imported_parts(
     done: dict[int, Part] = {}
     said: list[str] = []
     failure: LogError | None = None
+    usual = 0.0
     for k in by_length:
         span = f"the part from {parts[k]['attitude'].t[0] - origin:.2f} s on"
         if done and not moving[k]:
@@ -39,8 +39,12 @@ def imported_parts(
             continue
         try:
             log_map, found, told = _fitting(parts[k], log_map, path, origin, clock=clock, adopt=adopt and not done)
-            done[k] = import_part(*found, path, origin=origin)
-            said += [*told, *done[k].said]
+            made = import_part(*found, path, origin=origin, usual=usual)
+            if done and not made.flights:
+                said.append(f"{span} holds no flight; left out")
+                continue
+            usual = usual or (usual_lift(lift_of(made.aligned.values)) if made.carried else 0.0)
+            done[k], said = made, [*said, *told, *made.said]
         except LogError as error:
             fits_other = isinstance(error, WrongConventions) and bool(error.verdict.changes)
             if len(parts) == 1 or (fits_other and not done):
@@ -52,26 +56,12 @@ def imported_parts(
             said.append(f"{span} {wrong}; left out")
     if failure is not None and not done:
         raise failure
-    for k in by_length[1:]:
-        others = [part for n, part in done.items() if n != k]
-        if k in done and others and _lies(done[k], others):
-            said.append(f"from {parts[k]['attitude'].t[0] - origin:.2f} s on the vehicle lies on the ground; left out")
-            del done[k]
     if max(done) < len(parts) - 1 and not any(line.startswith("fits ") for line in said):
         end = done[max(done)].aligned.t[-1] - origin
         said.append(f"fits until {end:.1f} s; what follows is left out")
     if not moving[by_length[0]]:
         said.insert(0, "no flight: position stays, or the rotors stand; nothing can be identified")
     return log_map, [done[k] for k in sorted(done)], said
-
-
-def _lies(part: Part, others: list[Part]) -> bool:
-    """Return whether the vehicle lies on the ground, below the flights of other parts and with rotors that idle."""
-    lift, flown = lift_of(part.aligned.values), [lift_of(other.aligned.values) for other in others]
-    known = [own for own in flown if own is not None]
-    if lift is None or not known or np.median(lift) > RUNNING * np.median(np.concatenate(known)):
-        return False
-    return lies_below(part.aligned.values["position"], np.concatenate([o.aligned.values["position"] for o in others]))
 
 
 def _fitting(

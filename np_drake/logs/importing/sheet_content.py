@@ -106,7 +106,7 @@ def _why(laws: Sequence[str]) -> str:
 
 
 def _gaps_text(parts: Sequence[Part], flights: Sequence[FlightLog]) -> str:
-    filled = sum(int(part.aligned.filled[part.rows].sum()) for part in parts)
+    filled = sum(int((part.aligned.filled & ~part.ground).sum()) for part in parts)
     inside = [np.diff(log.t).max() for log in flights]
     text = "none" if not filled and len(flights) == 1 and max(inside) < 2.5 * flights[0].step else ""
     if not text:
@@ -120,7 +120,7 @@ def _gaps_text(parts: Sequence[Part], flights: Sequence[FlightLog]) -> str:
 def ground_notes(part: Part) -> list[str]:
     """Return one line on the time on the ground that is left out of a part, or none."""
     t, ground = part.aligned.t, part.ground
-    air = np.flatnonzero(~ground[part.rows]) + part.rows.start
+    air = np.flatnonzero(~ground)
     if not len(air):
         return []
     between = float(ground[air[0] : air[-1]].sum() * np.median(np.diff(t)))

@@ -5,6 +5,7 @@ import dataclasses as dc
 import numpy as np
 
 from np_drake.logs.importing.interpolation import REPEATED, Signal
+from np_drake.logs.windows import stretches
 
 LONGEST_ZERO = 0.1  # time for which a rotor that turns before and after cannot have stood [s]; own choice
 FINE = 0.75  # tick over the usual interval above which it is that interval [1]; own choice
@@ -20,9 +21,8 @@ def without_zeros(own: Signal) -> tuple[Signal, int]:
     """
     values, count = own.values.copy(), 0
     for column in values.T:
-        edges = np.flatnonzero(np.diff(np.concatenate([[False], column == 0, [False]]).astype(int)))
         bad = np.zeros(len(column), bool)
-        for start, stop in edges.reshape(-1, 2):
+        for start, stop in stretches(column == 0):
             inside = start > 0 and stop < len(column)
             bad[start:stop] = inside and own.t[min(stop, len(own.t) - 1)] - own.t[start - 1] <= max(
                 LONGEST_ZERO, 2.5 * own.step
