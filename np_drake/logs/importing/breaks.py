@@ -80,9 +80,9 @@ def split(
     edges = [-np.inf, *(edge for b in breaks for edge in (b.before, b.after)), np.inf]
     parts, kept = [], []
     for start, stop in zip(edges[::2], edges[1::2], strict=True):
-        part = {name: own for name, s in signals.items() if (own := _between(s, start, stop, name)) is not None}
-        kept.append(all(name in part for name in signals if name not in OPTIONAL))
-        parts += [part] if kept[-1] else []
+        part, lacking = within(signals, start, stop)
+        kept.append(not lacking)
+        parts += [] if lacking else [part]
     said = []
     for b, before, after in zip(breaks, kept[:-1], kept[1:], strict=True):
         what = "split there" if before and after else f"what comes {'after' if before else 'before'} it is left out"
@@ -92,9 +92,18 @@ def split(
     return parts, said
 
 
-def _between(own: Signal, start: float, stop: float, name: str) -> Signal | None:
-    inside = own.between(start, stop)
-    return inside if inside is not None and len(inside.t) >= (2 if name in OPTIONAL else LEAST_ROWS) else None
+def within(signals: Mapping[str, Signal], start: float, stop: float) -> tuple[Signals, str]:
+    """Return the signals between two times [s], and which of those that are needed has too few samples; empty: none.
+
+    Args:
+        signals: as logged, by quantity.
+        start: first time.
+        stop: last time.
+    """
+    part = {name: own.between(start, stop) for name, own in signals.items()}
+    short = [n for n, own in part.items() if len(own.t) < (2 if n in OPTIONAL else LEAST_ROWS)]
+    lacking = next((f"{name} has {len(part[name].t)}" for name in short if name not in OPTIONAL), "")
+    return {name: own for name, own in part.items() if name not in short}, lacking
 
 
 def _pauses(own: Signal) -> list[Break]:

@@ -14,7 +14,7 @@ from np_drake.logs.formats.format import Contents, Format, Motors, Progress, Rec
 from np_drake.logs.formats.library import format_of
 from np_drake.logs.import_sheet import Sheet, read_sheet
 from np_drake.logs.importing.airborne import require_a_flight
-from np_drake.logs.importing.breaks import Signals, find_breaks, split
+from np_drake.logs.importing.breaks import Signals, find_breaks, split, within
 from np_drake.logs.importing.clock_parts import clock_parts
 from np_drake.logs.importing.conventions import Change, fitting_time_unit
 from np_drake.logs.importing.inputs import usable_inputs
@@ -23,7 +23,7 @@ from np_drake.logs.importing.log_map import UNITS, LogMap, MapFile
 from np_drake.logs.importing.output_unit import in_the_likely_unit
 from np_drake.logs.importing.parts import imported_parts
 from np_drake.logs.importing.sheet_content import sheet_content
-from np_drake.logs.importing.signals import OPTIONAL, gather, with_map_time
+from np_drake.logs.importing.signals import gather, with_map_time
 from np_drake.logs.importing.stated_units import require_stated_units
 
 SHORTEST = 1.0  # log whose unit of time is found by its rate alone [s]; own choice
@@ -142,7 +142,6 @@ def _parts(
     recordings, said = clock_parts(with_map_time(recording, log_map))
     parts: list[Signals] = []
     notes: list[str] = []
-    short: list[str] = []
     failure: LogError | None = None
     clock: Change = ()
     origin, elapsed = 0.0, 0.0
@@ -157,39 +156,20 @@ def _parts(
         signals, clock = _on_a_likely_clock(signals, log_map, path)
         begun, ended = float(signals["attitude"].t[0]), float(signals["attitude"].t[-1])
         origin = begun if number == 0 else origin
-        signals, lacking = _cut(signals, log_map, begun - elapsed)
-        elapsed += ended - begun
+        first, elapsed = begun - elapsed, elapsed + ended - begun
+        start, stop = first + log_map.start if log_map.start else -np.inf, first + (log_map.stop or np.inf)
+        signals, lacking = within(signals, start, stop)
         if lacking:
-            short.append(lacking)
+            failure = failure or LogError(f"{path}: start and stop must leave samples; {lacking} in them.")
             continue
         signals, slow = usable_inputs(signals, log_map)
         pieces, broken = split(signals, find_breaks(signals, log_map, recording.breaks), origin)
         parts += pieces
         notes += [note for note in own if note not in notes]
         said += [line for line in (*slow, *broken) if line not in said]
-    if not parts and failure is not None:
-        raise failure
-    if not parts and short:
-        raise LogError(f"{path}: start and stop must leave samples; {short[0]} in them.")
     if not parts:
-        raise LogError(f"{path}: must hold a flight; no part has {LEAST_ROWS} samples of every signal.")
+        raise failure or LogError(f"{path}: must hold a flight; no part has {LEAST_ROWS} samples of every signal.")
     return parts, clock, said, notes, origin
-
-
-def _cut(signals: dict[str, Signal], log_map: LogMap, first: float) -> tuple[dict[str, Signal], str]:
-    """Return the signals between the map's start and stop, counted from `first` [s], and which has too few samples."""
-    if not log_map.start and not log_map.stop:
-        return signals, ""
-    start, stop = first + log_map.start, first + log_map.stop if log_map.stop else np.inf
-    out = {}
-    for name, own in signals.items():
-        inside = own.between(start, stop)
-        count = 0 if inside is None else len(inside.t)
-        if inside is not None and count >= (2 if name in OPTIONAL else LEAST_ROWS):
-            out[name] = inside
-        elif name not in OPTIONAL:
-            return {}, f"{name} has {count}"
-    return out, ""
 
 
 def _on_a_likely_clock(signals: dict[str, Signal], log_map: LogMap, path: str) -> tuple[dict[str, Signal], Change]:

@@ -5,7 +5,7 @@ import numpy as np
 from np_drake.logs.errors import LogError
 from np_drake.logs.importing.agreement import agreed, fitting_stretch
 from np_drake.logs.importing.airborne import usual_lift
-from np_drake.logs.importing.breaks import Signals
+from np_drake.logs.importing.breaks import Signals, within
 from np_drake.logs.importing.consistency import WINDOW
 from np_drake.logs.importing.conventions import DOUBTED, Change, Verdict, WrongConventions
 from np_drake.logs.importing.log_map import LogMap
@@ -85,6 +85,6 @@ def _fitting(
     whole = ", ".join(verdict.failed[:3]) or "its quantities"
     since = f"from {start - origin:.1f} " if begun else ""
     text = f"fits {since}until {stop - origin:.1f} s; beyond, {whole} do not agree"
-    part = {n: own for n, s in signals.items() if (own := s.between(start, stop)) is not None}
+    part, _ = within(signals, start, stop)
     agreeing, verdict = agreed(part, log_map, path, clock=clock, carried=True, adopt=adopt)
     return agreeing, (part, agreeing, verdict), [f"{text}: left out"]
