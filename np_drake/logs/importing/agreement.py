@@ -10,7 +10,7 @@ from np_drake.logs.importing.alignment import common_rows
 from np_drake.logs.importing.consistency import FAILS, SCALE, WINDOW, misfits, never_tilts
 from np_drake.logs.importing.conventions import Change, Verdict, WrongConventions, as_text, changed, check_conventions
 from np_drake.logs.importing.convert import convert
-from np_drake.logs.importing.interpolation import Signal
+from np_drake.logs.importing.interpolation import Signals
 from np_drake.logs.importing.log_map import LogMap
 from np_drake.logs.windows import stretches
 
@@ -22,7 +22,7 @@ SHORTEST_STRETCH = 3.0  # that is taken of a part that does not fit as a whole [
 ENDS_BADLY = 1.0  # misfit, that of no agreement, from which the end of a part is left out though the whole holds [1]
 
 
-def fitting_stretch(signals: Mapping[str, Signal], log_map: LogMap, verdict: Verdict) -> tuple[float, float] | None:
+def fitting_stretch(signals: Signals, log_map: LogMap, verdict: Verdict) -> tuple[float, float] | None:
     """Return the longest stretch in which the laws hold that fail in the whole [s]; None where there is none.
 
     A law must be tested there, not only be silent. Where the whole holds, the end alone is looked at: a short crash
@@ -62,12 +62,12 @@ def fitting_stretch(signals: Mapping[str, Signal], log_map: LogMap, verdict: Ver
     return (float(start), float(stop)) if own.holds and {law.split()[0] for law in verdict.failed} <= tested else None
 
 
-def _checked_rows(signals: Mapping[str, Signal]) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+def _checked_rows(signals: Signals) -> tuple[np.ndarray, dict[str, np.ndarray]]:
     return common_rows({n: s for n, s in signals.items() if n != "voltage"}, CHECK_RATE)
 
 
 def agreed(
-    signals: Mapping[str, Signal], log_map: LogMap, path: str, *, clock: Change, carried: bool, adopt: bool
+    signals: Signals, log_map: LogMap, path: str, *, clock: Change, carried: bool, adopt: bool
 ) -> tuple[LogMap, Verdict]:
     """Return the map whose conventions agree with the log, and the verdict on them.
 

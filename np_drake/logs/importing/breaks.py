@@ -1,14 +1,14 @@
 """Where a log breaks: its recorder pauses, its position or attitude jumps, or its format states a switch."""
 
 import dataclasses as dc
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
 from np_drake import attitude
 from np_drake.logs.checks import LEAST_ROWS
 from np_drake.logs.importing.convert import convert_quantity
-from np_drake.logs.importing.interpolation import Signal
+from np_drake.logs.importing.interpolation import Signal, Signals
 from np_drake.logs.importing.log_map import UNITS, LogMap
 from np_drake.logs.importing.signals import OPTIONAL, STATE
 
@@ -26,7 +26,6 @@ STATED = 0.3  # share of both that is enough where the log itself states a reset
 AROUND = 8  # intervals before and after a jump with which it is compared [1]
 MOST_SAID = 5  # breaks that are named one by one
 LASTS = 3  # samples after which a jump is still there, and no single bad sample [1]
-Signals = dict[str, Signal]
 
 
 @dc.dataclass(frozen=True)
@@ -38,7 +37,7 @@ class Break:
     reason: str
 
 
-def find_breaks(signals: Mapping[str, Signal], log_map: LogMap, stated: Sequence[tuple[float, str]]) -> list[Break]:
+def find_breaks(signals: Signals, log_map: LogMap, stated: Sequence[tuple[float, str]]) -> list[Break]:
     """Return where the log breaks, in time.
 
     Args:
@@ -65,9 +64,7 @@ def find_breaks(signals: Mapping[str, Signal], log_map: LogMap, stated: Sequence
     return _joined(found)
 
 
-def split(
-    signals: Mapping[str, Signal], breaks: Sequence[Break], origin: float = 0.0
-) -> tuple[list[Signals], list[str]]:
+def split(signals: Signals, breaks: Sequence[Break], origin: float = 0.0) -> tuple[list[Signals], list[str]]:
     """Return the signals of every part, and one line on every break and on every part that is left out.
 
     Args:
@@ -92,7 +89,7 @@ def split(
     return parts, said
 
 
-def within(signals: Mapping[str, Signal], start: float, stop: float) -> tuple[Signals, str]:
+def within(signals: Signals, start: float, stop: float) -> tuple[Signals, str]:
     """Return the signals between two times [s], and which of those that are needed has too few samples; empty: none.
 
     Args:

@@ -14,17 +14,16 @@ from np_drake.logs.formats.format import Contents, Format, Motors, Progress, Rec
 from np_drake.logs.formats.library import format_of
 from np_drake.logs.import_sheet import Sheet, read_sheet
 from np_drake.logs.importing.airborne import require_a_flight
-from np_drake.logs.importing.breaks import Signals, find_breaks, split, within
+from np_drake.logs.importing.breaks import find_breaks, split, within
 from np_drake.logs.importing.clock_parts import clock_parts
 from np_drake.logs.importing.conventions import Change, fitting_time_unit
-from np_drake.logs.importing.inputs import usable_inputs
-from np_drake.logs.importing.interpolation import Signal
+from np_drake.logs.importing.interpolation import Signals
 from np_drake.logs.importing.log_map import UNITS, LogMap, MapFile
 from np_drake.logs.importing.output_unit import in_the_likely_unit
 from np_drake.logs.importing.parts import imported_parts
 from np_drake.logs.importing.sheet_content import sheet_content
-from np_drake.logs.importing.signals import gather, with_map_time
-from np_drake.logs.importing.stated_units import require_stated_units
+from np_drake.logs.importing.signals import gather, require_stated_units, with_map_time
+from np_drake.logs.importing.telemetry import usable_inputs
 
 SHORTEST = 1.0  # log whose unit of time is found by its rate alone [s]; own choice
 ENDINGS = re.compile(r"(\.(csv|tsv|txt|parquet|ulg|bin|log|mcap|db3|bag))?(\.gz)?$", re.IGNORECASE)
@@ -172,7 +171,7 @@ def _parts(
     return parts, clock, said, notes, origin
 
 
-def _on_a_likely_clock(signals: dict[str, Signal], log_map: LogMap, path: str) -> tuple[dict[str, Signal], Change]:
+def _on_a_likely_clock(signals: Signals, log_map: LogMap, path: str) -> tuple[Signals, Change]:
     """Return the signals with times in a unit that gives a rate of flight logs, and the change that is; empty: none.
 
     Raises: LogError: if the log would be too short in that unit to be a flight: its rows are slow, not its clock.

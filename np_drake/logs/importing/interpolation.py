@@ -1,6 +1,7 @@
 """Signal of a log, and its values at other times: states are integrated, readings averaged, commands held."""
 
 import dataclasses as dc
+from collections.abc import Mapping
 from functools import cached_property
 
 import numpy as np
@@ -150,3 +151,6 @@ class Signal:
     def _share(self, i: np.ndarray, at: np.ndarray) -> np.ndarray:
         """Return the share of intervals i (m,) that has passed, (m, 1) [1]."""
         return np.clip((at - self.t[i]) / (self.t[i + 1] - self.t[i]), 0.0, 1.0)[:, None]
+
+
+Signals = Mapping[str, Signal]  # by quantity

@@ -7,7 +7,7 @@ import numpy as np
 
 from np_drake.flight_log import FlightLog
 from np_drake.logs.errors import LogError
-from np_drake.logs.importing.breaks import Signals
+from np_drake.logs.importing.interpolation import Signals
 from np_drake.logs.importing.log_map import LogMap, Source
 from np_drake.logs.importing.part import Part
 from np_drake.logs.throttle_input import lift_fit

@@ -1,7 +1,7 @@
 """One part of a log, between its breaks: conventions, the stretch that fits them, rows, and the flights in it."""
 
 import dataclasses as dc
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -10,14 +10,13 @@ from np_drake.logs.checks import LEAST_ROWS
 from np_drake.logs.errors import LogError
 from np_drake.logs.gaps import LONGEST as LONGEST_GAP
 from np_drake.logs.importing.airborne import require_ranges, standing
-from np_drake.logs.importing.alignment import COMMANDS, Aligned, align, command_meaning
+from np_drake.logs.importing.alignment import COMMANDS, Aligned, align, command_meaning, with_whole_motion
 from np_drake.logs.importing.conventions import Verdict
 from np_drake.logs.importing.convert import convert_quantity
 from np_drake.logs.importing.crash import before_the_crash, before_the_fall
-from np_drake.logs.importing.dead_reckoning import with_whole_motion
-from np_drake.logs.importing.inputs import collective, is_collective
-from np_drake.logs.importing.interpolation import FASTER, Signal
+from np_drake.logs.importing.interpolation import FASTER, Signals
 from np_drake.logs.importing.log_map import LogMap
+from np_drake.logs.importing.telemetry import collective, is_slow
 
 # Below which rotors stand [rad/s, N, 1]; own choice.
 IDLE = {"rotor_speed": 10.0, "thrust": 0.0, "throttle": 0.05}
@@ -29,7 +28,6 @@ UNCERTAIN = {  # deviation of the time at which a row's command acts, over the i
     "unknown": 0.5,  # an interval early or late
 }
 TICK = 12**-0.5  # deviation of a time that is rounded, over the tick [1]
-Signals = Mapping[str, Signal]
 
 
 @dc.dataclass(frozen=True)
@@ -84,8 +82,7 @@ def import_part(
             said.append(f"fits until {aligned.t[end - 1] - origin:.1f} s, where {why}; the rest is left out")
         aligned = aligned.until(end)
         ground = standing(aligned.t, aligned.values["position"], lift[:end], usual)
-    names = [n for n in ("rotor_speed", "throttle") if n in signals and is_collective(n, signals[n], log_map)]
-    flights = _flights(_with_collective(aligned, names, log_map), ground, log_map)
+    flights = _flights(_with_collective(aligned, signals, log_map), ground, log_map)
     flights = [dc.replace(flight, lacks=lacks, notes=[*flight.notes, *derived]) for flight in flights]
     timing = _timing(signals, log_map)
     return Part(signals, verdict, aligned, carried, ground, tuple(flights), timing, tuple(said), tuple(derived))
@@ -117,10 +114,13 @@ def lift_of(values: Mapping[str, np.ndarray]) -> np.ndarray:
     return values["thrust" if "thrust" in values else "throttle"].mean(axis=1)
 
 
-def _with_collective(aligned: Aligned, names: Sequence[str], log_map: LogMap) -> Aligned:
-    """Return the rows with the collective of the rotors as throttle, in place of the named inputs."""
+def _with_collective(aligned: Aligned, signals: Signals, log_map: LogMap) -> Aligned:
+    """Return the rows with the collective of the rotors as throttle where they are more than four, or logged slowly."""
     values = dict(aligned.values)
-    for name in names:
+    for name in (n for n in ("rotor_speed", "throttle") if n in values):
+        count = values[name].shape[1]
+        if count == 1 or (count == 4 and not is_slow(name, signals[name], log_map)):
+            continue
         one = collective(values.pop(name))
         if name == "rotor_speed":  # of no scale, as a throttle is
             one = one / max(float(np.percentile(one, 99)), 1e-9)
@@ -169,7 +169,7 @@ def _flight(aligned: Aligned, rows: np.ndarray, log_map: LogMap) -> FlightLog:
     )
 
 
-def _timing(signals: Mapping[str, Signal], log_map: LogMap) -> float:
+def _timing(signals: Signals, log_map: LogMap) -> float:
     """Return the deviation of the time at which a row's command acts [s]; 0 without a command."""
     commands = [signals[name] for name in COMMANDS if name in signals]
     step = max((own.step for own in commands), default=0.0)

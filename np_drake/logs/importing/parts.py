@@ -5,9 +5,10 @@ import numpy as np
 from np_drake.logs.errors import LogError
 from np_drake.logs.importing.agreement import agreed, fitting_stretch
 from np_drake.logs.importing.airborne import usual_lift
-from np_drake.logs.importing.breaks import Signals, within
+from np_drake.logs.importing.breaks import within
 from np_drake.logs.importing.consistency import WINDOW
 from np_drake.logs.importing.conventions import DOUBTED, Change, Verdict, WrongConventions
+from np_drake.logs.importing.interpolation import Signals
 from np_drake.logs.importing.log_map import LogMap
 from np_drake.logs.importing.part import Part, flies, import_part, lift_of
 

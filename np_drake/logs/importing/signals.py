@@ -5,7 +5,7 @@ import dataclasses as dc
 import numpy as np
 
 from np_drake.logs.checks import LARGEST, LEAST_ROWS
-from np_drake.logs.errors import LogError
+from np_drake.logs.errors import LogError, place
 from np_drake.logs.formats.format import Recording, Stream, find_column
 from np_drake.logs.importing.interpolation import Signal
 from np_drake.logs.importing.log_map import UNITS, LogMap, Source
@@ -131,3 +131,25 @@ def with_map_time(recording: Recording, log_map: LogMap) -> Recording:
                 "time: {columns: [NAME], unit: s}."
             )
     return dc.replace(recording, streams=streams)
+
+
+def require_stated_units(recording: Recording, log_map: LogMap) -> None:
+    """Check that the map's units are those that the file states, where it states one of that quantity.
+
+    Args:
+        recording: of the file.
+        log_map: with the columns and their units.
+    Raises: LogError: at the first column whose unit is another.
+    """
+    for name, source in log_map.sources():
+        declared = source.unit or next(iter(UNITS[name]))
+        for column in source.columns:
+            _, own = find_column(recording.contents, column, recording.path)
+            stated = recording.units.get(own, declared)
+            # A scale may be that of the unit, or a gain in the unit that the file states.
+            factors = np.multiply(UNITS[name][declared], [1.0, abs(source.scale)])
+            if stated in UNITS[name] and not np.isclose(UNITS[name][stated], factors).any():
+                raise LogError(
+                    f"{place(recording.path, column=own)}: is in {stated} by the file, in {declared} by the map; "
+                    f"write {name}: {{unit: {stated}}}, without a scale, in the map."
+                )
