@@ -3,7 +3,7 @@
 import numpy as np
 
 from np_drake.logs.errors import LogError
-from np_drake.logs.importing.agreement import agreed, fitting_stretch
+from np_drake.logs.importing.agreement import agreed, fitting_stretch, judged
 from np_drake.logs.importing.airborne import usual_lift
 from np_drake.logs.importing.breaks import within
 from np_drake.logs.importing.consistency import WINDOW
@@ -69,23 +69,18 @@ def _fitting(
     signals: Signals, log_map: LogMap, path: str, origin: float, *, clock: Change, adopt: bool
 ) -> tuple[LogMap, tuple[Signals, LogMap, Verdict], list[str]]:
     """Return the map, what of a part agrees with it, with the verdict, and a line where that is not all of it."""
-    carried = flies(signals, log_map)
-    failure: WrongConventions | None = None
-    try:
-        agreeing, verdict = agreed(signals, log_map, path, clock=clock, carried=carried, adopt=adopt)
-    except WrongConventions as error:
-        verdict, agreeing, failure = error.verdict, log_map, error
-    disturbed = any(misfit > DOUBTED for misfit in verdict.misfits.values())
-    stretch = fitting_stretch(signals, agreeing, verdict) if carried and disturbed and not verdict.changes else None
-    if stretch is None:
-        if failure is not None:
-            raise failure
-        return agreeing, (signals, agreeing, verdict), []
-    start, stop = stretch
-    begun = start > signals["attitude"].t[0] + WINDOW
-    whole = ", ".join(verdict.failed[:3]) or "its quantities"
-    since = f"from {start - origin:.1f} " if begun else ""
-    text = f"fits {since}until {stop - origin:.1f} s; beyond, {whole} do not agree"
-    part, _ = within(signals, start, stop)
-    agreeing, verdict = agreed(part, log_map, path, clock=clock, carried=True, adopt=adopt)
-    return agreeing, (part, agreeing, verdict), [f"{text}: left out"]
+    verdict = judged(signals, log_map, path) if flies(signals, log_map) else Verdict({}, ())
+    disturbed = any(misfit > DOUBTED for misfit in verdict.misfits.values()) and not verdict.changes
+    said: list[str] = []
+    if stretch := fitting_stretch(signals, log_map, verdict) if disturbed else None:
+        start, stop = stretch
+        part, _ = within(signals, start, stop)
+        own = judged(part, log_map, path)
+        kinds, tested = ({law.split()[0] for law in laws} for laws in (verdict.failed, own.misfits))
+        if own.holds and kinds <= tested:
+            since = f"from {start - origin:.1f} " if start > signals["attitude"].t[0] + WINDOW else ""
+            whole = ", ".join(verdict.failed[:3]) or "its quantities"
+            said = [f"fits {since}until {stop - origin:.1f} s; beyond, {whole} do not agree: left out"]
+            signals, verdict = part, own
+    log_map, verdict = agreed(verdict, signals, log_map, path, clock=clock, adopt=adopt)
+    return log_map, (signals, log_map, verdict), said
