@@ -37,15 +37,18 @@ class Break:
     reason: str
 
 
-def find_breaks(signals: Signals, log_map: LogMap, stated: Sequence[tuple[float, str]]) -> list[Break]:
+def find_breaks(
+    signals: Signals, log_map: LogMap, stated: Sequence[tuple[float, str]], known: Sequence[Break] = ()
+) -> list[Break]:
     """Return where the log breaks, in time.
 
     Args:
         signals: as logged, by quantity.
         log_map: with their conventions.
         stated: time [s] and reason of the breaks that the format states; a reason that ends in `?` is one if it shows.
+        known: others of the same log.
     """
-    found: list[Break] = []
+    found = list(known)
     place = next(signals[name] for name in ("position", "velocity", "acceleration") if name in signals)
     turn = signals["attitude"]
     q = convert_quantity("attitude", turn.values, log_map)

@@ -34,7 +34,8 @@ def test_a_clock_that_is_set_back_in_a_sorted_file_makes_two_flights(flown, auto
     pulses = 1000.0 + 1000.0 * autopilots.throttle(flown)
     found = import_ardupilot(pulses, change=lambda s: delayed(s, 5.0, -back))
     assert spans(found) == pytest.approx([4.0 - back, 4.0 - back], abs=0.05)
-    assert any(line.startswith("the clock is set back at 5") for line in found.said)
+    (line,) = (line for line in found.said if "rows of two times stand side by side" in line)
+    assert float(line.split(" at ")[1].split()[0]) == pytest.approx(4.0 - back, abs=0.05)
 
 
 @pytest.mark.parametrize("back", [0.5, 4.5])
