@@ -137,11 +137,12 @@ def _jumps(t: np.ndarray, change: np.ndarray, name: str, asked: Sequence[tuple[f
 
 
 def _joined(found: Sequence[Break]) -> list[Break]:
-    """Return the breaks in time, those that overlap as one, with the reason of the first."""
+    """Return the breaks in time, those that overlap as one, with the first reason that is more than a pause."""
     out: list[Break] = []
     for b in sorted(found, key=lambda b: b.before):
         if out and b.before < out[-1].after:
-            out[-1] = dc.replace(out[-1], after=max(b.after, out[-1].after))
+            reason = min(out[-1].reason, b.reason, key=lambda reason: reason.startswith("a pause"))
+            out[-1] = Break(out[-1].before, max(b.after, out[-1].after), reason)
         else:
             out.append(b)
     return out

@@ -138,10 +138,11 @@ def _parts_in_order(recording: Recording, said: list[str]) -> list[Recording]:
     return parts
 
 
-def merged_rows(recording: Recording) -> list[Break]:
-    """Return where rows of two times are merged, as where a clock is set back in a file that is sorted by time.
+def without_merged_rows(recording: Recording) -> tuple[Recording, list[Break]]:
+    """Return a recording without rows of two times that are merged, and where it breaks for that.
 
-    There samples are twice as dense as elsewhere, and alternate between two tracks.
+    They are where a clock is set back in a file that is sorted by time: samples are twice as dense as elsewhere, and
+    alternate between two tracks.
     """
     found = []
     for stream in (s for s in recording.streams.values() if len(s) > 4 * AROUND and s.columns):
@@ -156,8 +157,12 @@ def merged_rows(recording: Recording) -> list[Break]:
             inside = [column[close[0] : close[-1] + 2] for column in stream.columns.values()]
             two_over_one = [np.abs(x[2:] - x[:-2]).sum() / np.abs(np.diff(x)).sum() for x in inside if np.ptp(x) > 0]
             if two_over_one and np.median(two_over_one) < ALTERNATE:
-                found.append(Break(float(t[close[0]]), float(t[close[-1] + 1]), MERGED))
-    return found
+                before, after = max(close[0] - 1, 0), min(close[-1] + 2, len(t) - 1)
+                found.append(Break(float(t[before]), float(t[after]), MERGED))
+    streams = dict(recording.streams)
+    for b in found:
+        streams = {n: _rows(s, (s.t <= b.before) | (s.t >= b.after)) for n, s in streams.items()}
+    return dc.replace(recording, streams=streams), found
 
 
 def _rows(stream: Stream, rows: slice | np.ndarray) -> Stream:

@@ -15,7 +15,7 @@ from np_drake.logs.formats.library import format_of
 from np_drake.logs.import_sheet import Sheet, read_sheet
 from np_drake.logs.importing.airborne import require_a_flight
 from np_drake.logs.importing.breaks import find_breaks, split, within
-from np_drake.logs.importing.clock_parts import clock_parts, merged_rows
+from np_drake.logs.importing.clock_parts import clock_parts, without_merged_rows
 from np_drake.logs.importing.conventions import Change, fitting_time_unit
 from np_drake.logs.importing.interpolation import Signals
 from np_drake.logs.importing.log_map import UNITS, LogMap, MapFile
@@ -145,6 +145,7 @@ def _parts(
     clock: Change = ()
     origin, elapsed = 0.0, 0.0
     for number, piece in enumerate(recordings):
+        piece, merged = without_merged_rows(piece)
         try:
             signals, own = gather(piece, log_map)
         except LogError as error:
@@ -162,7 +163,7 @@ def _parts(
             failure = failure or LogError(f"{path}: start and stop must leave samples; {lacking} in them.")
             continue
         signals, slow = usable_inputs(signals, log_map)
-        pieces, broken = split(signals, find_breaks(signals, log_map, recording.breaks, merged_rows(piece)), origin)
+        pieces, broken = split(signals, find_breaks(signals, log_map, recording.breaks, merged), origin)
         parts += pieces
         notes += [note for note in own if note not in notes]
         said += [line for line in (*slow, *broken) if line not in said]
