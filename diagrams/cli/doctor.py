@@ -81,14 +81,14 @@ def _opened(
 ) -> "tuple[list[FlightLog], dict[str, Any], list[Exception]]":
     """Return flights, by name the content of the sheets of those that were imported, and what could not be opened."""
     from np_drake.logs.errors import LogError
-    from np_drake.logs.opening import Opened, read_log, with_vehicle
+    from np_drake.logs.opening import Opened, read_as_logged, with_vehicle
 
     opened: list[Opened] = []
     failures: list[Exception] = []
     refused: list[LogError] = []
     for number, path in enumerate(paths):
         try:
-            opened.append(read_log(path, declared, repair=repair, on_progress=_part(tell, number, len(paths))))
+            opened.append(read_as_logged(path, declared, repair=repair, on_progress=_part(tell, number, len(paths))))
         except (LogError, OSError) as error:
             failures.append(error)
     opened = with_vehicle(opened, vehicle, refused)

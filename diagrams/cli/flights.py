@@ -59,7 +59,7 @@ def _scenario(path: Path) -> "FlightConfig":
 
 def _read(path: Path, *, repair: bool) -> opening.Opened | WrenchSequence:
     """Return a log as it is logged, or the wrenches of an array."""
-    return read_wrenches(path) if is_array(path) else opening.read_log(path, repair=repair)
+    return read_wrenches(path) if is_array(path) else opening.read_as_logged(path, repair=repair)
 
 
 def _of_log(found: opening.Opened, vehicle: Vehicle | None) -> list[Flight]:

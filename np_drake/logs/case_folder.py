@@ -5,7 +5,7 @@ from pathlib import Path
 
 from np_drake.flight_log import FlightLog
 from np_drake.logs.formats.log_file import SUFFIXES
-from np_drake.logs.opening import Opened, read_log, with_vehicle
+from np_drake.logs.opening import Opened, read_as_logged, with_vehicle
 from np_drake.vehicle import Vehicle, load_vehicle
 
 SHORTEST = 3.0  # part of a flight that can be diagnosed [s]
@@ -31,7 +31,7 @@ class CaseFiles:
             repair: mend a few bad rows instead of refusing them.
         Raises: LogError, OSError: one line, at the first file that is not usable.
         """
-        opened = with_vehicle([read_log(path, repair=repair) for path in (*self.train, *self.held_out)], vehicle)
+        opened = with_vehicle([read_as_logged(path, repair=repair) for path in (*self.train, *self.held_out)], vehicle)
         parts = [_parts(found) for found in opened]
         train, held_out = parts[: len(self.train)], parts[len(self.train) :]
         return [log for own in train for log in own], [log for own in held_out for log in own]

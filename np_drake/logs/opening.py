@@ -53,11 +53,11 @@ def open_flights(
         on_progress: called with the share that is read [1].
     Raises: LogError: one line with file, place and remedy; OSError: if it cannot be opened.
     """
-    (found,) = with_vehicle([read_log(path, map, repair=repair, on_progress=on_progress)], vehicle)
+    (found,) = with_vehicle([read_as_logged(path, map, repair=repair, on_progress=on_progress)], vehicle)
     return found.flights, found.sheet
 
 
-def read_log(
+def read_as_logged(
     path: str | Path, map: LogMap | MapFile | None = None, *, repair: bool = False, on_progress: Progress = no_progress
 ) -> Opened:
     """Return the flights of a log as they are logged, without a vehicle.

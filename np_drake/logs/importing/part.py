@@ -35,8 +35,7 @@ class Part:
     """What was made of one part.
 
     carried: whether the vehicle flies at all.   ground: (n,) bool, on the ground.
-    timing: deviation of the time at which a row's command acts [s].   said: one line each.   derived: what was
-        integrated because the log lacks it, one line each.
+    timing: deviation of the time at which a row's command acts [s].   said: one line each.
     """
 
     signals: Signals
@@ -47,7 +46,6 @@ class Part:
     flights: tuple[FlightLog, ...]
     timing: float
     said: tuple[str, ...]
-    derived: tuple[str, ...] = ()
 
 
 def import_part(
@@ -67,6 +65,7 @@ def import_part(
     carried = flies(signals, log_map)
     signals, log_map, lacks, derived = with_whole_motion(signals, log_map)
     aligned = align(signals, log_map, path)
+    aligned = dc.replace(aligned, notes=(*derived, *aligned.notes))
     ground = np.zeros(len(aligned.t), bool)
     said: list[str] = []
     if carried:
@@ -85,7 +84,7 @@ def import_part(
     flights = _flights(_with_collective(aligned, signals, log_map), ground, log_map)
     flights = [dc.replace(flight, lacks=lacks, notes=[*flight.notes, *derived]) for flight in flights]
     timing = _timing(signals, log_map)
-    return Part(signals, verdict, aligned, carried, ground, tuple(flights), timing, tuple(said), tuple(derived))
+    return Part(signals, verdict, aligned, carried, ground, tuple(flights), timing, tuple(said))
 
 
 def flies(signals: Signals, log_map: LogMap) -> bool:

@@ -50,10 +50,7 @@ def sheet_content(
         "input": flights[0].input,
         "command": log_map.command,
         "gaps": _gaps_text(parts, flights),
-        "notes": [
-            *notes,
-            *(note for part in parts for note in (*part.derived, *part.aligned.notes, *ground_notes(part))),
-        ],
+        "notes": [*notes, *(note for part in parts for note in (*part.aligned.notes, *ground_notes(part)))],
         "cannot_be_told": unanswerable(flights[0]),
     }
 
@@ -107,14 +104,11 @@ def _why(laws: Sequence[str]) -> str:
 
 def _gaps_text(parts: Sequence[Part], flights: Sequence[FlightLog]) -> str:
     filled = sum(int((part.aligned.filled & ~part.ground).sum()) for part in parts)
-    inside = [np.diff(log.t).max() for log in flights]
-    text = "none" if not filled and len(flights) == 1 and max(inside) < 2.5 * flights[0].step else ""
-    if not text:
-        text = (
-            f"{f'{filled} rows inside gaps left out' if filled else 'none'}; longest gap in a part {max(inside):.3g} s"
-        )
-        text += f"; split into {len(flights)} parts" if len(flights) > 1 else ""
-    return text
+    longest = max(np.diff(log.t).max() for log in flights)
+    text = f"{filled} rows inside gaps left out" if filled else "none"
+    if filled or len(flights) > 1 or longest >= 2.5 * flights[0].step:
+        text += f"; longest gap in a part {longest:.3g} s"
+    return text + (f"; split into {len(flights)} parts" if len(flights) > 1 else "")
 
 
 def ground_notes(part: Part) -> list[str]:
