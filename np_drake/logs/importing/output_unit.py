@@ -49,7 +49,9 @@ def in_the_likely_unit(
         return next(iter(found.values()))
     unit, why = _by_the_lift(flown) if len(flown) > 1 else (next(iter(flown)), "read otherwise they carry nothing")
     if not unit and all(log.rotor is not None for logs in flown.values() for log in logs):
-        others = [{name: own for name, own in signals.items() if name != "throttle"} for signals in parts]
+        others: list[Signals] = [
+            {name: own for name, own in signals.items() if name != "throttle"} for signals in parts
+        ]
         log_map, made, told = imported(others, dc.replace(log_map, throttle=Source()))
         return log_map, made, [*told, "outputs whose unit the log does not state are left out; rotor speed is measured"]
     if not unit:

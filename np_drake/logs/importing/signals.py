@@ -7,7 +7,7 @@ import numpy as np
 from np_drake.logs.checks import LARGEST, LEAST_ROWS
 from np_drake.logs.errors import LogError, place
 from np_drake.logs.formats.format import Recording, Stream, find_column
-from np_drake.logs.importing.interpolation import Signal
+from np_drake.logs.importing.interpolation import Signal, Signals
 from np_drake.logs.importing.log_map import UNITS, LogMap, Source
 from np_drake.logs.importing.telemetry import spread_ticks, without_zeros
 
@@ -17,7 +17,7 @@ OPTIONAL = ("voltage", "hover_throttle")  # of which a few samples are as good a
 STATE = ("position", "velocity", "attitude", "rates", "acceleration", "angular_acceleration")
 
 
-def gather(recording: Recording, log_map: LogMap) -> tuple[dict[str, Signal], list[str]]:
+def gather(recording: Recording, log_map: LogMap) -> tuple[Signals, list[str]]:
     """Return the signals of the quantities that the map names, and what was left out, one line each.
 
     Args:
@@ -25,7 +25,8 @@ def gather(recording: Recording, log_map: LogMap) -> tuple[dict[str, Signal], li
         log_map: with the columns.
     Raises: LogError: if a column is missing, or a quantity has hardly any sample.
     """
-    signals, notes = {}, []
+    signals: dict[str, Signal] = {}
+    notes: list[str] = []
     for name, source in log_map.sources():
         signal = _assembled(recording, source)
         _require_one_log(signal, f"{recording.path}, {name}")
