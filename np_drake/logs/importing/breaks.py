@@ -120,14 +120,14 @@ def _jumps(t: np.ndarray, change: np.ndarray, name: str, asked: Sequence[tuple[f
     found = []
     near = np.lib.stride_tricks.sliding_window_view(np.pad(size, AROUND), 2 * AROUND + 1)
     around = np.maximum(near[:, :AROUND].max(axis=1), near[:, AROUND + 1 :].max(axis=1))
-    for k in np.flatnonzero(size > STATED * np.maximum(LEAST[name], ABRUPT * around)).tolist():
+    least = np.maximum(LEAST[name], ABRUPT * around)
+    for k in np.flatnonzero(size > STATED * least).tolist():
         back = np.linalg.norm(change[k : k + LASTS].sum(axis=0)) < 0.5 * size[k]
         came = np.linalg.norm(change[max(k - LASTS + 1, 0) : k + 1].sum(axis=0)) < 0.5 * size[k]
         if back or came:
             continue
         reason = next((r for at, r in asked if t[max(k - 1, 0)] <= at <= t[min(k + 2, count)]), "")
-        share = STATED if reason else 1.0
-        if size[k] > share * LEAST[name] and size[k] > share * ABRUPT * around[k]:
+        if size[k] > (STATED if reason else 1.0) * least[k]:
             said = (
                 f"{np.degrees(size[k]):.3g} deg" if name == "attitude" else f"{size[k]:.3g} {next(iter(UNITS[name]))}"
             )
