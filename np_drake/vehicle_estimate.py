@@ -10,7 +10,7 @@ import math
 from np_drake.files.yaml_text import quoted
 from np_drake.rotor_layout import CORNERS, FIRMWARE
 from np_drake.vehicle import Vehicle
-from np_drake.vehicle_physics import AIR
+from np_drake.vehicle_physics import AIR, least_torque_over_thrust
 
 GRAVITY = 9.81  # [m/s²]
 AT_ROTORS = 0.5  # share of the mass at the rotors: motors, propellers, outer arms [1]
@@ -62,9 +62,8 @@ def estimate(measured: Measured, name: str = "mine") -> Vehicle:
 
     Inertia: half of the mass at four rotors, half in a solid cylinder whose radius and height are half an arm, so that
     J_xx = m_r L²/2 + m_b (3 r² + h²)/12 and J_zz = m_r L² + m_b r²/2 with r = h = L/2.
-    Thrust coefficient: C_T rho D⁴ / (2 pi)². Torque over thrust, from momentum theory: the power Omega Q of a propeller
-    of disc area A that hovers at thrust T is T sqrt(T / (2 rho A)) over its figure of merit, hence
-    Q / T = D sqrt(2 C_T / pi) / (2 pi FM). Largest thrust: a quarter of the weight over throttle to the curve's power.
+    Thrust coefficient: C_T rho D⁴ / (2 pi)². Torque over thrust: `least_torque_over_thrust` over the figure of merit.
+    Largest thrust: a quarter of the weight over throttle to the curve's power.
 
     Args:
         measured: what the owner knows.
@@ -77,7 +76,7 @@ def estimate(measured: Measured, name: str = "mine") -> Vehicle:
     xx = 0.5 * at_rotors * L**2 + body * (3 * r**2 + h**2) / 12
     zz = at_rotors * L**2 + 0.5 * body * r**2
     thrust = THRUST_NUMBER * AIR * D**4 / (2 * math.pi) ** 2
-    lever = D * math.sqrt(2 * THRUST_NUMBER / math.pi) / (2 * math.pi * FIGURE_OF_MERIT)
+    lever = least_torque_over_thrust(THRUST_NUMBER, D) / FIGURE_OF_MERIT
     values = {
         "mass": m.mass,
         "inertia": [[_digits(xx), 0.0, 0.0], [0.0, _digits(xx), 0.0], [0.0, 0.0, _digits(zz)]],

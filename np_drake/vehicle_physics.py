@@ -37,6 +37,19 @@ def implausible(vehicle: Figures) -> str:
     return next(filter(None, (_inertia(vehicle), _thrust(vehicle), _tips(vehicle), _torque(vehicle))), "")
 
 
+def least_torque_over_thrust(number: float, diameter: float) -> float:
+    """Return torque over thrust of a rotor without loss, of figure of merit 1 [m].
+
+    Momentum theory: the power Omega Q of a propeller of disc area A that hovers at thrust T is T sqrt(T / (2 rho A)),
+    hence Q / T = D sqrt(2 C_T / pi) / (2 pi).
+
+    Args:
+        number: thrust number C_T = T / (rho n² D⁴), n in revolutions a second [1].
+        diameter: D of the rotor [m].
+    """
+    return diameter * math.sqrt(2 * number / math.pi) / (2 * math.pi)
+
+
 def _inertia(v: Figures) -> str:
     arm = float(np.linalg.norm(v.rotor_positions, axis=1).max())
     unit, largest = v.mass * arm**2, float(np.linalg.eigvalsh(np.array(v.inertia, float))[-1])
@@ -75,9 +88,7 @@ def _tips(v: Figures) -> str:
 
 def _torque(v: Figures) -> str:
     lever, D = v.torque_coefficient / v.thrust_coefficient, 2 * v.rotor_radius
-    # Momentum theory: a rotor of figure of merit 1 has Q / T = D sqrt(2 C_T / pi) / (2 pi).
-    number = v.thrust_coefficient * (2 * math.pi) ** 2 / (AIR * D**4)
-    ideal = D * math.sqrt(2 * number / math.pi) / (2 * math.pi)
+    ideal = least_torque_over_thrust(v.thrust_coefficient * (2 * math.pi) ** 2 / (AIR * D**4), D)
     if EFFICIENT * ideal <= lever <= D:
         return ""
     return (

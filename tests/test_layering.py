@@ -1,6 +1,8 @@
 """The three floors: diagrams -> systems -> np_drake, never back; inside a floor, rooms in the order given here."""
 
 import ast
+import subprocess
+import sys
 from functools import cache
 from pathlib import Path
 
@@ -41,6 +43,18 @@ EXPERIMENTS = (
 )
 MOST_IMPORTS = 10  # modules of the diagnosis that one of them imports; `diagnose` strings the steps together
 SIMULATOR = ("pydrake.systems", "pydrake.multibody", "pydrake.geometry", "pydrake.visualization")
+
+
+def test_any_module_of_the_logs_can_be_the_first_that_is_imported():
+    names = [str(path.with_suffix("")).replace("/", ".") for path in FILES if path.parts[:2] == ("np_drake", "logs")]
+    code = (
+        "import importlib, sys\n"
+        f"for name in {[name for name in names if not name.endswith('__init__')]}:\n"
+        "    importlib.import_module(name)\n"
+        "    for own in [own for own in sys.modules if own.startswith('np_drake.logs')]:\n"
+        "        del sys.modules[own]\n"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True, cwd=ROOT)
 
 
 @cache

@@ -51,14 +51,13 @@ def diagnose(
     repair: options.Repair = False,
 ) -> Report:
     """Diagnose the gap between the nominal simulator and flights; with --out: report, replay, figures, JSON."""
-    from np_drake.logs.hover_thrust import with_hover_thrust
-
     files = _choose_files(case, vehicle, list(train or ()), list(held_out or ()))
     nominal = nominal_vehicle(files)
-    nominal, *logs = with_hover_thrust(nominal, *files.open(nominal, repair=repair))
+    logs = files.open(nominal, repair=repair)
     for note in [f"{log.name}: {note}" for flights in logs for log in flights for note in log.notes]:
         say(*wrapped(note, screen_width(), indent="  "))
     found = diagnose_logs(nominal, *logs, replay=not no_replay, second_look=not no_second_look, rig=rig)
+    nominal = found.nominal or nominal
     if run.folder is not None:
         from diagrams.gap.trial import with_trial
 
@@ -116,13 +115,15 @@ def _write_overlay(found: "Diagnosis", vehicle: "Vehicle", held_out: "list[Fligh
     Raises: OSError: if it cannot be written.
     """
     from diagrams.gap.side_by_side import FILE, NoReplay, side_by_side, write_side_by_side
+    from np_drake.rotor_input import with_rotor_input
 
     path = folder / FILE
     path.unlink(missing_ok=True)  # of an earlier diagnosis
     if not held_out:
         return None
     try:
-        beside = side_by_side(found, vehicle, held_out)
+        driven = [with_rotor_input(log, vehicle) if log.input == "rotor_speed" else log for log in held_out]
+        beside = side_by_side(found, vehicle, driven)
     except NoReplay as reason:
         say(f"no {FILE}: {reason}")
         return None

@@ -39,7 +39,6 @@ def doctor(
 ) -> Report:
     """Examine flight logs: rates, gaps, noise, clocks, motion, and which effects they can tell, to what size."""
     from np_drake.diagnosis.doctor.examine import examine
-    from np_drake.logs.hover_thrust import with_hover_thrust
     from np_drake.logs.importing.log_map import load_map_file
 
     nominal = _vehicle(vehicle)
@@ -48,8 +47,6 @@ def doctor(
         flights, sheets, failures = _opened(logs, nominal, declared, repair, lambda share: advance(0.3 * share))
         if not flights:
             raise failures[0]
-        if nominal is not None:
-            nominal, flights, _ = with_hover_thrust(nominal, flights)
         report = examine(
             flights, nominal, sheets=sheets, on_progress=lambda share, text: advance(0.3 + 0.7 * share, text)
         )
@@ -84,22 +81,20 @@ def _opened(
 ) -> "tuple[list[FlightLog], dict[str, Any], list[Exception]]":
     """Return flights, by name the content of the sheets of those that were imported, and what could not be opened."""
     from np_drake.logs.errors import LogError
-    from np_drake.logs.opening import open_flights
+    from np_drake.logs.opening import Opened, read_as_logged, with_vehicle
 
-    flights: list[FlightLog] = []
-    sheets: dict[str, Any] = {}
+    opened: list[Opened] = []
     failures: list[Exception] = []
+    refused: list[LogError] = []
     for number, path in enumerate(paths):
         try:
-            found, sheet = open_flights(
-                path, vehicle, declared, repair=repair, on_progress=_part(tell, number, len(paths))
-            )
+            opened.append(read_as_logged(path, declared, repair=repair, on_progress=_part(tell, number, len(paths))))
         except (LogError, OSError) as error:
             failures.append(error)
-            continue
-        flights += found
-        sheets |= {log.name: sheet.content for log in found if sheet is not None}
-    return flights, sheets, failures
+    opened = with_vehicle(opened, vehicle, refused)
+    flights = [log for found in opened for log in found.flights]
+    sheets = {log.name: found.sheet.content for found in opened if found.sheet is not None for log in found.flights}
+    return flights, sheets, [*failures, *refused]
 
 
 def _part(tell: Callable[[float], None], number: int, count: int) -> Callable[[float], None]:

@@ -4,9 +4,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from diagrams.cli.output import progress, say
-from np_drake.flight_log import FlightLog
 from np_drake.logs import opening
-from np_drake.logs.formats.neurobem import is_array, is_neurobem, published_vehicle, read_wrenches
+from np_drake.logs.formats.neurobem import is_array, published_vehicle, read_wrenches
 from np_drake.training_data.accelerations import with_accelerations
 from np_drake.training_data.segments import WrenchSequence
 from np_drake.training_data.training_segments import Flight, require_torque
@@ -31,10 +30,16 @@ def open_flights(paths: list[Path], vehicle_file: Path | None, *, repair: bool =
     file, or if NeuroBEM arrays are mixed with logs.
     """
     vehicle = None if vehicle_file is None else load_vehicle(vehicle_file)
-    inputs = [_scenario(path) if path.suffix in SCENARIOS else _opened(path, vehicle, repair=repair) for path in paths]
+    inputs = [_scenario(path) if path.suffix in SCENARIOS else _read(path, repair=repair) for path in paths]
+    logs = iter(opening.with_vehicle([found for found in inputs if isinstance(found, opening.Opened)], vehicle))
     flights = []
     for path, found in zip(paths, inputs, strict=True):
-        flights += found if isinstance(found, list) else [simulated(path, found)]
+        if isinstance(found, opening.Opened):
+            flights += _of_log(next(logs), vehicle)
+        elif isinstance(found, WrenchSequence):
+            flights.append(Flight(found, vehicle or published_vehicle()))
+        else:
+            flights.append(simulated(path, found))
     if vehicle is None and flights:
         used = sorted({f"{flight.vehicle.name}, {flight.vehicle.mass:g} kg" for flight in flights})
         say(f"vehicle: {'; '.join(used)}, as no --vehicle was given.")
@@ -52,22 +57,17 @@ def _scenario(path: Path) -> "FlightConfig":
     return training_flight(path)
 
 
-def _opened(path: Path, vehicle: Vehicle | None, *, repair: bool) -> list[Flight]:
-    """Return the flights of a file, and print what a reader derived or repaired."""
-    own = vehicle or (published_vehicle() if is_neurobem(path) else Vehicle())
-    flights = []
-    for data in _data(path, vehicle, repair=repair):
-        say(*(f"{data.name}: {note}" for note in data.notes))
-        flights.append(Flight(data, own))
+def _read(path: Path, *, repair: bool) -> opening.Opened | WrenchSequence:
+    """Return a log as it is logged, or the wrenches of an array."""
+    return read_wrenches(path) if is_array(path) else opening.read_as_logged(path, repair=repair)
+
+
+def _of_log(found: opening.Opened, vehicle: Vehicle | None) -> list[Flight]:
+    """Return the flights of a log with accelerations, and print what a reader derived or repaired."""
+    own = vehicle or found.vehicle or Vehicle()
+    flights = [Flight(with_accelerations(require_torque(log)), own) for log in found.flights]
+    say(*(f"{flight.data.name}: {note}" for flight in flights for note in flight.data.notes))
     return flights
-
-
-def _data(path: Path, vehicle: Vehicle | None, *, repair: bool) -> list[FlightLog] | list[WrenchSequence]:
-    """Return the flights of a log with accelerations, or the wrenches of an array."""
-    if is_array(path):
-        return [read_wrenches(path)]
-    found, _ = opening.open_flights(path, vehicle, repair=repair)
-    return [with_accelerations(require_torque(log)) for log in found]
 
 
 def simulated(scenario: Path, config: "FlightConfig") -> Flight:

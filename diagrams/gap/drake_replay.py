@@ -5,7 +5,7 @@ The simulator starts from many logged states, is driven by the logged commands, 
 
 import dataclasses as dc
 from collections.abc import Callable, Mapping, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -97,6 +97,11 @@ class DrakeReplay:
         self._horizons = tuple(sorted(horizons))
         self.hidden = hidden
         self._rollouts: dict[tuple, Rollout] = {}
+
+    def of_vehicle(self, vehicle: Vehicle) -> "DrakeReplay":
+        """Return the replay of another nominal vehicle, from the same starts."""
+        how: dict[str, Any] = {"starts": self._starts, "horizons": self._horizons, "smooth": self._smooth}
+        return DrakeReplay(vehicle, hidden=self.hidden, **how)
 
     def __call__(self, logs: list[FlightLog], effects: list[tuple[Effect, dict[str, float | None]]]) -> ReplayGap:
         """Return the errors over all starts of all flights.

@@ -33,6 +33,7 @@ from np_drake.diagnosis.report.coverage import coverage
 from np_drake.diagnosis.residuals import FlightResiduals, make_flight_residuals, natural_step, require_flights
 from np_drake.diagnosis.result import UNKNOWN, Diagnosis, Replay
 from np_drake.flight_log import FlightLog
+from np_drake.logs.hover_thrust import with_hover_thrust
 from np_drake.logs.throttle_input import with_one_exponent
 from np_drake.vehicle import Vehicle
 
@@ -54,11 +55,12 @@ def diagnose(
     """Diagnose the gap between the nominal model and the flights: its causes, and how far adding them closes it.
 
     Args:
-        vehicle: the nominal vehicle.
+        vehicle: the nominal vehicle. A thrust coefficient that its file calls a guess gives way to the rotor speed
+            that carries the training flights (`Diagnosis.nominal`).
         train: flights to which effects are fitted.
         held_out: flights that judge the fit.
         replay: the simulator as a callable (`diagrams.gap.drake_replay.DrakeReplay`); without it, replay errors are
-            left out.
+            left out. Where it has `of_vehicle`, it replays the vehicle of `Diagnosis.nominal`.
         adaptive_split: where held-out flights show what the training flights do not, give a second answer beside
             (`Diagnosis.refit`): their first halves join its fit, and their second halves judge it.
         tolerance: errors of vehicle file and sensors that are not a cause: `Tolerance()` for real sensors,
@@ -77,11 +79,20 @@ def diagnose(
     # 1. Residuals of all flights on one grid, the coarsest of theirs.
     require_flights(train, held_out)
     train, held_out = with_one_exponent(vehicle, train, held_out)
+    file, (vehicle, train, held_out) = vehicle, with_hover_thrust(vehicle, train, held_out)
+    if vehicle is not file:
+        replay = getattr(replay, "of_vehicle", lambda _: replay)(vehicle)
     tell(0.0, "residuals")
     step = max(natural_step(log.t) for log in [*train, *held_out])
     fitted = [make_flight_residuals(log, vehicle, step) for log in train]
     judging = [make_flight_residuals(log, vehicle, step) for log in held_out]
-    names: dict[str, Any] = {"vehicle": vehicle.name, "train": _names(fitted), "held_out": _names(judging)}
+    names: dict[str, Any] = {
+        "vehicle": vehicle.name,
+        "nominal": vehicle,
+        "train": _names(fitted),
+        "held_out": _names(judging),
+    }
+    names["nominal"] = vehicle
     names["doubts"] = as_lines(doubt for e in (*fitted, *judging) for doubt in doubts(e))
     if not excited(excitation(fitted)):
         nothing = unexcited_diagnosis(fitted, judging)

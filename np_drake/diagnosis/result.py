@@ -14,6 +14,7 @@ from np_drake.files.atomic_file import plain
 from np_drake.files.notebook import data_frame, html_table
 from np_drake.files.number_text import probability
 from np_drake.flight_log import FlightLog
+from np_drake.vehicle import Vehicle
 
 CHANNELS = ("force x", "force y", "force z", "torque x", "torque y", "torque z")  # body axes
 HORIZONS = (0.1, 0.25, 0.5, 1.0)  # horizons of the replay [s]
@@ -204,6 +205,7 @@ class Diagnosis:
     readings: noise and tolerances by which another flight is read.
     doubts: what stands against any answer from these flights, as `np-drake doctor` finds it; said before the answer.
     not_flyable: why no plain controller flies the corrected simulator, and what to do; empty: one does, or none tried.
+    nominal: vehicle that was judged, that of the file unless a guess in it gave way; None: read from a report.
     """
 
     vehicle: str
@@ -230,6 +232,7 @@ class Diagnosis:
     readings: Readings | None = None
     doubts: tuple[str, ...] = ()
     not_flyable: str = ""
+    nominal: Vehicle | None = None
 
     def __repr__(self) -> str:
         """Return vehicle, verdict and remaining gap in a line."""

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from np_drake.flight_log import FlightLog
 from np_drake.logs.formats.log_file import SUFFIXES
-from np_drake.logs.opening import open_flights
+from np_drake.logs.opening import Opened, read_as_logged, with_vehicle
 from np_drake.vehicle import Vehicle, load_vehicle
 
 SHORTEST = 3.0  # part of a flight that can be diagnosed [s]
@@ -31,10 +31,10 @@ class CaseFiles:
             repair: mend a few bad rows instead of refusing them.
         Raises: LogError, OSError: one line, at the first file that is not usable.
         """
-        train, held_out = (
-            [log for path in paths for log in _parts(path, vehicle, repair)] for paths in (self.train, self.held_out)
-        )
-        return train, held_out
+        opened = with_vehicle([read_as_logged(path, repair=repair) for path in (*self.train, *self.held_out)], vehicle)
+        parts = [_parts(found) for found in opened]
+        train, held_out = parts[: len(self.train)], parts[len(self.train) :]
+        return [log for own in train for log in own], [log for own in held_out for log in own]
 
 
 def find_case(folder: str | Path, vehicle: Path | None = None) -> CaseFiles:
@@ -68,12 +68,12 @@ def open_case(folder: str | Path) -> tuple[Vehicle, list[FlightLog], list[Flight
     return vehicle, *files.open(vehicle)
 
 
-def _parts(path: Path, vehicle: Vehicle, repair: bool) -> list[FlightLog]:
+def _parts(found: Opened) -> list[FlightLog]:
     """Return a flight to diagnose, named as its file, in its parts between long gaps.
 
     Parts shorter than `SHORTEST` are left out, unless all are, and the notes say so.
     """
-    parts, _ = open_flights(path, vehicle, repair=repair)
+    parts, path = found.flights, found.path
     if len(parts) == 1:
         return [dc.replace(parts[0], name=path.name)]
     kept = [log for log in parts if log.t[-1] - log.t[0] >= SHORTEST] or parts

@@ -39,8 +39,8 @@ def with_hover_thrust(
     if not len(squares):
         return vehicle, list(train), list(held_out)
     factor = float(squares @ lift / (squares @ squares)) / vehicle.thrust_coefficient
-    if factor <= 0:
-        return vehicle, list(train), list(held_out)  # upside down: the laws of the log say so
+    if factor <= 0 or abs(factor - 1) < 1e-9:  # upside down, as the laws of the log say, or it is that one already
+        return vehicle, list(train), list(held_out)
     fitted = dc.replace(
         vehicle,
         thrust_coefficient=factor * vehicle.thrust_coefficient,
@@ -51,7 +51,8 @@ def with_hover_thrust(
     def noted(log: FlightLog) -> FlightLog:
         if log.input != "rotor_speed" or log.rotor is None:
             return log
-        return dc.replace(with_rotor_input(log, fitted), notes=[*log.notes, note])
+        others = [other for other in log.notes if not other.startswith(NOTE)]
+        return dc.replace(with_rotor_input(log, fitted), notes=[*others, note])
 
     return fitted, [noted(log) for log in train], [noted(log) for log in held_out]
 

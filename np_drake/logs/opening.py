@@ -1,5 +1,7 @@
 """The door to a flight log of any known format."""
 
+import dataclasses as dc
+from collections.abc import Sequence
 from pathlib import Path
 
 from np_drake.flight_log import FlightLog
@@ -9,10 +11,23 @@ from np_drake.logs.formats.format import Progress, first_bytes, no_progress
 from np_drake.logs.import_sheet import Sheet
 from np_drake.logs.importing.import_log import import_log
 from np_drake.logs.importing.log_map import LogMap, MapFile
-from np_drake.logs.rotor_order import in_vehicle_order
-from np_drake.logs.throttle_input import with_throttle_input
-from np_drake.rotor_input import with_rotor_input
+from np_drake.logs.input_choice import chosen_input, with_vehicle_input
+from np_drake.logs.rotor_order import Seen, in_vehicle_order, torques_seen
+from np_drake.logs.units import check_units
 from np_drake.vehicle import Vehicle
+
+
+@dc.dataclass(frozen=True)
+class Opened:
+    """Flights of one log, and the record of its import; None where it is of our columns or of NeuroBEM.
+
+    vehicle: which the format itself states, if any.
+    """
+
+    path: Path
+    flights: list[FlightLog]
+    sheet: Sheet | None = None
+    vehicle: Vehicle | None = None
 
 
 def open_flights(
@@ -38,22 +53,71 @@ def open_flights(
         on_progress: called with the share that is read [1].
     Raises: LogError: one line with file, place and remedy; OSError: if it cannot be opened.
     """
+    (found,) = with_vehicle([read_as_logged(path, map, repair=repair, on_progress=on_progress)], vehicle)
+    return found.flights, found.sheet
+
+
+def read_as_logged(
+    path: str | Path, map: LogMap | MapFile | None = None, *, repair: bool = False, on_progress: Progress = no_progress
+) -> Opened:
+    """Return the flights of a log as they are logged, without a vehicle.
+
+    Args:
+        path: as of `open_flights`, and so are all others.
+        map: columns and conventions.
+        repair: mend a few bad rows.
+        on_progress: called with the share that is read [1].
+    Raises: LogError, OSError: as `open_flights`.
+    """
     path = Path(path)
     first_bytes(path)  # that it can be opened
     if map is None and neurobem.is_array(path):
         raise LogError(f"{path}: an array has no commands to diagnose; give the flight's CSV.")
     if map is None and neurobem.is_neurobem(path):
-        return neurobem.read(path, vehicle, repair=repair), None
+        return Opened(path, neurobem.read(path, repair=repair), vehicle=neurobem.published_vehicle())
     if map is None and log_file.is_flight_log(path):
-        return log_file.read(path, vehicle, repair=repair), None
+        return Opened(path, log_file.read(path, repair=repair))
     found = import_log(path, map, on_progress=on_progress)
-    return [_with_input(flight, vehicle) for flight in found.flights], found.sheet
+    return Opened(path, list(found.flights), found.sheet)
 
 
-def _with_input(log: FlightLog, vehicle: Vehicle | None) -> FlightLog:
-    """Return the log with thrust and torque from rotor speed or throttle, where these are its input or asked for."""
+def with_vehicle(
+    logs: Sequence[Opened], vehicle: Vehicle | None, refused: list[LogError] | None = None
+) -> list[Opened]:
+    """Return logs whose flights have thrust and torque by the vehicle; the order of rotors is decided for all at once.
+
+    Args:
+        logs: of one vehicle, as they are read.
+        vehicle: that flew; None: that which a format states.
+        refused: takes the reasons of logs that do not fit the vehicle, which are then left out; default: raised.
+    Raises: LogError: at the first log that does not fit the vehicle.
+    """
+    driven = [log for found in logs for log in found.flights if _turns(log, vehicle or found.vehicle)]
+    seen = torques_seen(driven, vehicle) if vehicle is not None else None
+    out = []
+    for found in logs:
+        try:
+            out.append(_driven(found, vehicle, seen))
+        except LogError as error:
+            if refused is None:
+                raise
+            refused.append(error)
+    return out
+
+
+def _turns(log: FlightLog, vehicle: Vehicle | None) -> bool:
+    """Return whether thrust and torque of a flight come from its rotor columns."""
+    return vehicle is not None and chosen_input(log, vehicle) in ("rotor_speed", "normalised")
+
+
+def _driven(found: Opened, given: Vehicle | None, seen: Seen | None) -> Opened:
+    """Return a log whose flights have thrust and torque by the vehicle given, else by that of its format."""
+    vehicle = given or found.vehicle
     if vehicle is None:
-        return log
-    if log.rotor is not None and "rotor_speed" in (log.input, vehicle.input):
-        return with_rotor_input(in_vehicle_order(log, vehicle), vehicle)
-    return with_throttle_input(in_vehicle_order(log, vehicle), vehicle) if log.input == "normalised" else log
+        return found
+    ordered = iter(in_vehicle_order([log for log in found.flights if _turns(log, vehicle)], vehicle, seen))
+    flights = [with_vehicle_input(next(ordered) if _turns(log, vehicle) else log, vehicle) for log in found.flights]
+    if found.sheet is None:
+        for log in flights:
+            check_units(log, found.path, given)
+    return dc.replace(found, flights=flights)

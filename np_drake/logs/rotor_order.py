@@ -1,26 +1,19 @@
 """Order and directions of the rotors behind a log's four columns, by the sign of their torque against J dw/dt.
 
-A column's thrust is in proportion to squared rotor speed, or to throttle. For each assignment of the columns to the
-rotors of the vehicle file, and each pattern of directions, the torque that follows is correlated with the one that
-turned the vehicle, about each axis, in a band below the controller's noise. Sizes do not count: thrust coefficient and
-inertia may be guesses. The score of an assignment is the log likelihood ratio of two Gaussian signals over their
-independent samples.
+All flights whose columns are in one order tell it together: a gentle flight takes it from a lively one.
 """
 
 import dataclasses as dc
-import itertools
+from collections.abc import Mapping, Sequence
 
 import numpy as np
-from scipy import signal
 
 from np_drake.flight_log import FlightLog
 from np_drake.logs.errors import LogError
-from np_drake.rotor_layout import CORNERS
+from np_drake.logs.rotor_torque import Evidence, assignments, evidence, given, is_each
+from np_drake.rotor_layout import CORNERS, RotorLayout
 from np_drake.vehicle import Vehicle
 
-BAND = (0.7, 8.0)  # in which torques are compared [Hz]; own choice: above trim and drift, below most noise
-DELAYS = (0.0, 0.02, 0.04, 0.06)  # of thrust behind a commanded throttle that are tried [s]; own choice
-LEAST_SECONDS = 3.0  # of a flight whose order is looked for [s]; own choice
 # Correlation about roll and pitch from which an order is found [1]; own choice: flights with the right file have 0.4
 # to 0.9, other orders below 0.3.
 FOUND = 0.3
@@ -28,6 +21,7 @@ TURNS = 0.2  # correlation about yaw from which directions are found [1]; own ch
 SURE = 10.0  # log likelihood ratio from which an order is preferred to another [nat]; own choice: 1 in 22,000
 NAMED = CORNERS | {(1, 0): "front", (0, 1): "left", (-1, 0): "rear", (0, -1): "right"}
 NOTE = "rotor columns"
+Seen = Mapping[RotorLayout | None, Sequence[Evidence]]
 
 
 @dc.dataclass(frozen=True)
@@ -35,8 +29,9 @@ class RotorOrder:
     """Assignment of a log's columns to the rotors of a vehicle file.
 
     rotors: (4,) of the file, counted from 0, by column.   directions: (4,) by column.
-    correlations: (3,) of its torque with the one that turned the vehicle, about x, y, z [1].
-    score: log likelihood ratio to no relation [nat].
+    correlations: (3,) of its torque with the one that turned the vehicle, about x, y, z, the mean of the flights by
+        what they tell of the likeliest order [1].
+    score: log likelihood ratio to no relation, of all flights [nat].
     """
 
     rotors: tuple[int, ...]
@@ -49,55 +44,99 @@ class RotorOrder:
         return self.directions == tuple(vehicle.rotor_directions[i] for i in self.rotors)
 
 
-def rotor_orders(log: FlightLog, vehicle: Vehicle) -> tuple[RotorOrder, list[RotorOrder]] | None:
-    """Return the order of the vehicle file as this log has it, and all orders, the likeliest first.
-
-    None where the log has no rotor speed and no throttle of each rotor, or is too short or too slow.
+def rotor_orders(seen: Sequence[Evidence], vehicle: Vehicle) -> tuple[RotorOrder, list[RotorOrder]] | None:
+    """Return the order of the vehicle file as flights have it together, and all orders, the likeliest first.
 
     Args:
-        log: of one flight.
-        vehicle: with positions and directions of the rotors, and the inertia.
+        seen: of flights whose columns are in one order; None where there is none.
+        vehicle: whose rotors are meant.
     """
-    columns = _columns(log)
-    if columns is None or not _long_and_fast(log):
+    if not seen:
         return None
-    delays = (0.0,) if log.rotor is not None else DELAYS
-    samples = 2 * (_upper(log) - BAND[0]) * (log.t[-1] - log.t[0])
-    turn, moved = _in_band(log, vehicle, columns, delays)
-    best: list[RotorOrder] = []
-    own = None
-    for thrust in moved:
-        orders = _scored(turn, thrust, vehicle, samples)
-        if not best or orders[0].score > best[0].score:
-            best = orders
-            given = tuple(float(d) for d in vehicle.rotor_directions)
-            own = next(o for o in orders if o.rotors == (0, 1, 2, 3) and o.directions == given)
-    return None if own is None else (own, best)
+    total = np.sum(np.stack(np.broadcast_arrays(*(e.scores for e in seen))), axis=0)
+    delay, likeliest = np.unravel_index(np.argmax(total), total.shape)
+
+    def row(values: np.ndarray) -> np.ndarray:
+        return values[min(int(delay), len(values) - 1)]
+
+    weights = [max(float(row(e.scores)[likeliest]), 1e-12) for e in seen]
+    correlations = np.average([row(e.correlations) for e in seen], axis=0, weights=weights)
+    known = assignments(vehicle)
+    orders = [
+        RotorOrder(*each, (float(r[0]), float(r[1]), float(r[2])), float(score))
+        for each, r, score in zip(known, correlations, total[delay], strict=True)
+    ]
+    return orders[known.index(given(vehicle))], sorted(orders, key=lambda order: -order.score)
 
 
-def in_vehicle_order(log: FlightLog, vehicle: Vehicle) -> FlightLog:
-    """Return the log with its rotor columns in the order of the vehicle file, and a note where they were in another.
-
-    What the log states of its rotors counts first, and what turns the vehicle last.
+def torques_seen(logs: Sequence[FlightLog], vehicle: Vehicle) -> Seen:
+    """Return what flights tell of the order of their columns, by the layout that they state.
 
     Args:
-        log: of one flight, with a layout where its autopilot states one.
+        logs: flights of one vehicle.
+        vehicle: whose rotors are meant.
+    """
+    found: dict[RotorLayout | None, list[Evidence]] = {}
+    for log in logs:
+        try:
+            own = evidence(_in_stated_order(log, vehicle), vehicle)
+        except LogError:
+            continue  # said where that log is put in order
+        if own is not None:
+            found.setdefault(log.layout, []).append(own)
+    return found
+
+
+def in_vehicle_order(flights: Sequence[FlightLog], vehicle: Vehicle, seen: Seen | None = None) -> list[FlightLog]:
+    """Return the flights of a log with their rotor columns in the order of the vehicle file, and a note where not so.
+
+    What the log states of its rotors counts first, and what turns the vehicle last. The order that all flights together
+    tell is taken, unless this log by itself is sure of another.
+
+    Args:
+        flights: of one log, with a layout where its autopilot states one.
         vehicle: whose order the columns should have.
+        seen: of all flights of the vehicle, these among them (`torques_seen`); default: of these.
     Raises: LogError: where the stated rotors are not those of the vehicle, or the torque tells that the rotors of the
     file turn or lie otherwise, in no order of the columns.
     """
-    given, log = log, _in_stated_order(log, vehicle)
-    found = rotor_orders(log, vehicle)
-    if found is None:
-        return log
-    own, orders = found
+    own = torques_seen(flights, vehicle)
+    stated = [_in_stated_order(log, vehicle) for log in flights]
+    out = []
+    for log, placed in zip(flights, stated, strict=True):
+        found = rotor_orders((seen or own).get(log.layout, ()), vehicle)
+        alone = rotor_orders(own.get(log.layout, ()), vehicle)
+        if found is not None and alone is not None:
+            taken, mine = _taken(*found, vehicle), _taken(*alone, vehicle)
+            same = next(o for o in alone[1] if (o.rotors, o.directions) == (taken.rotors, taken.directions))
+            found = alone if mine.score - same.score > SURE else found
+        out.append(placed if found is None else _ordered(log, placed, vehicle, *found))
+    return out
+
+
+def _taken(own: RotorOrder, orders: Sequence[RotorOrder], vehicle: Vehicle) -> RotorOrder:
+    """Return the order of the file unless another is found that is far likelier; one of its rotors where one can be."""
     best = orders[0]
     if not _better(best, own):
+        return own
+    as_built = _as_built(orders, vehicle)  # columns in another order, of the vehicle as in its file
+    return as_built[0] if len(as_built) == 1 else best
+
+
+def _as_built(orders: Sequence[RotorOrder], vehicle: Vehicle) -> list[RotorOrder]:
+    """Return the likely orders in which the rotors turn as in the vehicle file."""
+    return [o for o in orders if orders[0].score - o.score < SURE and o.follows(vehicle)]
+
+
+def _ordered(
+    given_log: FlightLog, log: FlightLog, vehicle: Vehicle, own: RotorOrder, orders: Sequence[RotorOrder]
+) -> FlightLog:
+    """Return a log, in its stated order, in that of the vehicle file, and a note where these differ."""
+    best = _taken(own, orders, vehicle)
+    if best is own:
         return log
-    likely = [o for o in orders if best.score - o.score < SURE]
-    as_built = [o for o in likely if o.follows(vehicle)]  # columns in another order, of the vehicle as in its file
-    best = as_built[0] if len(as_built) == 1 else best
-    stated = _stated_order(given, vehicle)
+    as_built = _as_built(orders, vehicle)
+    stated = _stated_order(given_log, vehicle)
     logged = dc.replace(
         best,
         rotors=tuple(best.rotors[stated.index(i)] for i in range(4)),
@@ -105,7 +144,7 @@ def in_vehicle_order(log: FlightLog, vehicle: Vehicle) -> FlightLog:
     )
     seen = f"{_described(logged, vehicle)} (torque about x, y, z correlates by {_figures(best)}, not {_figures(own)})"
     if len(as_built) > 1:
-        note = f"{NOTE} are hardly in the order of vehicle {vehicle.name!r}; this flight does not tell in which: {seen}"
+        note = f"{NOTE} are hardly in the order of vehicle {vehicle.name!r}; no flight tells in which: {seen}"
         return dc.replace(log, notes=[*log.notes, note])
     if not as_built:
         raise LogError(
@@ -113,9 +152,9 @@ def in_vehicle_order(log: FlightLog, vehicle: Vehicle) -> FlightLog:
             f"log's columns; by what turns the vehicle these are {seen}. Correct the vehicle file."
         )
     turned = np.argsort(best.rotors).tolist()
-    if given.layout is not None:
-        note = f"{NOTE} are not in the order that {given.layout.source} states, but turn the vehicle as {seen}"
-        return _reordered(dc.replace(log, notes=given.notes), turned, note)
+    if given_log.layout is not None:
+        note = f"{NOTE} are not in the order that {given_log.layout.source} states, but turn the vehicle as {seen}"
+        return _reordered(dc.replace(log, notes=given_log.notes), turned, note)
     note = f"{NOTE} are not in the order of vehicle {vehicle.name!r} and were put into it: {seen}"
     return _reordered(log, turned, note)
 
@@ -125,7 +164,7 @@ def _stated_order(log: FlightLog, vehicle: Vehicle) -> list[int]:
 
     Raises: LogError: if the stated rotors are not those of the vehicle.
     """
-    if log.layout is None or not (_each(log.rotor) or _each(log.throttle)):
+    if log.layout is None or not (is_each(log.rotor) or is_each(log.throttle)):
         return list(range(4))
     try:
         return log.layout.order_of(vehicle.rotor_positions, vehicle.rotor_directions)
@@ -148,31 +187,8 @@ def _in_stated_order(log: FlightLog, vehicle: Vehicle) -> FlightLog:
 
 
 def _reordered(log: FlightLog, order: list[int], note: str) -> FlightLog:
-    columns = {name: getattr(log, name)[:, order] for name in ("rotor", "throttle") if _each(getattr(log, name))}
+    columns = {name: getattr(log, name)[:, order] for name in ("rotor", "throttle") if is_each(getattr(log, name))}
     return dc.replace(log, **columns, notes=[*log.notes, note])
-
-
-def torque_agreement(log: FlightLog, vehicle: Vehicle) -> tuple[np.ndarray, np.ndarray] | None:
-    """Return by axis the correlation (3,) of a log's torque with J dw/dt + w x J w, and the size of that over it (3,).
-
-    None where the torque is not known, or the log is too short or too slow.
-
-    Args:
-        log: of one flight.
-        vehicle: with the inertia.
-    """
-    if not np.isfinite(log.u).all() or not _long_and_fast(log):
-        return None
-    delays = (0.0,) if log.input == "rotor_speed" else DELAYS
-    turn, moved = _in_band(log, vehicle, log.u[:, 1:], delays)
-    size = np.linalg.norm(turn, axis=0)
-    best = (np.full(3, -np.inf), np.ones(3))
-    for torque in moved:
-        own = np.maximum(np.linalg.norm(torque, axis=0), 1e-300)
-        correlation = np.sum(turn * torque, axis=0) / np.maximum(size * own, 1e-300)
-        if correlation.sum() > best[0].sum():
-            best = correlation, size / own
-    return best
 
 
 def _better(best: RotorOrder, own: RotorOrder) -> bool:
@@ -182,69 +198,6 @@ def _better(best: RotorOrder, own: RotorOrder) -> bool:
     if best.rotors == own.rotors:
         return best.correlations[2] > TURNS + max(own.correlations[2], 0.0)
     return min(best.correlations[:2]) > FOUND
-
-
-def _columns(log: FlightLog) -> np.ndarray | None:
-    """Return what the thrust of each rotor is in proportion to, (n, 4)."""
-    if log.rotor is not None:
-        return log.rotor**2
-    return log.throttle if _each(log.throttle) else None
-
-
-def _each(values: np.ndarray | None) -> bool:
-    return values is not None and values.shape[1] == 4
-
-
-def _long_and_fast(log: FlightLog) -> bool:
-    return log.t[-1] - log.t[0] >= LEAST_SECONDS and 2.5 * BAND[0] * log.step < 0.4
-
-
-def _upper(log: FlightLog) -> float:
-    """Return the upper end of the band [Hz]."""
-    return min(BAND[1], 0.4 / log.step)
-
-
-def _in_band(
-    log: FlightLog, vehicle: Vehicle, columns: np.ndarray, delays: tuple[float, ...]
-) -> tuple[np.ndarray, list[np.ndarray]]:
-    """Return in the band the torque (m, 3) that turned the vehicle, and the columns (m, k), by delay."""
-    step = log.step
-    t = np.arange(log.t[0], log.t[-1], step)
-
-    def even(values: np.ndarray, at: np.ndarray) -> np.ndarray:
-        return np.stack([np.interp(at, log.t, column) for column in values.T], axis=1)
-
-    w = even(log.w, t)
-    turn = np.gradient(w, step, axis=0) @ vehicle.J.T + np.cross(w, w @ vehicle.J.T)
-    sos = signal.butter(2, (BAND[0], _upper(log)), "bandpass", fs=1 / step, output="sos")
-    inside = slice(round(0.5 / step), -round(0.5 / step))  # off the filter's ends
-    filtered = [signal.sosfiltfilt(sos, x, axis=0)[inside] for x in (turn, *(even(columns, t - d) for d in delays))]
-    return filtered[0], filtered[1:]
-
-
-def _scored(turn: np.ndarray, thrust: np.ndarray, vehicle: Vehicle, samples: float) -> list[RotorOrder]:
-    """Return all orders, the likeliest first."""
-    positions = np.array(vehicle.rotor_positions, float)
-    size = np.linalg.norm(turn, axis=0)
-    cross, square = turn.T @ thrust, thrust.T @ thrust  # (3, 4), (4, 4)
-
-    def correlation(axis: int, arm: np.ndarray) -> float:
-        return float(cross[axis] @ arm / max(size[axis] * np.sqrt(arm @ square @ arm), 1e-300))
-
-    given = tuple(float(d) for d in vehicle.rotor_directions)
-    patterns = [d for d in itertools.product((1.0, -1.0), repeat=4) if sum(d) == 0 or d == given]
-    yaw = {d: correlation(2, np.array(d)) for d in patterns}
-    found = []
-    for rotors in itertools.permutations(range(4)):
-        x, y, _ = positions[list(rotors)].T
-        level = correlation(0, y), correlation(1, -x)
-        for d in patterns:
-            if abs(np.linalg.det(np.stack([np.ones(4), y, -x, np.array(d) * np.abs(positions).max()]))) < 1e-9:
-                continue
-            each = (*level, yaw[d])
-            score = -0.5 * samples * sum(np.log(max(1 - max(r, 0.0) ** 2, 1e-12)) for r in each)
-            found.append(RotorOrder(rotors, d, each, float(score)))
-    return sorted(found, key=lambda order: -order.score)
 
 
 def _described(order: RotorOrder, vehicle: Vehicle) -> str:

@@ -76,23 +76,27 @@ def with_one_exponent(
 
 
 @dc.dataclass(frozen=True)
-class LiftExponent:
-    """Power of its throttle with which a flight's lift goes [1], and the share of the lift's variance that explains."""
+class LiftFit:
+    """Power of its throttle with which the lift of flights goes, within `EXPONENTS`.
+
+    strength: lift over weight at full throttle [1].   loss: negative logarithm of its likelihood and prior [nat].
+    """
 
     exponent: float
-    explained: float
+    strength: float
+    loss: float
 
 
-def lift_exponent(log: FlightLog) -> LiftExponent:
-    """Return the most likely power of its throttle with which a flight's lift goes, within `EXPONENTS`.
+def lift_fit(flights: Sequence[FlightLog]) -> LiftFit:
+    """Return the most likely power of their throttle with which the lift of flights goes.
 
     Args:
-        log: with a throttle that carries the vehicle.
+        flights: of one vehicle, with a throttle that carries it.
     Raises: LogError: if it never does.
     """
-    seen = _lifted(log, GRAVITY)
-    exponent = _fitted_exponent([seen])
-    return LiftExponent(exponent, 1.0 - float(np.var(seen.rest(exponent)) / max(float(np.var(seen.lift)), 1e-12)))
+    seen = [_lifted(log, GRAVITY) for log in flights]
+    exponent = _fitted_exponent(seen)
+    return LiftFit(exponent, float(np.median([own.scale(exponent) for own in seen])), _loss(seen, exponent))
 
 
 def _throttle(log: FlightLog) -> np.ndarray:
@@ -143,14 +147,15 @@ def _lifted(log: FlightLog, gravity: float) -> _Lifted:
 
 
 def _fitted_exponent(flights: Sequence[_Lifted]) -> float:
-    """Return the most likely exponent of all flights together [1].
+    """Return the most likely exponent of all flights together [1]."""
+    return float(optimize.minimize_scalar(lambda p: _loss(flights, p), bounds=EXPONENTS, method="bounded").x)
+
+
+def _loss(flights: Sequence[_Lifted], exponent: float) -> float:
+    """Return the negative logarithm of likelihood and prior of an exponent [nat].
 
     Gaussian rest of the lift, of unknown variance in each flight, and the prior of the exponent.
     """
-
-    def loss(exponent: float) -> float:
-        variance = [(seen.samples, float(np.mean(seen.rest(exponent) ** 2))) for seen in flights]
-        prior = 0.5 * ((exponent - USUAL) / SCATTER) ** 2
-        return prior + sum(0.5 * n * np.log(max(v, 1e-12)) for n, v in variance)
-
-    return float(optimize.minimize_scalar(loss, bounds=EXPONENTS, method="bounded").x)
+    variance = [(seen.samples, float(np.mean(seen.rest(exponent) ** 2))) for seen in flights]
+    prior = 0.5 * ((exponent - USUAL) / SCATTER) ** 2
+    return prior + sum(0.5 * n * np.log(max(v, 1e-12)) for n, v in variance)

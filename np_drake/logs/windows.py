@@ -5,6 +5,11 @@ import numpy as np
 from np_drake import attitude
 
 
+def stretches(mask: np.ndarray) -> np.ndarray:
+    """Return first row and row after the last of every stretch in which a mask (n,) holds, (k, 2)."""
+    return np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(int))).reshape(-1, 2)
+
+
 class Windows:
     """Windows that begin at each row and hold as many intervals, `rows`.
 

@@ -12,7 +12,7 @@ from np_drake.diagnosis.residuals import FORCE, FlightResiduals
 from np_drake.flight_log import FlightLog
 from np_drake.logs import hover_thrust, rotor_order
 from np_drake.logs.importing.consistency import OPPOSED, SCALE, failing, lone_axes, misfits, never_tilts
-from np_drake.logs.rotor_order import torque_agreement
+from np_drake.logs.rotor_torque import torque_agreement
 
 MOST_RESIDUAL = 0.25  # of the weight, from which it is said first [1]
 # Of the weight along body z, from which thrust does not carry the vehicle: no payload or weak rotor is that large [1];
@@ -122,7 +122,7 @@ def _torque(e: FlightResiduals) -> list[Doubt]:
 
 def _taken_over(log: FlightLog) -> list[Doubt]:
     """Return what a reader found of order and coefficient of the rotors, which is not that of the vehicle file."""
-    known = (rotor_order.NOTE, hover_thrust.FAR)
+    known = (rotor_order.NOTE, hover_thrust.NOTE)
     return [Doubt(log.name, note) for note in log.notes if note.startswith(known)]
 
 

@@ -20,6 +20,7 @@ from np_drake.diagnosis.residuals import FORCE, FlightResiduals, make_flight_res
 from np_drake.effects.library import LIBRARY, effects_for, unobservable
 from np_drake.effects.parameter import usual_size
 from np_drake.flight_log import FlightLog
+from np_drake.logs.hover_thrust import with_hover_thrust
 from np_drake.vehicle import Vehicle
 
 Progress = Callable[[float, str], None]
@@ -55,6 +56,8 @@ def examine(
     Raises: ValueError: if there is no flight, or flights have different inputs.
     """
     _require(logs)
+    if vehicle is not None:
+        vehicle, logs, _ = with_hover_thrust(vehicle, logs)
     tell = on_progress or (lambda share, text: None)
     tell(0.0, "signals and clocks")
     facts = tuple(

@@ -86,12 +86,14 @@ class Motors:
 
     throttle: of each motor in the order of the autopilot, 4 or more; empty: none.   rotor_speed: of four, in that
     order.   layout: where these four are; None: not stated, or they are not four.   notes: one line each.
+    unit: whether the log states that of the throttle; otherwise outputs are pulses or DShot counts.
     """
 
     throttle: Source = dc.field(default_factory=Source)
     rotor_speed: Source = dc.field(default_factory=Source)
     layout: RotorLayout | None = None
     notes: tuple[str, ...] = ()
+    unit: bool = True
 
 
 def find_column(contents: Contents, name: str, path: str = "log") -> tuple[str, str]:

@@ -1,14 +1,10 @@
 """Flight logs as files: CSV, .csv.gz and Parquet, one in-memory form."""
 
-import dataclasses as dc
 from pathlib import Path
-
-import numpy as np
 
 from np_drake.flight_log import FlightLog
 from np_drake.logs import columns
 from np_drake.logs.checks import check_table
-from np_drake.logs.columns import Table
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats import csv_file, parquet_file
 from np_drake.logs.formats.format import first_bytes
@@ -17,17 +13,10 @@ from np_drake.logs.formats.table_text import is_comma_separated, split_header
 from np_drake.logs.gaps import LONGEST, bridge_gaps, split_at_gaps
 from np_drake.logs.gaps import repair as repair_table
 from np_drake.logs.import_sheet import read_sheet
-from np_drake.logs.rotor_order import in_vehicle_order
-from np_drake.logs.throttle_input import with_throttle_input
+from np_drake.logs.input_choice import WORDS, inputs_of
 from np_drake.logs.units import check_units
-from np_drake.rotor_input import with_rotor_input
-from np_drake.vehicle import Vehicle
 
 SUFFIXES = (".csv", ".csv.gz", ".parquet")  # of the formats
-WORDS = {  # of inputs
-    **{"command": "the command", "rotor_speed": "rotor speed"},
-    **{"thrust_only": "thrust alone", "normalised": "throttle"},
-}
 
 
 def is_flight_log(path: Path) -> bool:
@@ -49,15 +38,13 @@ def is_flight_log(path: Path) -> bool:
     return not lacking and 2 * len(names.intersection(needed)) > len(needed)
 
 
-def read(path: str | Path, vehicle: Vehicle | None = None, *, repair: bool = False) -> list[FlightLog]:
+def read(path: str | Path, *, repair: bool = False) -> list[FlightLog]:
     """Read and check a flight log (docs/reference/flight-log.md), split at gaps longer than 0.1 s.
 
-    Shorter gaps are bridged.
+    Shorter gaps are bridged. Rotor speed and throttle stay what they are.
 
     Args:
         path: of the log; its suffix determines how it is read.
-        vehicle: where the log has rotor speed and no command (or the vehicle file says `input: rotor_speed`),
-            thrust and torque come from rotor speed and this vehicle. Its weight is used in the check of units.
         repair: mend a few bad rows instead of refusing them; the log's notes say what was mended.
     Raises: LogError: one line with file, column, row and remedy; OSError: if the file cannot be opened.
     """
@@ -81,8 +68,15 @@ def read(path: str | Path, vehicle: Vehicle | None = None, *, repair: bool = Fal
             log.notes.append(f"{bridged.sum()} rows put into gaps of up to {LONGEST:g} s; they add nothing")
         log.notes[:0] = notes + split
         log.timing, log.layout = sheet.timing, sheet.rotors
-        log = _with_input(log, table, fields, vehicle)
-        check_units(log, path, vehicle)
+        known = inputs_of(log)
+        if not known:
+            raise table.error(
+                "is missing; a flight log needs thrust, tx, ty, tz, or thrust, or throttle, or rotor1 … rotor4 with a "
+                "vehicle file.",
+                column="thrust",
+            )
+        log.input = known[0]
+        check_units(log, path)
         logs.append(log)
     return logs
 
@@ -117,38 +111,3 @@ def suffix(path: str | Path) -> str:
             "formats into such files."
         )
     return known
-
-
-def _with_input(log: FlightLog, table: Table, fields: list[str], vehicle: Vehicle | None) -> FlightLog:
-    """Return the log with its command, or with thrust and torque from rotor speed or throttle.
-
-    The best known comes first: the input that the vehicle file names, a whole command, rotor speed, thrust, throttle.
-    """
-    wanted = None if vehicle is None else vehicle.input
-    present = {
-        "command": "u" in fields,
-        "rotor_speed": log.rotor is not None,
-        "thrust_only": "u" in fields or "thrust" in fields,
-        "normalised": log.throttle is not None,
-    }
-    if not any(present.values()):
-        raise table.error(
-            "is missing; a flight log needs thrust, tx, ty, tz, or thrust, or throttle, or rotor1 … rotor4 with a "
-            "vehicle file.",
-            column="thrust",
-        )
-    chosen = wanted if wanted and present[wanted] else next(kind for kind, there in present.items() if there)
-    if wanted is not None and vehicle is not None and wanted not in (chosen, "command"):
-        log.notes.append(
-            f"no {WORDS[wanted]}: thrust and torque from {WORDS[chosen]}, though vehicle {vehicle.name!r} says "
-            f"input: {wanted}"
-        )
-    if chosen == "thrust_only":
-        u = np.column_stack([log.u[:, 0], np.full((len(log), 3), np.nan)])
-        return dc.replace(log, u=u, input=chosen)
-    if chosen == "command":
-        return log
-    if vehicle is None:
-        return dc.replace(log, input=chosen)  # thrust and torque stay NaN
-    driven = {"rotor_speed": with_rotor_input, "normalised": with_throttle_input}[chosen]
-    return driven(in_vehicle_order(log, vehicle), vehicle)

@@ -22,9 +22,7 @@ from np_drake.logs.formats.format import first_bytes
 from np_drake.logs.formats.table import first_line
 from np_drake.logs.gaps import bridge_gaps, without_long_gaps
 from np_drake.logs.gaps import repair as repair_table
-from np_drake.logs.rotor_order import in_vehicle_order
 from np_drake.logs.units import check_units
-from np_drake.rotor_input import with_rotor_input
 from np_drake.training_data.segments import WrenchSequence
 from np_drake.vehicle import Vehicle, load_vehicle
 
@@ -86,12 +84,11 @@ def is_array(path: Path) -> bool:
     return path.name.endswith(".npy")
 
 
-def read(path: str | Path, vehicle: Vehicle | None = None, *, repair: bool = False) -> list[FlightLog]:
-    """Read a 29-column CSV into our frames: a = R acc - g z, v = R vel, u from rotor speed.
+def read(path: str | Path, *, repair: bool = False) -> list[FlightLog]:
+    """Read a 29-column CSV into our frames: a = R acc - g z, v = R vel; rotor speed is its input.
 
     Args:
         path: of the CSV, gzip-compressed where its name ends in .gz.
-        vehicle: gives thrust and torque from rotor speed; default: `published_vehicle()`.
         repair: mend a few bad rows instead of refusing them.
     Raises: LogError: one line with file, column (by our name) and row; OSError: if it cannot be opened.
     """
@@ -113,12 +110,11 @@ def read(path: str | Path, vehicle: Vehicle | None = None, *, repair: bool = Fal
         al=raw["al"],
         rotor=raw["rotor"],
         bridged=bridged if bridged.any() else None,
+        input="rotor_speed",
         name=Path(path).name.removesuffix(".gz").removesuffix(".csv").removeprefix("merged_"),
         notes=notes,
     )
-    flown_by = vehicle or published_vehicle()
-    log = with_rotor_input(in_vehicle_order(log, flown_by), flown_by)
-    check_units(log, path, vehicle)
+    check_units(log, path)
     return [log]
 
 

@@ -56,7 +56,7 @@ def motors(contents: Contents, slowest: float = 0.0) -> Motors:
     speed = Source() if count > 4 else _rotor_speed(fast, getattr(contents, "values_of", {}), lifting)
     notes = [] if count in (0, 4) else [f"{count} motors: their collective thrust alone is taken, torque is not told"]
     layout = _layout(parameters, lifting) if 4 in (len(throttle.columns), len(speed.columns)) else None
-    return Motors(throttle, speed, layout, tuple(notes))
+    return Motors(throttle, speed, layout, tuple(notes), unit=throttle.unit != "us" or bool(throttle.ends))
 
 
 def _lifting(parameters: Parameters) -> list[int]:

@@ -1,7 +1,6 @@
 """Agreement of a part of a log with its conventions: as declared, as adopted, or up to where it stops."""
 
 import dataclasses as dc
-from collections.abc import Mapping
 
 import numpy as np
 
@@ -10,8 +9,9 @@ from np_drake.logs.importing.alignment import common_rows
 from np_drake.logs.importing.consistency import FAILS, SCALE, WINDOW, misfits, never_tilts
 from np_drake.logs.importing.conventions import Change, Verdict, WrongConventions, as_text, changed, check_conventions
 from np_drake.logs.importing.convert import convert
-from np_drake.logs.importing.interpolation import Signal
+from np_drake.logs.importing.interpolation import Signals
 from np_drake.logs.importing.log_map import LogMap
+from np_drake.logs.windows import stretches
 
 CHECK_RATE = 50.0  # of the rows on which conventions are checked [Hz]
 SPAN = 2.0  # over which a law is tested by itself [s]; own choice: four windows of a law
@@ -21,7 +21,7 @@ SHORTEST_STRETCH = 3.0  # that is taken of a part that does not fit as a whole [
 ENDS_BADLY = 1.0  # misfit, that of no agreement, from which the end of a part is left out though the whole holds [1]
 
 
-def fitting_stretch(signals: Mapping[str, Signal], log_map: LogMap, verdict: Verdict) -> tuple[float, float] | None:
+def fitting_stretch(signals: Signals, log_map: LogMap, verdict: Verdict) -> tuple[float, float] | None:
     """Return the longest stretch in which the laws hold that fail in the whole [s]; None where there is none.
 
     A law must be tested there, not only be silent. Where the whole holds, the end alone is looked at: a short crash
@@ -45,7 +45,7 @@ def fitting_stretch(signals: Mapping[str, Signal], log_map: LogMap, verdict: Ver
         return all(own.get(law, 0.0) <= most for law in laws)
 
     good = np.array([holds(k) for k in starts])
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], good, [False]]).astype(int))).reshape(-1, 2)
+    edges = stretches(good)
     if not len(edges) or good.all():
         return None
     first, after = edges[np.argmax(edges[:, 1] - edges[:, 0])]
@@ -53,38 +53,47 @@ def fitting_stretch(signals: Mapping[str, Signal], log_map: LogMap, verdict: Ver
     if not verdict.failed and (first > 0 or whole or good[after:].any()):
         return None
     start, stop = t[starts[first]], t[-1] if whole else t[starts[after - 1] + rows - 1] - WINDOW
-    inside = (t >= start) & (t <= stop)
-    if stop - start < SHORTEST_STRETCH:
-        return None
-    own = check_conventions(t[inside], {name: values[inside] for name, values in raw.items()}, log_map)
-    tested = {law.split()[0] for law in own.misfits}
-    return (float(start), float(stop)) if own.holds and {law.split()[0] for law in verdict.failed} <= tested else None
+    return (float(start), float(stop)) if stop - start >= SHORTEST_STRETCH else None
 
 
-def _checked_rows(signals: Mapping[str, Signal]) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-    return common_rows({n: s for n, s in signals.items() if n != "voltage"}, CHECK_RATE)
-
-
-def agreed(
-    signals: Mapping[str, Signal], log_map: LogMap, path: str, *, clock: Change, carried: bool, adopt: bool
-) -> tuple[LogMap, Verdict]:
-    """Return the map whose conventions agree with the log, and the verdict on them.
+def judged(signals: Signals, log_map: LogMap, path: str) -> Verdict:
+    """Return the verdict on the conventions of a log that flies.
 
     Args:
         signals: as logged, by quantity.
         log_map: as declared.
         path: of the log, for messages.
-        clock: change of the unit of time, made in the signals.
-        carried: whether the vehicle flies at all.
-        adopt: take other conventions where the log fits those.
-    Raises: WrongConventions: if those declared do not agree, unless others do and are to be adopted; LogError: if the
-    attitude never tilts.
+    Raises: LogError: if the attitude never tilts where the vehicle accelerates sideways.
     """
-    verdict = Verdict({}, ())
-    if carried:
-        t, raw = _checked_rows(signals)
-        _require_tilt(t, raw, log_map, path)
-        verdict = check_conventions(t, raw, log_map)
+    t, raw = _checked_rows(signals)
+    if level := never_tilts(t, convert(raw, log_map)):
+        tilt, needed = level
+        raise LogError(
+            f"{path}: the attitude must tilt where the vehicle accelerates sideways; {log_map.attitude.columns[0]} … "
+            f"tilts by {1e3 * tilt:.2g} mrad where {1e3 * needed:.0f} mrad are needed, as a planar odometry does. Name "
+            "a pose with roll and pitch in a map."
+        )
+    return check_conventions(t, raw, log_map)
+
+
+def _checked_rows(signals: Signals) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    return common_rows({n: s for n, s in signals.items() if n != "voltage"}, CHECK_RATE)
+
+
+def agreed(
+    verdict: Verdict, signals: Signals, log_map: LogMap, path: str, *, clock: Change, adopt: bool
+) -> tuple[LogMap, Verdict]:
+    """Return the map whose conventions agree with the log, and the verdict on them.
+
+    Args:
+        verdict: on the conventions declared.
+        signals: as logged, by quantity.
+        log_map: as declared.
+        path: of the log, for messages.
+        clock: change of the unit of time, made in the signals.
+        adopt: take other conventions where the log fits those.
+    Raises: WrongConventions: if those declared do not agree, unless others do and are to be adopted.
+    """
     if verdict.holds and not clock:
         return log_map, verdict
     laws = [f"misfit of {law} {verdict.misfits[law]:.2g}" for law in verdict.failed[:4]]
@@ -113,16 +122,5 @@ def agreed(
             verdict,
         )
     log_map = changed(log_map, verdict.changes)
-    now = check_conventions(t, raw, log_map) if carried else verdict
+    now = judged(signals, log_map, path) if verdict.misfits else verdict
     return log_map, dc.replace(now, changes=verdict.changes)
-
-
-def _require_tilt(t: np.ndarray, raw: Mapping[str, np.ndarray], log_map: LogMap, path: str) -> None:
-    """Check that the attitude tilts where the vehicle accelerates sideways; LogError if it does not."""
-    if level := never_tilts(t, convert(raw, log_map)):
-        tilt, needed = level
-        raise LogError(
-            f"{path}: the attitude must tilt where the vehicle accelerates sideways; {log_map.attitude.columns[0]} … "
-            f"tilts by {1e3 * tilt:.2g} mrad where {1e3 * needed:.0f} mrad are needed, as a planar odometry does. Name "
-            "a pose with roll and pitch in a map."
-        )

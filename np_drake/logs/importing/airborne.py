@@ -4,11 +4,12 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from np_drake.logs.checks import STEP_RANGE
+from np_drake.logs.checks import LEAST_ROWS
 from np_drake.logs.errors import LogError
 from np_drake.logs.importing.convert import GRAVITY
 from np_drake.logs.importing.log_map import UNITS, LogMap
 from np_drake.logs.units import FASTEST_ROTOR
+from np_drake.logs.windows import stretches
 
 MOVED = 0.05  # from where it rests before and after the flight [m]; own choice
 STOPPED = 0.2  # share of the usual lift below which they carry no vehicle, even one that lost its load [1]; own choice
@@ -16,54 +17,29 @@ STANDS = 1.0  # time at rest between two flights from which they are apart [s]; 
 RUNNING = 0.5  # share of the usual lift below which the rotors do not carry [1]; own choice
 
 
-def airborne(t: np.ndarray, p: np.ndarray, lift: np.ndarray | None) -> slice:
-    """Return the rows between take-off and landing; all rows where the log neither begins nor ends at rest.
-
-    At rest the position stays within `MOVED` of that at the end of the log, and the rotors give less than `RUNNING` of
-    their usual lift at that end.
-
-    Args:
-        t: (n,) [s].
-        p: (n, 3) position in W [m].
-        lift: (n,) of the rotors in any unit, None where it is not known.
-    """
-    moved_first = np.linalg.norm(p - p[0], axis=1) > MOVED
-    moved_last = np.linalg.norm(p - p[-1], axis=1) > MOVED
-    if not (moved_first.any() and moved_last.any()):
-        return slice(0, len(t))
-    start, stop = int(np.argmax(moved_first)), len(t) - int(np.argmax(moved_last[::-1]))
-    if start >= stop:
-        return slice(0, len(t))  # it drifts about one place
-    usual = None if lift is None else float(np.median(lift[start:stop]))
-
-    def rests(end: slice) -> bool:
-        return usual is None or lift is None or float(np.median(lift[end])) < RUNNING * usual
-
-    begins_still, ends_still = rests(slice(max(start // 2, 1))), rests(slice((stop + len(t)) // 2, None))
-    return slice(start if begins_still else 0, stop if ends_still else len(t))
+def usual_lift(lift: np.ndarray) -> float:
+    """Return the lift of the rotors in flight, in its own unit, from that of all rows (n,)."""
+    return max(float(np.median(lift[lift >= RUNNING * np.percentile(lift, 95)])), 1e-12)
 
 
-def standing(t: np.ndarray, p: np.ndarray, lift: np.ndarray | None) -> np.ndarray:
-    """Return the rows (n,) at which the vehicle stands on the ground, as between a landing and the next take-off.
+def standing(t: np.ndarray, p: np.ndarray, lift: np.ndarray, usual: float = 0.0) -> np.ndarray:
+    """Return the rows (n,) at which the vehicle stands on the ground: before, between and after flights.
 
-    For `STANDS` or longer the rotors give less than `RUNNING` of their usual lift, and yet it does not fall: something
-    else carries. The estimate of position may drift where they give less than `STOPPED`.
+    For `STANDS` or longer, or at an end of the log, the rotors give less than `RUNNING` of their usual lift, and yet it
+    does not fall: something else carries. The estimate of position may drift where they give less than `STOPPED`.
     Rows within `MOVED` of the ends of these are among them.
 
     Args:
         t: (n,) [s].
         p: (n, 3) position in W [m].
-        lift: (n,) of the rotors in any unit; without it no row is known to stand.
+        lift: (n,) of the rotors in any unit.
+        usual: lift in flight, in that unit; 0: that of these rows.
     """
     out = np.zeros(len(t), bool)
-    if lift is None:
-        return out
-    high = float(np.percentile(lift, 95))
-    share = lift / max(float(np.median(lift[lift >= RUNNING * high])), 1e-12)
-    idle = share < RUNNING
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], idle, [False]]).astype(int)))
-    for start, stop in edges.reshape(-1, 2):
-        if t[stop - 1] - t[start] < STANDS or _falls(t[start:stop], p[start:stop, 2]):
+    share = lift / (usual or usual_lift(lift))
+    for start, stop in stretches(share < RUNNING):
+        at_end = stop - start >= LEAST_ROWS and (start == 0 or stop == len(t))
+        if not (at_end or t[stop - 1] - t[start] >= STANDS) or _falls(t[start:stop], p[start:stop, 2]):
             continue
         drifts = np.linalg.norm(p[start:stop] - p[start], axis=1).max() > MOVED
         if drifts and np.median(share[start:stop]) > STOPPED:
@@ -127,20 +103,4 @@ def require_a_flight(log_map: LogMap, path: str) -> None:
     if not (log_map.thrust or log_map.rotor_speed or log_map.throttle):
         raise LogError(
             f"{path}: the map must name columns of thrust, rotor_speed or throttle; a flight log needs one of them."
-        )
-
-
-def require_a_step(t: np.ndarray, path: str) -> None:
-    """Check that rows come at a rate with which a flight log is read again.
-
-    Args:
-        t: (n,) [s].
-        path: of the log.
-    Raises: LogError: if they do not.
-    """
-    step = float(np.median(np.diff(t))) if len(t) > 1 else np.inf
-    if not STEP_RANGE[0] <= step <= STEP_RANGE[1]:
-        raise LogError(
-            f"{path}: rows must be {STEP_RANGE[0]:g} … {STEP_RANGE[1]:g} s apart; got {step:.4g}. Log at a higher "
-            "rate, or give another --rate."
         )

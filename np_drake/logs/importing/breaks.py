@@ -1,14 +1,14 @@
 """Where a log breaks: its recorder pauses, its position or attitude jumps, or its format states a switch."""
 
 import dataclasses as dc
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
 from np_drake import attitude
 from np_drake.logs.checks import LEAST_ROWS
 from np_drake.logs.importing.convert import convert_quantity
-from np_drake.logs.importing.interpolation import Signal
+from np_drake.logs.importing.interpolation import Signal, Signals
 from np_drake.logs.importing.log_map import UNITS, LogMap
 from np_drake.logs.importing.signals import OPTIONAL, STATE
 
@@ -26,7 +26,6 @@ STATED = 0.3  # share of both that is enough where the log itself states a reset
 AROUND = 8  # intervals before and after a jump with which it is compared [1]
 MOST_SAID = 5  # breaks that are named one by one
 LASTS = 3  # samples after which a jump is still there, and no single bad sample [1]
-Signals = dict[str, Signal]
 
 
 @dc.dataclass(frozen=True)
@@ -38,15 +37,18 @@ class Break:
     reason: str
 
 
-def find_breaks(signals: Mapping[str, Signal], log_map: LogMap, stated: Sequence[tuple[float, str]]) -> list[Break]:
+def find_breaks(
+    signals: Signals, log_map: LogMap, stated: Sequence[tuple[float, str]], known: Sequence[Break] = ()
+) -> list[Break]:
     """Return where the log breaks, in time.
 
     Args:
         signals: as logged, by quantity.
         log_map: with their conventions.
         stated: time [s] and reason of the breaks that the format states; a reason that ends in `?` is one if it shows.
+        known: others of the same log.
     """
-    found: list[Break] = []
+    found = list(known)
     place = next(signals[name] for name in ("position", "velocity", "acceleration") if name in signals)
     turn = signals["attitude"]
     q = convert_quantity("attitude", turn.values, log_map)
@@ -65,9 +67,7 @@ def find_breaks(signals: Mapping[str, Signal], log_map: LogMap, stated: Sequence
     return _joined(found)
 
 
-def split(
-    signals: Mapping[str, Signal], breaks: Sequence[Break], origin: float = 0.0
-) -> tuple[list[Signals], list[str]]:
+def split(signals: Signals, breaks: Sequence[Break], origin: float = 0.0) -> tuple[list[Signals], list[str]]:
     """Return the signals of every part, and one line on every break and on every part that is left out.
 
     Args:
@@ -80,9 +80,9 @@ def split(
     edges = [-np.inf, *(edge for b in breaks for edge in (b.before, b.after)), np.inf]
     parts, kept = [], []
     for start, stop in zip(edges[::2], edges[1::2], strict=True):
-        part = {name: own for name, s in signals.items() if (own := _between(s, start, stop, name)) is not None}
-        kept.append(all(name in part for name in signals if name not in OPTIONAL))
-        parts += [part] if kept[-1] else []
+        part, lacking = within(signals, start, stop)
+        kept.append(not lacking)
+        parts += [] if lacking else [part]
     said = []
     for b, before, after in zip(breaks, kept[:-1], kept[1:], strict=True):
         what = "split there" if before and after else f"what comes {'after' if before else 'before'} it is left out"
@@ -92,9 +92,18 @@ def split(
     return parts, said
 
 
-def _between(own: Signal, start: float, stop: float, name: str) -> Signal | None:
-    inside = own.between(start, stop)
-    return inside if inside is not None and len(inside.t) >= (2 if name in OPTIONAL else LEAST_ROWS) else None
+def within(signals: Signals, start: float, stop: float) -> tuple[Signals, str]:
+    """Return the signals between two times [s], and which of those that are needed has too few samples; empty: none.
+
+    Args:
+        signals: as logged, by quantity.
+        start: first time.
+        stop: last time.
+    """
+    part = {name: own.between(start, stop) for name, own in signals.items()}
+    short = [n for n, own in part.items() if len(own.t) < (2 if n in OPTIONAL else LEAST_ROWS)]
+    lacking = next((f"{name} has {len(part[name].t)}" for name in short if name not in OPTIONAL), "")
+    return {name: own for name, own in part.items() if name not in short}, lacking
 
 
 def _pauses(own: Signal) -> list[Break]:
@@ -111,14 +120,14 @@ def _jumps(t: np.ndarray, change: np.ndarray, name: str, asked: Sequence[tuple[f
     found = []
     near = np.lib.stride_tricks.sliding_window_view(np.pad(size, AROUND), 2 * AROUND + 1)
     around = np.maximum(near[:, :AROUND].max(axis=1), near[:, AROUND + 1 :].max(axis=1))
-    for k in np.flatnonzero(size > STATED * np.maximum(LEAST[name], ABRUPT * around)).tolist():
+    least = np.maximum(LEAST[name], ABRUPT * around)
+    for k in np.flatnonzero(size > STATED * least).tolist():
         back = np.linalg.norm(change[k : k + LASTS].sum(axis=0)) < 0.5 * size[k]
         came = np.linalg.norm(change[max(k - LASTS + 1, 0) : k + 1].sum(axis=0)) < 0.5 * size[k]
         if back or came:
             continue
         reason = next((r for at, r in asked if t[max(k - 1, 0)] <= at <= t[min(k + 2, count)]), "")
-        share = STATED if reason else 1.0
-        if size[k] > share * LEAST[name] and size[k] > share * ABRUPT * around[k]:
+        if size[k] > (STATED if reason else 1.0) * least[k]:
             said = (
                 f"{np.degrees(size[k]):.3g} deg" if name == "attitude" else f"{size[k]:.3g} {next(iter(UNITS[name]))}"
             )
@@ -128,11 +137,12 @@ def _jumps(t: np.ndarray, change: np.ndarray, name: str, asked: Sequence[tuple[f
 
 
 def _joined(found: Sequence[Break]) -> list[Break]:
-    """Return the breaks in time, those that overlap as one, with the reason of the first."""
+    """Return the breaks in time, those that overlap as one, with the first reason that is more than a pause."""
     out: list[Break] = []
     for b in sorted(found, key=lambda b: b.before):
         if out and b.before < out[-1].after:
-            out[-1] = dc.replace(out[-1], after=max(b.after, out[-1].after))
+            reason = min(out[-1].reason, b.reason, key=lambda reason: reason.startswith("a pause"))
+            out[-1] = Break(out[-1].before, max(b.after, out[-1].after), reason)
         else:
             out.append(b)
     return out

@@ -8,6 +8,8 @@ import numpy as np
 
 from np_drake.logs.checks import LEAST_ROWS
 from np_drake.logs.formats.format import Recording, Stream
+from np_drake.logs.importing.breaks import Break
+from np_drake.logs.windows import stretches
 
 LEAST_STEP = 5  # samples by which a clock is set back; fewer are late messages; own choice
 MOST_STEPS = 20  # in one recording; more are rows out of order; own choice
@@ -23,18 +25,18 @@ LONGEST = 0.75  # share of a file that may be merged [1]; own choice
 # Change over two samples over that over one, summed, below which samples alternate between two times [1]; own choice: a
 # smooth signal has 2, white noise 1.
 ALTERNATE = 0.75
+MERGED = "the clock is set back, and rows of two times stand side by side"
 
 
 def clock_parts(recording: Recording) -> tuple[list[Recording], list[str]]:
     """Return the parts between which the clock is set, in the order of the file, and one line on each step.
 
-    It is set back, or forward by hours. Rows before it runs, which all bear its first time, are left out. Where the
-    file is sorted by time, rows from before and after a step back are merged: these are left out.
+    It is set back, or forward by hours. Rows before it runs, which all bear its first time, are left out.
     """
     running, said = _after_the_start(recording)
     parts = []
     for piece in _parts_of_clocks(running, said):
-        parts += _merged_parts(piece, said) or _parts_in_order(piece, said)
+        parts += _parts_in_order(piece, said)
     return parts, said
 
 
@@ -136,48 +138,31 @@ def _parts_in_order(recording: Recording, said: list[str]) -> list[Recording]:
     return parts
 
 
-def _merged_parts(recording: Recording, said: list[str]) -> list[Recording]:
-    """Return the parts before and after every stretch in which rows of two times are merged; none: there is none."""
-    stretches = sorted(s for stream in recording.streams.values() for s in _merged(stream))
-    if not stretches:
-        return []
-    joined = [stretches[0]]
-    for start, stop in stretches[1:]:
-        if start <= joined[-1][1]:
-            joined[-1] = joined[-1][0], max(stop, joined[-1][1])
-        else:
-            joined.append((start, stop))
-    for start, stop in joined:
-        said.append(
-            f"the clock is set back at {stop:.6g} s: rows of two times stand side by side from {start:.6g} s on; these "
-            "are left out, and the log is split there"
-        )
-    edges = [-np.inf, *(edge for stretch in joined for edge in stretch), np.inf]
-    parts = []
-    for start, stop in zip(edges[::2], edges[1::2], strict=True):
-        inside = {name: (s.t > start) & (s.t < stop) for name, s in recording.streams.items()}
-        parts.append(dc.replace(recording, streams={n: _rows(s, inside[n]) for n, s in recording.streams.items()}))
-    return parts
+def without_merged_rows(recording: Recording) -> tuple[Recording, list[Break]]:
+    """Return a recording without rows of two times that are merged, and where it breaks for that.
 
-
-def _merged(stream: Stream) -> Iterator[tuple[float, float]]:
-    """Yield first and last time of every stretch with samples twice as dense as elsewhere, between two tracks."""
-    t = stream.t
-    interval = np.diff(t)
-    if len(interval) < 4 * AROUND or np.any(interval < 0) or not stream.columns:
-        return
-    mean = np.convolve(interval, np.ones(AROUND) / AROUND, mode="same")
-    usual = float(np.percentile(mean, SPARSE))
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], mean < CLOSER * usual, [False]]).astype(int)))
-    for start, stop in edges.reshape(-1, 2):
-        if not AROUND <= stop - start < LONGEST * len(interval):
-            continue
-        close = np.arange(max(start - AROUND, 0), min(stop + AROUND, len(interval)))
-        close = close[interval[close] < CLOSER * usual]
-        inside = [column[close[0] : close[-1] + 2] for column in stream.columns.values()]
-        two_over_one = [np.abs(x[2:] - x[:-2]).sum() / np.abs(np.diff(x)).sum() for x in inside if np.ptp(x) > 0]
-        if two_over_one and np.median(two_over_one) < ALTERNATE:
-            yield float(t[close[0]]), float(t[close[-1] + 1])
+    They are where a clock is set back in a file that is sorted by time: samples are twice as dense as elsewhere, and
+    alternate between two tracks.
+    """
+    found = []
+    for stream in (s for s in recording.streams.values() if len(s) > 4 * AROUND and s.columns):
+        t, interval = stream.t, np.diff(stream.t)
+        mean = np.convolve(interval, np.ones(AROUND) / AROUND, mode="same")
+        usual = float(np.percentile(mean, SPARSE))
+        for start, stop in stretches(mean < CLOSER * usual) if np.all(interval >= 0) else ():
+            if not AROUND <= stop - start < LONGEST * len(interval):
+                continue
+            close = np.arange(max(start - AROUND, 0), min(stop + AROUND, len(interval)))
+            close = close[interval[close] < CLOSER * usual]
+            inside = [column[close[0] : close[-1] + 2] for column in stream.columns.values()]
+            two_over_one = [np.abs(x[2:] - x[:-2]).sum() / np.abs(np.diff(x)).sum() for x in inside if np.ptp(x) > 0]
+            if two_over_one and np.median(two_over_one) < ALTERNATE:
+                before, after = max(close[0] - 1, 0), min(close[-1] + 2, len(t) - 1)
+                found.append(Break(float(t[before]), float(t[after]), MERGED))
+    streams = dict(recording.streams)
+    for b in found:
+        streams = {n: _rows(s, (s.t <= b.before) | (s.t >= b.after)) for n, s in streams.items()}
+    return dc.replace(recording, streams=streams), found
 
 
 def _rows(stream: Stream, rows: slice | np.ndarray) -> Stream:

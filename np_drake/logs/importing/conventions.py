@@ -133,9 +133,8 @@ class Trial:
     def _key(self, name: str, log_map: LogMap) -> tuple[Any, ...]:
         """Return what a quantity depends on: its own conventions, and those of the attitude that may turn it."""
         source = getattr(log_map, name)
-        own = (source.unit, source.scale, tuple(source.signs), source.axes, source.kind, source.order, source.direction)
         turned = name in VECTORS and "attitude" in self._raw and source.is_turned(name)
-        return (name, *own, *log_map.frames(source), *(self._key("attitude", log_map) if turned else ()))
+        return (name, repr(source), *log_map.frames(source), *(self._key("attitude", log_map) if turned else ()))
 
 
 def liveliest(raw: Values, rows: int) -> slice:
@@ -213,44 +212,37 @@ def _alternatives(raw: Values, log_map: LogMap) -> Iterator[Change]:
         worlds = {name: log_map.frames(getattr(log_map, name))[0] for name in ("position", "velocity")}
         yield tuple((f"{name}.world", _other(WORLDS, own)) for name, own in worlds.items())
     for name in raw:
-        if name == "acceleration":
-            yield from _of_acceleration(log_map)
-        for option, value in _of_quantity(name, log_map):
-            yield ((f"{name}.{option}", value),)
+        for options in _of_quantity(name, log_map):
+            yield tuple((f"{name}.{option}", value) for option, value in options.items())
 
 
-def _of_acceleration(log_map: LogMap) -> Iterator[Change]:
-    source = log_map.acceleration
-    own = (source.kind or "specific_force", source.axes_of("acceleration"))
-    for kind, axes in itertools.product(("specific_force", "acceleration"), ("body", "world")):
-        if (kind, axes) != own:
-            yield (("acceleration.kind", kind), ("acceleration.axes", axes))
-
-
-def _of_quantity(name: str, log_map: LogMap) -> Iterator[tuple[str, Any]]:
+def _of_quantity(name: str, log_map: LogMap) -> Iterator[dict[str, Any]]:
     source = getattr(log_map, name)
     world, body = log_map.frames(source)
     axes = source.axes_of(name)
+    if name == "acceleration":
+        for kind, other in itertools.product(("specific_force", "acceleration"), ("body", "world")):
+            if (kind, other) != (source.kind or "specific_force", axes):
+                yield {"kind": kind, "axes": other}
+    if name == "attitude" and len(source.columns) != 3:
+        yield {"order": _other(("wxyz", "xyzw"), source.order)}
+    elif name == "attitude":
+        yield {"unit": "deg" if source.unit in ("", "1", "rad") else "rad"}
     if name == "attitude":
-        if len(source.columns) != 3:
-            yield "order", _other(("wxyz", "xyzw"), source.order)
-        else:
-            yield "unit", "deg" if source.unit in ("", "1", "rad") else "rad"
-        yield "direction", _other(("body_to_world", "world_to_body"), source.direction)
+        yield {"direction": _other(("body_to_world", "world_to_body"), source.direction)}
     if name == "attitude" or (axes == "world" and name in VECTORS):
-        yield "world", _other(WORLDS, world)
+        yield {"world": _other(WORLDS, world)}
     if name == "attitude" or (axes == "body" and name in VECTORS):
-        yield "body", _other(BODIES, body)
+        yield {"body": _other(BODIES, body)}
     if name in ("velocity", "rates"):
-        yield "axes", _other(("world", "body"), axes)
-    for unit in _UNITS.get(name, ()):
-        if unit != (source.unit or _UNITS[name][0]):
-            yield "unit", unit
+        yield {"axes": _other(("world", "body"), axes)}
+    own = source.unit or _UNITS.get(name, ("",))[0]
+    yield from ({"unit": unit} for unit in _UNITS.get(name, ()) if unit != own)
     if name in ("acceleration", "thrust", "velocity"):
-        yield "scale", -source.scale
+        yield {"scale": -source.scale}
     if name in HANDED and len(source.columns) == 3:
         for axis in range(3):
-            yield "signs", [-sign if i == axis else sign for i, sign in enumerate(source.signs or [1, 1, 1])]
+            yield {"signs": [-sign if i == axis else sign for i, sign in enumerate(source.signs or [1, 1, 1])]}
 
 
 HANDED = ("attitude", "rates")  # three columns of which a log may turn one, as pitch against a right-handed y

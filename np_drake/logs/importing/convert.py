@@ -92,13 +92,5 @@ def _turned(name: str, values: np.ndarray, q: np.ndarray | None, log_map: LogMap
 
 def from_roll_pitch_yaw(angles: np.ndarray) -> np.ndarray:
     """Return quaternions (n, 4) of roll, pitch, yaw (n, 3) [rad]: turns about z, then y, then x, in body axes."""
-    (cr, cp, cy), (sr, sp, sy) = np.cos(0.5 * angles).T, np.sin(0.5 * angles).T
-    return np.stack(
-        [
-            cr * cp * cy + sr * sp * sy,
-            sr * cp * cy - cr * sp * sy,
-            cr * sp * cy + sr * cp * sy,
-            cr * cp * sy - sr * sp * cy,
-        ],
-        axis=1,
-    )
+    x, y, z = (attitude.from_rotation_vector(a[:, None] * axis) for a, axis in zip(angles.T, np.eye(3), strict=True))
+    return attitude.multiply(z, attitude.multiply(y, x))

@@ -5,6 +5,7 @@ import numpy as np
 from np_drake import attitude
 from np_drake.logs.importing.airborne import MOVED, RUNNING
 from np_drake.logs.importing.convert import GRAVITY
+from np_drake.logs.windows import stretches
 from np_drake.training_data.accelerations import LIFT_BAND, lift_over_weight
 
 STILL = 0.3  # speed of a wreck [m/s]; own choice
@@ -16,24 +17,21 @@ IMPACT, BLOW = 3.0, 0.1
 CARRIED, FALLS = 0.3, 0.3  # lift over the weight in a fall [1], and its least duration [s]; own choice
 
 
-def before_the_fall(t: np.ndarray, v: np.ndarray, q: np.ndarray, lift: np.ndarray | None) -> int:
+def before_the_fall(t: np.ndarray, v: np.ndarray, q: np.ndarray, lift: np.ndarray) -> int:
     """Return the row at which the vehicle begins to fall although its rotors run; all rows where it does not.
 
     Args:
         t: (n,) [s].
         v: (n, 3) velocity in W [m/s].
         q: (n, 4) attitude, body to W.
-        lift: (n,) of the rotors in any unit; None: not known.
+        lift: (n,) of the rotors in any unit.
     """
-    if lift is None:
-        return len(t)
     carried = lift_over_weight(t, v, q, GRAVITY)
     flying = carried > 1 - CARRIED
     flying &= lift > RUNNING * np.percentile(lift, 95)  # on the ground, the ground carries
     usual = float(np.median(lift[flying])) if flying.any() else np.inf
     falls = (carried < CARRIED) & (lift > RUNNING * usual)
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], falls, [False]]).astype(int)))
-    for start, stop in edges.reshape(-1, 2):
+    for start, stop in stretches(falls):
         if t[stop - 1] - t[start] >= FALLS:
             return max(int(np.searchsorted(t, t[start] - 0.5 / LIFT_BAND)), 0)
     return len(t)
@@ -62,20 +60,8 @@ def before_the_crash(t: np.ndarray, p: np.ndarray, v: np.ndarray, q: np.ndarray)
     change = after - v[first : first + len(after)]
     hits = np.flatnonzero(np.linalg.norm(change, axis=1) > IMPACT * GRAVITY * BLOW)
     tilted = float(np.median(attitude.body_z(q[lying])[:, 2])) < LYING
-    if not tilted and not (len(hits) and lies_below(p[lying], p[:rests])):
+    level, flown = float(np.median(p[lying, 2])), p[:rests, 2]
+    lowest = rests > 0 and level < flown.min() + 4 * MOVED and np.median(flown) > level + ABOVE
+    if not tilted and not (len(hits) and lowest):
         return len(t)
     return first + int(hits[0]) if len(hits) else rests
-
-
-def lies_below(p: np.ndarray, others: np.ndarray) -> bool:
-    """Return whether a vehicle stays at one place, the lowest, and has been well above it otherwise.
-
-    Args:
-        p: (n, 3) positions while it may lie [m].
-        others: (m, 3) those of the rest of the log [m].
-    """
-    if not len(others):
-        return False
-    level = float(np.median(p[:, 2]))
-    stays = bool(np.ptp(p, axis=0).max() < 4 * MOVED)
-    return stays and level < float(others[:, 2].min()) + 4 * MOVED and float(np.median(others[:, 2])) > level + ABOVE

@@ -2,6 +2,7 @@
 
 import dataclasses as dc
 import re
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -9,20 +10,20 @@ import numpy as np
 from np_drake.flight_log import FlightLog
 from np_drake.logs.checks import LEAST_ROWS
 from np_drake.logs.errors import LogError
-from np_drake.logs.formats import format_of
 from np_drake.logs.formats.format import Contents, Format, Motors, Progress, Recording, by_stream, no_progress
-from np_drake.logs.import_sheet import Sheet
+from np_drake.logs.formats.library import format_of
+from np_drake.logs.import_sheet import Sheet, read_sheet
 from np_drake.logs.importing.airborne import require_a_flight
-from np_drake.logs.importing.breaks import Signals, find_breaks, split
-from np_drake.logs.importing.clock_parts import clock_parts
+from np_drake.logs.importing.breaks import find_breaks, split, within
+from np_drake.logs.importing.clock_parts import clock_parts, without_merged_rows
 from np_drake.logs.importing.conventions import Change, fitting_time_unit
-from np_drake.logs.importing.inputs import in_the_unit_of_the_lift, usable_inputs
-from np_drake.logs.importing.interpolation import Signal
+from np_drake.logs.importing.interpolation import Signals
 from np_drake.logs.importing.log_map import UNITS, LogMap, MapFile
+from np_drake.logs.importing.output_unit import in_the_likely_unit
 from np_drake.logs.importing.parts import imported_parts
 from np_drake.logs.importing.sheet_content import sheet_content
-from np_drake.logs.importing.signals import OPTIONAL, gather, with_map_time
-from np_drake.logs.importing.stated_units import require_stated_units
+from np_drake.logs.importing.signals import gather, require_stated_units, with_map_time
+from np_drake.logs.importing.telemetry import usable_inputs
 
 SHORTEST = 1.0  # log whose unit of time is found by its rate alone [s]; own choice
 ENDINGS = re.compile(r"(\.(csv|tsv|txt|parquet|ulg|bin|log|mcap|db3|bag))?(\.gz)?$", re.IGNORECASE)
@@ -68,6 +69,7 @@ def import_log(
     WrongConventions, one of these, if it does not agree with its conventions; OSError: if it cannot be opened.
     """
     known, contents, found, motors = _map_for(Path(path), log_map)
+    beside = read_sheet(path) if log_map is None else Sheet()  # of a log that an import wrote, without its position
     try:
         log_map = dc.replace(
             found, rate=rate or found.rate, start=start or found.start, stop=stop or found.stop
@@ -78,24 +80,23 @@ def import_log(
     recording = known.read(Path(path), by_stream(contents, log_map.names(), str(path)), on_progress)
     require_stated_units(recording, log_map)
     signals, clock, said, notes, origin = _parts(recording, log_map, str(path))
-    log_map, parts, told = imported_parts(signals, log_map, str(path), origin=origin, clock=clock, adopt=adopt)
+    how = partial(imported_parts, path=str(path), origin=origin, clock=clock, adopt=adopt)
+    log_map, parts, told = (
+        how(signals, log_map) if motors.unit else in_the_likely_unit(how, signals, log_map, str(path))
+    )
     name = ENDINGS.sub("", Path(path).name)
     flights = [flight for part in parts for flight in part.flights]
     if not flights:
         raise LogError(f"{path}: must hold a flight; no part between gaps has {LEAST_ROWS} rows.")
-    unstated = log_map.throttle.unit == "us" and not log_map.throttle.ends
-    if unstated and parts[0].carried and all(flight.throttle is not None for flight in flights):
-        flights, unit = in_the_unit_of_the_lift(flights)
-        said += [unit] if unit else []
-    timing = max(part.timing for part in parts)
+    timing, layout = max(beside.timing, *(part.timing for part in parts)), motors.layout or beside.rotors
     for number, flight in enumerate(flights, start=1):
         flight.name = name if len(flights) == 1 else f"{name}_part{number}"
-        flight.timing, flight.layout = timing, motors.layout
+        flight.timing, flight.layout = timing, layout
     said = [*motors.notes, *recording.said, *said, *told]
     content = sheet_content(
         path, known.title, recording.facts, log_map, parts, flights, [*said, *recording.notes, *notes]
     )
-    return Imported(tuple(flights), Sheet(timing, content, motors.layout), tuple(said))
+    return Imported(tuple(flights), Sheet(timing, content, layout), tuple(said))
 
 
 def _map_for(path: Path, log_map: LogMap | MapFile | None) -> tuple[Format, Contents, LogMap, Motors]:
@@ -109,6 +110,8 @@ def _map_for(path: Path, log_map: LogMap | MapFile | None) -> tuple[Format, Cont
         found = log_map.over(own) if isinstance(log_map, MapFile) else log_map or own
         if own is not None and found is not None:
             motors = _motors_of(known.motors(contents), found)
+            told = isinstance(log_map, MapFile) and "unit" in log_map.named.get("throttle", ())
+            motors = dc.replace(motors, unit=motors.unit or told or found.throttle != motors.throttle)
     except ValueError as error:
         raise error if isinstance(error, LogError) else LogError(f"{path}: {error}") from None
     if found is None:
@@ -138,11 +141,11 @@ def _parts(
     recordings, said = clock_parts(with_map_time(recording, log_map))
     parts: list[Signals] = []
     notes: list[str] = []
-    short: list[str] = []
     failure: LogError | None = None
     clock: Change = ()
     origin, elapsed = 0.0, 0.0
     for number, piece in enumerate(recordings):
+        piece, merged = without_merged_rows(piece)
         try:
             signals, own = gather(piece, log_map)
         except LogError as error:
@@ -153,42 +156,23 @@ def _parts(
         signals, clock = _on_a_likely_clock(signals, log_map, path)
         begun, ended = float(signals["attitude"].t[0]), float(signals["attitude"].t[-1])
         origin = begun if number == 0 else origin
-        signals, lacking = _cut(signals, log_map, begun - elapsed)
-        elapsed += ended - begun
+        first, elapsed = begun - elapsed, elapsed + ended - begun
+        start, stop = first + log_map.start if log_map.start else -np.inf, first + (log_map.stop or np.inf)
+        signals, lacking = within(signals, start, stop)
         if lacking:
-            short.append(lacking)
+            failure = failure or LogError(f"{path}: start and stop must leave samples; {lacking} in them.")
             continue
         signals, slow = usable_inputs(signals, log_map)
-        pieces, broken = split(signals, find_breaks(signals, log_map, recording.breaks), origin)
+        pieces, broken = split(signals, find_breaks(signals, log_map, recording.breaks, merged), origin)
         parts += pieces
         notes += [note for note in own if note not in notes]
         said += [line for line in (*slow, *broken) if line not in said]
-    if not parts and failure is not None:
-        raise failure
-    if not parts and short:
-        raise LogError(f"{path}: start and stop must leave samples; {short[0]} in them.")
     if not parts:
-        raise LogError(f"{path}: must hold a flight; no part has {LEAST_ROWS} samples of every signal.")
+        raise failure or LogError(f"{path}: must hold a flight; no part has {LEAST_ROWS} samples of every signal.")
     return parts, clock, said, notes, origin
 
 
-def _cut(signals: dict[str, Signal], log_map: LogMap, first: float) -> tuple[dict[str, Signal], str]:
-    """Return the signals between the map's start and stop, counted from `first` [s], and which has too few samples."""
-    if not log_map.start and not log_map.stop:
-        return signals, ""
-    start, stop = first + log_map.start, first + log_map.stop if log_map.stop else np.inf
-    out = {}
-    for name, own in signals.items():
-        inside = own.between(start, stop)
-        count = 0 if inside is None else len(inside.t)
-        if inside is not None and count >= (2 if name in OPTIONAL else LEAST_ROWS):
-            out[name] = inside
-        elif name not in OPTIONAL:
-            return {}, f"{name} has {count}"
-    return out, ""
-
-
-def _on_a_likely_clock(signals: dict[str, Signal], log_map: LogMap, path: str) -> tuple[dict[str, Signal], Change]:
+def _on_a_likely_clock(signals: Signals, log_map: LogMap, path: str) -> tuple[Signals, Change]:
     """Return the signals with times in a unit that gives a rate of flight logs, and the change that is; empty: none.
 
     Raises: LogError: if the log would be too short in that unit to be a flight: its rows are slow, not its clock.

@@ -1,11 +1,13 @@
 """Signal of a log, and its values at other times: states are integrated, readings averaged, commands held."""
 
 import dataclasses as dc
+from collections.abc import Mapping
 from functools import cached_property
 
 import numpy as np
 
 from np_drake import attitude
+from np_drake.logs.checks import LEAST_ROWS
 
 # Rate of rotor speed, of the throttle of each motor, and of torque, below which they are no input: what turns the
 # vehicle is faster. Source: own choice.
@@ -30,31 +32,38 @@ class Signal:
         """Median sampling interval [s]."""
         return float(np.median(np.diff(self.t)))
 
+    @cached_property
+    def _new(self) -> np.ndarray:
+        """Whether a sample differs from the one before, (n,); all, unless many repeat."""
+        new = np.concatenate([[True], np.any(np.diff(self.values, axis=0) != 0, axis=1)])[: len(self.t)]
+        return new if LEAST_ROWS <= new.sum() <= (1 - REPEATED) * len(new) else np.ones(len(new), bool)
+
     @property
     def renewal(self) -> float:
         """Median interval at which the values change [s]: that of the samples, unless many repeat."""
-        new = np.flatnonzero(np.any(np.diff(self.values, axis=0) != 0, axis=1))
-        if len(new) < 2 or len(new) > (1 - REPEATED) * (len(self.t) - 1):
-            return self.step
-        return float(np.median(np.diff(self.t[new + 1])))
+        return float(np.median(np.diff(self.t[self._new])))
 
     @property
     def renewed(self) -> "Signal":
-        """The samples at which the values change, where many repeat."""
-        if self.renewal < FASTER * self.step:
-            return self
-        new = np.concatenate([[True], np.any(np.diff(self.values, axis=0) != 0, axis=1)])
-        return dc.replace(self, t=self.t[new], values=self.values[new])
+        """The samples at which the values change, where many repeat.
 
-    def between(self, start: float, stop: float) -> "Signal | None":
-        """Return the samples from `start` to `stop` [s]; None where they are fewer than two.
+        A signal that rests keeps one wherever it has not changed for two usual intervals of change: its rest is no gap.
+        """
+        rows, new = np.arange(len(self.t)), self._new
+        usual = max(1, round(float(np.median(np.diff(rows[new])))))
+        since = rows - np.maximum.accumulate(np.where(new, rows, 0))
+        keep = new | ((since > 0) & (since % (2 * usual) == 0))
+        return self if keep.all() else dc.replace(self, t=self.t[keep], values=self.values[keep])
+
+    def between(self, start: float, stop: float) -> "Signal":
+        """Return the samples from `start` to `stop` [s].
 
         Args:
             start: first time.
             stop: last time.
         """
         inside = (self.t >= start) & (self.t <= stop)
-        return dc.replace(self, t=self.t[inside], values=self.values[inside]) if inside.sum() > 1 else None
+        return dc.replace(self, t=self.t[inside], values=self.values[inside])
 
     def linear(self, at: np.ndarray) -> np.ndarray:
         """Return the values by linear interpolation, (m, k); the ends are held."""
@@ -142,3 +151,6 @@ class Signal:
     def _share(self, i: np.ndarray, at: np.ndarray) -> np.ndarray:
         """Return the share of intervals i (m,) that has passed, (m, 1) [1]."""
         return np.clip((at - self.t[i]) / (self.t[i + 1] - self.t[i]), 0.0, 1.0)[:, None]
+
+
+Signals = Mapping[str, Signal]  # by quantity

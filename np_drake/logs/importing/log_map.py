@@ -9,7 +9,6 @@ from np_drake.files.yaml_text import read_yaml
 
 WORLDS = ("enu", "ned")  # z up (any horizontal axes), z down
 BODIES = ("flu", "frd")  # z along the thrust, z against it
-INPUTS = ("thrust", "torque", "rotor_speed", "throttle")
 TIMINGS = ("held_after", "held_before", "averaged", "sampled", "unknown")
 UNITS: dict[str, dict[str, float]] = {  # by quantity: factor to SI
     "position": {"m": 1.0, "cm": 0.01, "mm": 0.001, "ft": 0.3048},

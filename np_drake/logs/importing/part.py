@@ -1,7 +1,7 @@
 """One part of a log, between its breaks: conventions, the stretch that fits them, rows, and the flights in it."""
 
 import dataclasses as dc
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -9,15 +9,14 @@ from np_drake.flight_log import FlightLog
 from np_drake.logs.checks import LEAST_ROWS
 from np_drake.logs.errors import LogError
 from np_drake.logs.gaps import LONGEST as LONGEST_GAP
-from np_drake.logs.importing.airborne import airborne, require_a_step, require_ranges, standing
-from np_drake.logs.importing.alignment import COMMANDS, Aligned, align, command_meaning
+from np_drake.logs.importing.airborne import require_ranges, standing
+from np_drake.logs.importing.alignment import COMMANDS, Aligned, align, command_meaning, with_whole_motion
 from np_drake.logs.importing.conventions import Verdict
 from np_drake.logs.importing.convert import convert_quantity
 from np_drake.logs.importing.crash import before_the_crash, before_the_fall
-from np_drake.logs.importing.dead_reckoning import with_whole_motion
-from np_drake.logs.importing.inputs import collective, is_collective
-from np_drake.logs.importing.interpolation import FASTER, Signal
+from np_drake.logs.importing.interpolation import FASTER, Signals
 from np_drake.logs.importing.log_map import LogMap
+from np_drake.logs.importing.telemetry import collective, is_slow
 
 # Below which rotors stand [rad/s, N, 1]; own choice.
 IDLE = {"rotor_speed": 10.0, "thrust": 0.0, "throttle": 0.05}
@@ -29,31 +28,29 @@ UNCERTAIN = {  # deviation of the time at which a row's command acts, over the i
     "unknown": 0.5,  # an interval early or late
 }
 TICK = 12**-0.5  # deviation of a time that is rounded, over the tick [1]
-Signals = Mapping[str, Signal]
 
 
 @dc.dataclass(frozen=True)
 class Part:
     """What was made of one part.
 
-    carried: whether the vehicle flies at all.   rows: between take-off and landing.   ground: (n,) bool, on the ground.
-    timing: deviation of the time at which a row's command acts [s].   said: one line each.   derived: what was
-        integrated because the log lacks it, one line each.
+    carried: whether the vehicle flies at all.   ground: (n,) bool, on the ground.
+    timing: deviation of the time at which a row's command acts [s].   said: one line each.
     """
 
     signals: Signals
     verdict: Verdict
     aligned: Aligned
     carried: bool
-    rows: slice
     ground: np.ndarray
     flights: tuple[FlightLog, ...]
     timing: float
     said: tuple[str, ...]
-    derived: tuple[str, ...] = ()
 
 
-def import_part(signals: Signals, log_map: LogMap, verdict: Verdict, path: str, *, origin: float) -> Part:
+def import_part(
+    signals: Signals, log_map: LogMap, verdict: Verdict, path: str, *, origin: float, usual: float = 0.0
+) -> Part:
     """Return the flights of one part, in SI units and our frames.
 
     Args:
@@ -62,14 +59,14 @@ def import_part(signals: Signals, log_map: LogMap, verdict: Verdict, path: str, 
         verdict: on these.
         path: of the log, for messages.
         origin: first time of the log [s].
-    Raises: LogError: if its signals do not overlap, come at no rate of a flight log, are in another unit, or are those
-    of a wreck.
+        usual: lift in the flights of the longest part, as of `lift_of`; 0: not known.
+    Raises: LogError: if its signals do not overlap, are in another unit, or are those of a wreck.
     """
     carried = flies(signals, log_map)
     signals, log_map, lacks, derived = with_whole_motion(signals, log_map)
     aligned = align(signals, log_map, path)
-    require_a_step(aligned.t, path)
-    rows, ground = slice(0, len(aligned.t)), np.zeros(len(aligned.t), bool)
+    aligned = dc.replace(aligned, notes=(*derived, *aligned.notes))
+    ground = np.zeros(len(aligned.t), bool)
     said: list[str] = []
     if carried:
         require_ranges(aligned.values, log_map, path)
@@ -82,14 +79,12 @@ def import_part(signals: Signals, log_map: LogMap, verdict: Verdict, path: str, 
         if end < len(aligned.t):
             why = "the vehicle crashes" if crash <= fall else "the rotors carry it no longer though they run"
             said.append(f"fits until {aligned.t[end - 1] - origin:.1f} s, where {why}; the rest is left out")
-        where = aligned.t[:end], x["position"][:end], None if lift is None else lift[:end]
-        rows = airborne(*where)
-        ground[:end] = standing(*where)
-    names = [n for n in ("rotor_speed", "throttle") if n in signals and is_collective(n, signals[n], log_map)]
-    flights = _flights(_with_collective(aligned, names, log_map), rows, ground, log_map)
+        aligned = aligned.until(end)
+        ground = standing(aligned.t, aligned.values["position"], lift[:end], usual)
+    flights = _flights(_with_collective(aligned, signals, log_map), ground, log_map)
     flights = [dc.replace(flight, lacks=lacks, notes=[*flight.notes, *derived]) for flight in flights]
     timing = _timing(signals, log_map)
-    return Part(signals, verdict, aligned, carried, rows, ground, tuple(flights), timing, tuple(said), tuple(derived))
+    return Part(signals, verdict, aligned, carried, ground, tuple(flights), timing, tuple(said))
 
 
 def flies(signals: Signals, log_map: LogMap) -> bool:
@@ -111,20 +106,20 @@ def flies(signals: Signals, log_map: LogMap) -> bool:
     return True
 
 
-def lift_of(values: Mapping[str, np.ndarray]) -> np.ndarray | None:
-    """Return what stands for the lift of the rotors (n,), in any unit; None where nothing does."""
+def lift_of(values: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Return what stands for the lift of the rotors (n,), in any unit."""
     if "rotor_speed" in values:
         return np.sum(values["rotor_speed"] ** 2, axis=1)
-    for name in ("thrust", "throttle"):
-        if name in values:
-            return values[name].mean(axis=1)
-    return None
+    return values["thrust" if "thrust" in values else "throttle"].mean(axis=1)
 
 
-def _with_collective(aligned: Aligned, names: Sequence[str], log_map: LogMap) -> Aligned:
-    """Return the rows with the collective of the rotors as throttle, in place of the named inputs."""
+def _with_collective(aligned: Aligned, signals: Signals, log_map: LogMap) -> Aligned:
+    """Return the rows with the collective of the rotors as throttle where they are more than four, or logged slowly."""
     values = dict(aligned.values)
-    for name in names:
+    for name in (n for n in ("rotor_speed", "throttle") if n in values):
+        count = values[name].shape[1]
+        if count == 1 or (count == 4 and not is_slow(name, signals[name], log_map)):
+            continue
         one = collective(values.pop(name))
         if name == "rotor_speed":  # of no scale, as a throttle is
             one = one / max(float(np.percentile(one, 99)), 1e-9)
@@ -133,12 +128,9 @@ def _with_collective(aligned: Aligned, names: Sequence[str], log_map: LogMap) ->
     return dc.replace(aligned, values=values)
 
 
-def _flights(aligned: Aligned, rows: slice, ground: np.ndarray, log_map: LogMap) -> list[FlightLog]:
-    """Return the flights between take-off and landing, split at long gaps; rows in gaps, on `ground`, are left out."""
-    keep = np.zeros(len(aligned.t), bool)
-    keep[rows] = True
-    keep &= ~aligned.filled & ~ground
-    chosen = np.flatnonzero(keep)
+def _flights(aligned: Aligned, ground: np.ndarray, log_map: LogMap) -> list[FlightLog]:
+    """Return the flights, split at long gaps; rows in gaps and on the `ground` are left out."""
+    chosen = np.flatnonzero(~aligned.filled & ~ground)
     if not len(chosen):
         return []
     breaks = np.flatnonzero(np.diff(aligned.t[chosen]) > LONGEST_GAP + 1e-9) + 1
@@ -176,7 +168,7 @@ def _flight(aligned: Aligned, rows: np.ndarray, log_map: LogMap) -> FlightLog:
     )
 
 
-def _timing(signals: Mapping[str, Signal], log_map: LogMap) -> float:
+def _timing(signals: Signals, log_map: LogMap) -> float:
     """Return the deviation of the time at which a row's command acts [s]; 0 without a command."""
     commands = [signals[name] for name in COMMANDS if name in signals]
     step = max((own.step for own in commands), default=0.0)

@@ -3,12 +3,12 @@
 import numpy as np
 
 from np_drake.logs.errors import LogError
-from np_drake.logs.importing.agreement import agreed, fitting_stretch
-from np_drake.logs.importing.airborne import RUNNING
-from np_drake.logs.importing.breaks import Signals
+from np_drake.logs.importing.agreement import agreed, fitting_stretch, judged
+from np_drake.logs.importing.airborne import usual_lift
+from np_drake.logs.importing.breaks import within
 from np_drake.logs.importing.consistency import WINDOW
 from np_drake.logs.importing.conventions import DOUBTED, Change, Verdict, WrongConventions
-from np_drake.logs.importing.crash import lies_below
+from np_drake.logs.importing.interpolation import Signals
 from np_drake.logs.importing.log_map import LogMap
 from np_drake.logs.importing.part import Part, flies, import_part, lift_of
 
@@ -32,6 +32,7 @@ def imported_parts(
     done: dict[int, Part] = {}
     said: list[str] = []
     failure: LogError | None = None
+    usual = 0.0
     for k in by_length:
         span = f"the part from {parts[k]['attitude'].t[0] - origin:.2f} s on"
         if done and not moving[k]:
@@ -39,8 +40,12 @@ def imported_parts(
             continue
         try:
             log_map, found, told = _fitting(parts[k], log_map, path, origin, clock=clock, adopt=adopt and not done)
-            done[k] = import_part(*found, path, origin=origin)
-            said += [*told, *done[k].said]
+            made = import_part(*found, path, origin=origin, usual=usual)
+            if done and not made.flights:
+                said.append(f"{span} holds no flight; left out")
+                continue
+            usual = usual or (usual_lift(lift_of(made.aligned.values)) if made.carried else 0.0)
+            done[k], said = made, [*said, *told, *made.said]
         except LogError as error:
             fits_other = isinstance(error, WrongConventions) and bool(error.verdict.changes)
             if len(parts) == 1 or (fits_other and not done):
@@ -52,11 +57,6 @@ def imported_parts(
             said.append(f"{span} {wrong}; left out")
     if failure is not None and not done:
         raise failure
-    for k in by_length[1:]:
-        others = [part for n, part in done.items() if n != k]
-        if k in done and others and _lies(done[k], others):
-            said.append(f"from {parts[k]['attitude'].t[0] - origin:.2f} s on the vehicle lies on the ground; left out")
-            del done[k]
     if max(done) < len(parts) - 1 and not any(line.startswith("fits ") for line in said):
         end = done[max(done)].aligned.t[-1] - origin
         said.append(f"fits until {end:.1f} s; what follows is left out")
@@ -65,36 +65,22 @@ def imported_parts(
     return log_map, [done[k] for k in sorted(done)], said
 
 
-def _lies(part: Part, others: list[Part]) -> bool:
-    """Return whether the vehicle lies on the ground, below the flights of other parts and with rotors that idle."""
-    lift, flown = lift_of(part.aligned.values), [lift_of(other.aligned.values) for other in others]
-    known = [own for own in flown if own is not None]
-    if lift is None or not known or np.median(lift) > RUNNING * np.median(np.concatenate(known)):
-        return False
-    return lies_below(part.aligned.values["position"], np.concatenate([o.aligned.values["position"] for o in others]))
-
-
 def _fitting(
     signals: Signals, log_map: LogMap, path: str, origin: float, *, clock: Change, adopt: bool
 ) -> tuple[LogMap, tuple[Signals, LogMap, Verdict], list[str]]:
     """Return the map, what of a part agrees with it, with the verdict, and a line where that is not all of it."""
-    carried = flies(signals, log_map)
-    failure: WrongConventions | None = None
-    try:
-        agreeing, verdict = agreed(signals, log_map, path, clock=clock, carried=carried, adopt=adopt)
-    except WrongConventions as error:
-        verdict, agreeing, failure = error.verdict, log_map, error
-    disturbed = any(misfit > DOUBTED for misfit in verdict.misfits.values())
-    stretch = fitting_stretch(signals, agreeing, verdict) if carried and disturbed and not verdict.changes else None
-    if stretch is None:
-        if failure is not None:
-            raise failure
-        return agreeing, (signals, agreeing, verdict), []
-    start, stop = stretch
-    begun = start > signals["attitude"].t[0] + WINDOW
-    whole = ", ".join(verdict.failed[:3]) or "its quantities"
-    since = f"from {start - origin:.1f} " if begun else ""
-    text = f"fits {since}until {stop - origin:.1f} s; beyond, {whole} do not agree"
-    part = {n: own for n, s in signals.items() if (own := s.between(start, stop)) is not None}
-    agreeing, verdict = agreed(part, log_map, path, clock=clock, carried=True, adopt=adopt)
-    return agreeing, (part, agreeing, verdict), [f"{text}: left out"]
+    verdict = judged(signals, log_map, path) if flies(signals, log_map) else Verdict({}, ())
+    disturbed = any(misfit > DOUBTED for misfit in verdict.misfits.values()) and not verdict.changes
+    said: list[str] = []
+    if stretch := fitting_stretch(signals, log_map, verdict) if disturbed else None:
+        start, stop = stretch
+        part, _ = within(signals, start, stop)
+        own = judged(part, log_map, path)
+        kinds, tested = ({law.split()[0] for law in laws} for laws in (verdict.failed, own.misfits))
+        if own.holds and kinds <= tested:
+            since = f"from {start - origin:.1f} " if start > signals["attitude"].t[0] + WINDOW else ""
+            whole = ", ".join(verdict.failed[:3]) or "its quantities"
+            said = [f"fits {since}until {stop - origin:.1f} s; beyond, {whole} do not agree: left out"]
+            signals, verdict = part, own
+    log_map, verdict = agreed(verdict, signals, log_map, path, clock=clock, adopt=adopt)
+    return log_map, (signals, log_map, verdict), said

@@ -44,16 +44,13 @@ def sheet_content(
         "format": title,
         **({"facts": dict(facts)} if facts else {}),
         "frames": f"world {log_map.world}, body {log_map.body}; written as z up and z along the thrust",
-        "columns": {name: _described(name, own, log_map) for name, own in longest.signals.items()},
+        "columns": {n: _described(n, own, log_map) for n, own in longest.signals.items() if getattr(log_map, n)},
         "conventions": _conventions_text(longest.verdict),
         "rows": f"{1 / flights[0].step:.4g} Hz; {spans}",
         "input": flights[0].input,
         "command": log_map.command,
         "gaps": _gaps_text(parts, flights),
-        "notes": [
-            *notes,
-            *(note for part in parts for note in (*part.derived, *part.aligned.notes, *ground_notes(part))),
-        ],
+        "notes": [*notes, *(note for part in parts for note in (*part.aligned.notes, *ground_notes(part)))],
         "cannot_be_told": unanswerable(flights[0]),
     }
 
@@ -106,21 +103,18 @@ def _why(laws: Sequence[str]) -> str:
 
 
 def _gaps_text(parts: Sequence[Part], flights: Sequence[FlightLog]) -> str:
-    filled = sum(int(part.aligned.filled[part.rows].sum()) for part in parts)
-    inside = [np.diff(log.t).max() for log in flights]
-    text = "none" if not filled and len(flights) == 1 and max(inside) < 2.5 * flights[0].step else ""
-    if not text:
-        text = (
-            f"{f'{filled} rows inside gaps left out' if filled else 'none'}; longest gap in a part {max(inside):.3g} s"
-        )
-        text += f"; split into {len(flights)} parts" if len(flights) > 1 else ""
-    return text
+    filled = sum(int((part.aligned.filled & ~part.ground).sum()) for part in parts)
+    longest = max(np.diff(log.t).max() for log in flights)
+    text = f"{filled} rows inside gaps left out" if filled else "none"
+    if filled or len(flights) > 1 or longest >= 2.5 * flights[0].step:
+        text += f"; longest gap in a part {longest:.3g} s"
+    return text + (f"; split into {len(flights)} parts" if len(flights) > 1 else "")
 
 
 def ground_notes(part: Part) -> list[str]:
     """Return one line on the time on the ground that is left out of a part, or none."""
     t, ground = part.aligned.t, part.ground
-    air = np.flatnonzero(~ground[part.rows]) + part.rows.start
+    air = np.flatnonzero(~ground)
     if not len(air):
         return []
     between = float(ground[air[0] : air[-1]].sum() * np.median(np.diff(t)))

@@ -5,20 +5,19 @@ import dataclasses as dc
 import numpy as np
 
 from np_drake.logs.checks import LARGEST, LEAST_ROWS
-from np_drake.logs.errors import LogError
+from np_drake.logs.errors import LogError, place
 from np_drake.logs.formats.format import Recording, Stream, find_column
-from np_drake.logs.importing.interpolation import REPEATED, Signal
+from np_drake.logs.importing.interpolation import Signal, Signals
 from np_drake.logs.importing.log_map import UNITS, LogMap, Source
 from np_drake.logs.importing.telemetry import spread_ticks, without_zeros
 
-JUMP = 1e7  # longest gap, in median intervals: a day at 100 Hz [1]; own choice
 BACK = 0.1  # share of samples earlier than one before them from which these are another log [1]; own choice
 LEAST_NORM = 1e-3  # of a quaternion that is one, of whatever length [1]; own choice
 OPTIONAL = ("voltage", "hover_throttle")  # of which a few samples are as good as none
 STATE = ("position", "velocity", "attitude", "rates", "acceleration", "angular_acceleration")
 
 
-def gather(recording: Recording, log_map: LogMap) -> tuple[dict[str, Signal], list[str]]:
+def gather(recording: Recording, log_map: LogMap) -> tuple[Signals, list[str]]:
     """Return the signals of the quantities that the map names, and what was left out, one line each.
 
     Args:
@@ -26,7 +25,8 @@ def gather(recording: Recording, log_map: LogMap) -> tuple[dict[str, Signal], li
         log_map: with the columns.
     Raises: LogError: if a column is missing, or a quantity has hardly any sample.
     """
-    signals, notes = {}, []
+    signals: dict[str, Signal] = {}
+    notes: list[str] = []
     for name, source in log_map.sources():
         signal = _assembled(recording, source)
         _require_one_log(signal, f"{recording.path}, {name}")
@@ -39,12 +39,11 @@ def gather(recording: Recording, log_map: LogMap) -> tuple[dict[str, Signal], li
             signal, zeros = without_zeros(signal)
             if zeros:
                 notes.append(f"rotor_speed: {zeros} single readings of zero left out")
-        if name in STATE:
-            signal, kept = _without_repeats(signal)
-            if kept < 1:
-                notes.append(
-                    f"{name}: rows repeat; taken as a signal of {1 / signal.step:.4g} Hz ({kept:.0%} of the rows)"
-                )
+        if name in STATE and len(signal.t) >= LEAST_ROWS and len(signal.renewed.t) < len(signal.t):
+            share, signal = len(signal.renewed.t) / len(signal.t), signal.renewed
+            notes.append(
+                f"{name}: rows repeat; taken as a signal of {1 / signal.step:.4g} Hz ({share:.0%} of the rows)"
+            )
         if len(signal.t) < LEAST_ROWS:
             if name in OPTIONAL:
                 notes.append(f"{name}: only {len(signal.t)} samples; left out")
@@ -78,14 +77,6 @@ def _require_one_log(signal: Signal, place: str) -> None:
     """Check that time runs forward, but for a few samples; LogError if it does not, as in two logs in one file."""
     t = signal.t[np.isfinite(signal.t)]
     latest = np.maximum.accumulate(t)
-    ahead = np.diff(latest, prepend=latest[:1])
-    later = ahead[ahead > 0]
-    if later.size and later.max() > JUMP * float(np.median(later)):
-        row = int(np.argmax(ahead))
-        raise LogError(
-            f"{place}: time must not jump; it goes from {latest[row - 1]:.9g} to {t[row]:.9g}. If the clock was "
-            "set there, split the file."
-        )
     back = np.flatnonzero(t < latest)
     if len(back) > BACK * len(t):
         row = back[0]
@@ -116,26 +107,6 @@ def _cleaned(signal: Signal, *, quaternion: bool) -> tuple[Signal, str]:
     return Signal(t[later], values[forward][later], tick), reasons
 
 
-def _without_repeats(signal: Signal) -> tuple[Signal, float]:
-    """Return a signal of a slower rate by the rows at which it changes, and the share of rows that is kept.
-
-    A signal that rests keeps a row wherever it has not changed for two usual intervals of change, so that its rest is
-    no gap.
-    """
-    if len(signal.t) < LEAST_ROWS:
-        return signal, 1.0
-    new = np.concatenate([[True], np.any(np.diff(signal.values, axis=0) != 0, axis=1)])
-    if new.mean() > 1 - REPEATED:
-        return signal, 1.0
-    rows = np.flatnonzero(new)
-    if len(rows) < LEAST_ROWS:
-        return signal, 1.0
-    usual = max(1, round(float(np.median(np.diff(rows)))))
-    since = np.arange(len(new)) - np.maximum.accumulate(np.where(new, np.arange(len(new)), 0))
-    keep = new | ((since > 0) & (since % (2 * usual) == 0))
-    return dc.replace(signal, t=signal.t[keep], values=signal.values[keep]), float(keep.mean())
-
-
 def with_map_time(recording: Recording, log_map: LogMap) -> Recording:
     """Return the recording with the times of one stream from the column that the map's `time` names [s].
 
@@ -161,3 +132,25 @@ def with_map_time(recording: Recording, log_map: LogMap) -> Recording:
                 "time: {columns: [NAME], unit: s}."
             )
     return dc.replace(recording, streams=streams)
+
+
+def require_stated_units(recording: Recording, log_map: LogMap) -> None:
+    """Check that the map's units are those that the file states, where it states one of that quantity.
+
+    Args:
+        recording: of the file.
+        log_map: with the columns and their units.
+    Raises: LogError: at the first column whose unit is another.
+    """
+    for name, source in log_map.sources():
+        declared = source.unit or next(iter(UNITS[name]))
+        for column in source.columns:
+            _, own = find_column(recording.contents, column, recording.path)
+            stated = recording.units.get(own, declared)
+            # A scale may be that of the unit, or a gain in the unit that the file states.
+            factors = np.multiply(UNITS[name][declared], [1.0, abs(source.scale)])
+            if stated in UNITS[name] and not np.isclose(UNITS[name][stated], factors).any():
+                raise LogError(
+                    f"{place(recording.path, column=own)}: is in {stated} by the file, in {declared} by the map; "
+                    f"write {name}: {{unit: {stated}}}, without a scale, in the map."
+                )

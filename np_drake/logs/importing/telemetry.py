@@ -1,15 +1,18 @@
-"""Telemetry made plain: single readings of zero, and times that are rounded to the ticks of a coarse clock."""
+"""Telemetry made plain: readings of zero, ticks of a coarse clock, and inputs that are slower than the motion."""
 
 import dataclasses as dc
 
 import numpy as np
 
-from np_drake.logs.importing.interpolation import REPEATED, Signal
+from np_drake.logs.importing.interpolation import REPEATED, SLOWEST_ROTORS, Signal, Signals
+from np_drake.logs.importing.log_map import LogMap
+from np_drake.logs.windows import stretches
 
 LONGEST_ZERO = 0.1  # time for which a rotor that turns before and after cannot have stood [s]; own choice
 FINE = 0.75  # tick over the usual interval above which it is that interval [1]; own choice
 RESOLUTION = 1e-6  # in which ticks are looked for: usual clocks count microseconds [s]
 LONGEST = 1e6  # interval, beyond which the clock was set [s]
+HELD = ("held_after", "held_before", "averaged")  # commands that are known between their rows, however slow
 COARSE = 5e-4  # shorter ticks are lost in what is known of commands [s]; own choice
 
 
@@ -20,9 +23,8 @@ def without_zeros(own: Signal) -> tuple[Signal, int]:
     """
     values, count = own.values.copy(), 0
     for column in values.T:
-        edges = np.flatnonzero(np.diff(np.concatenate([[False], column == 0, [False]]).astype(int)))
         bad = np.zeros(len(column), bool)
-        for start, stop in edges.reshape(-1, 2):
+        for start, stop in stretches(column == 0):
             inside = start > 0 and stop < len(column)
             bad[start:stop] = inside and own.t[min(stop, len(own.t) - 1)] - own.t[start - 1] <= max(
                 LONGEST_ZERO, 2.5 * own.step
@@ -53,3 +55,43 @@ def spread_ticks(t: np.ndarray) -> tuple[np.ndarray, float]:
     count = np.diff(np.concatenate([first, [len(t)]]))
     place = np.arange(len(t)) - np.repeat(first, count)
     return t + tick * place / np.repeat(count, count), tick
+
+
+def usable_inputs(signals: Signals, log_map: LogMap) -> tuple[dict[str, Signal], list[str]]:
+    """Return the signals without inputs slower than the motion that they should explain, and a line on each.
+
+    Rotor speed or torque below `SLOWEST_ROTORS` is left out where something else tells thrust. A throttle of each
+    motor, and rotor speed alone, become their collective.
+
+    Args:
+        signals: as logged, by quantity.
+        log_map: with the meaning of commands.
+    """
+    out, said = dict(signals), []
+    lifting = [name for name in ("thrust", "throttle", "rotor_speed") if name in out]
+    for name in ("rotor_speed", "torque", "throttle"):
+        if name not in out or out[name].values.shape[1] == 1 or not is_slow(name, out[name], log_map):
+            continue
+        slow = f"{name} at {1 / out[name].renewal:.3g} Hz is slower than what turns the vehicle"
+        if name == "torque" or (name == "rotor_speed" and len(lifting) > 1):
+            del out[name]
+            said.append(f"{slow}; left out")
+        else:
+            said.append(f"{slow}: its collective thrust alone is taken, and torque is not told")
+    return out, said
+
+
+def is_slow(name: str, own: Signal, log_map: LogMap) -> bool:
+    """Return whether an input is slower than what turns the vehicle, and not known between its rows.
+
+    Args:
+        name: of the quantity.
+        own: as logged.
+        log_map: with the meaning of commands.
+    """
+    return 1 / own.renewal < SLOWEST_ROTORS and (name == "rotor_speed" or log_map.command not in HELD)
+
+
+def collective(values: np.ndarray) -> np.ndarray:
+    """Return the throttle (n, 1) at which all rotors together lift as those of (n, k): thrust goes with its square."""
+    return np.sqrt(np.mean(np.square(values), axis=1, keepdims=True))

@@ -172,3 +172,10 @@ def test_what_cannot_be_replayed_is_refused(nominal):
         DrakeReplay(VEHICLE)([], [])
     with pytest.raises(ValueError, match="positive"):
         DrakeReplay(VEHICLE, horizons=[0.0])
+
+
+def test_a_replay_of_another_vehicle_has_the_same_starts_and_horizons(nominal):
+    heavier, how = VEHICLE.with_mass(1.1 * VEHICLE.mass), {"starts": 2, "horizons": (0.1, 0.5)}
+    dut = DrakeReplay(VEHICLE, **how).of_vehicle(heavier)([nominal], [])
+    assert repr(dut) == repr(DrakeReplay(heavier, **how)([nominal], []))
+    assert repr(dut) != repr(DrakeReplay(VEHICLE, **how)([nominal], []))

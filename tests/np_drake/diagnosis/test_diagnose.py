@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from np_drake.diagnosis.diagnose import diagnose
+from np_drake.diagnosis.doctor.examine import examine
 from np_drake.diagnosis.options import Tolerance
 from np_drake.diagnosis.residuals.make_flight_residuals import require_flights
 from np_drake.diagnosis.result import Diagnosis
@@ -19,6 +20,7 @@ from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
 from np_drake.logs.throttle_input import with_throttle_input
 from np_drake.rigid_body import W
+from np_drake.rotor_input import rotor_speed, with_rotor_input
 from np_drake.vehicle import Vehicle
 
 VEHICLE = Vehicle()
@@ -225,3 +227,34 @@ def test_all_flights_of_a_diagnosis_have_one_throttle_exponent(fly, monkeypatch)
     assert len(slopes) == 3
     np.testing.assert_allclose(slopes, slopes[0], rtol=1e-9)
     assert 1.5 < slopes[0] < 1.6  # of the training flights
+
+
+def test_a_coefficient_that_is_a_guess_gives_way_in_a_diagnosis_as_well(fly, monkeypatch):
+    k, c = 0.7 * VEHICLE.thrust_coefficient, 0.7 * VEHICLE.torque_coefficient
+    file = dc.replace(VEHICLE, thrust_coefficient=k, torque_coefficient=c, thrust_uncertainty=0.2)
+
+    def driven(log):
+        return with_rotor_input(dc.replace(log, rotor=rotor_speed(VEHICLE, log.u)), file)
+
+    class Seen(Exception):
+        pass
+
+    class Simulator:
+        vehicle = file
+
+        def of_vehicle(self, vehicle):
+            raise Seen(vehicle)
+
+    def infer(fitted, judging, options):
+        raise Seen(fitted, judging)
+
+    monkeypatch.setattr(importlib.import_module("np_drake.diagnosis.diagnose"), "infer", infer)
+    train, held_out = ([driven(fly(name=str(i), seed=i, **SHORT))] for i in range(2))
+    with pytest.raises(Seen) as seen:
+        diagnose(file, train, held_out, Simulator())
+    assert seen.value.args[0].thrust_coefficient == pytest.approx(VEHICLE.thrust_coefficient, rel=0.01)
+    with pytest.raises(Seen) as seen:
+        diagnose(file, train, held_out)
+    for flights in seen.value.args:
+        assert np.sqrt(np.mean(flights[0].y[:, 2] ** 2)) < 0.05 * VEHICLE.mass * VEHICLE.gravity
+    assert examine(train, file).problems[0].startswith("0: thrust coefficient ")

@@ -11,6 +11,7 @@ from np_drake.logs.errors import LogError
 from np_drake.logs.formats.csv_file import write_csv
 from np_drake.logs.formats.log_file import read as read_flights
 from np_drake.logs.formats.log_file import write_log
+from np_drake.logs.opening import open_flights
 from np_drake.logs.units import check_units
 from np_drake.vehicle import Vehicle
 
@@ -88,7 +89,7 @@ def test_a_fault_is_named_with_its_place_in_one_line(columns, tmp_path, fault):
     spoil(columns)
     write_csv(tmp_path / "made.csv", columns)
     with pytest.raises(LogError, match=message) as error:
-        read_flights(tmp_path / "made.csv", vehicle=Vehicle())[0]
+        open_flights(tmp_path / "made.csv", Vehicle())[0][0]
     assert "\n" not in str(error.value)
 
 
@@ -240,7 +241,7 @@ def test_a_cell_of_absurd_size_is_named_without_a_warning(columns, tmp_path, nam
     columns[name][5] = 1e300
     write_csv(tmp_path / "made.csv", columns)
     with pytest.raises(LogError, match=rf"column {name}, row 6 \(line 7\): must be below 1e\+12 in size; got 1e\+300"):
-        read_flights(tmp_path / "made.csv", vehicle=Vehicle())[0]
+        open_flights(tmp_path / "made.csv", Vehicle())[0][0]
     assert read_flights(tmp_path / "made.csv", repair=True)[0].notes
     assert not recwarn.list
 
@@ -256,7 +257,7 @@ def test_biases_and_noise_are_no_wrong_units(flight, tmp_path):
         w=draw.normal(size=(600, 3)) * 0.05 + 0.2,
     )
     write_log(hover, tmp_path / "made.csv")
-    assert len(read_flights(tmp_path / "made.csv", vehicle=Vehicle())[0]) == 600
+    assert len(open_flights(tmp_path / "made.csv", Vehicle())[0][0]) == 600
 
 
 def test_a_vehicle_on_its_back_that_its_thrust_carries_is_refused(flight):

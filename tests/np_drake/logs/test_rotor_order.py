@@ -7,11 +7,13 @@ import numpy as np
 import pytest
 
 from np_drake.flight_log import FlightLog
+from np_drake.logs.case_folder import open_case
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.log_file import write_log
 from np_drake.logs.opening import open_flights
-from np_drake.logs.rotor_order import NOTE, in_vehicle_order, torque_agreement
-from np_drake.vehicle import Vehicle, load_vehicle, preset_names
+from np_drake.logs.rotor_order import NOTE, in_vehicle_order
+from np_drake.logs.rotor_torque import torque_agreement
+from np_drake.vehicle import Vehicle, load_vehicle, preset_names, vehicle_file
 
 STEP, SECONDS = 0.01, 8.0
 
@@ -35,9 +37,9 @@ def turning(vehicle: Vehicle, noise: float = 0.5, seed: int = 1) -> FlightLog:
 def test_columns_of_every_order_are_put_into_that_of_the_file(name):
     vehicle = load_vehicle(name)
     log = turning(vehicle)
-    assert in_vehicle_order(log, vehicle).notes == []
+    assert in_vehicle_order([log], vehicle)[0].notes == []
     for order in itertools.permutations(range(4)):
-        dut = in_vehicle_order(dc.replace(log, rotor=log.rotor[:, order]), vehicle)
+        (dut,) = in_vehicle_order([dc.replace(log, rotor=log.rotor[:, order])], vehicle)
         np.testing.assert_array_equal(dut.rotor, log.rotor)
         assert [NOTE in note for note in dut.notes] == [True] * (order != (0, 1, 2, 3))
 
@@ -45,7 +47,7 @@ def test_columns_of_every_order_are_put_into_that_of_the_file(name):
 def test_the_note_says_where_each_column_lies_and_how_it_turns():
     px4, own = (0, 2, 1, 3), load_vehicle("crazyflie")
     log = turning(own)
-    dut = in_vehicle_order(dc.replace(log, rotor=log.rotor[:, px4]), own)
+    (dut,) = in_vehicle_order([dc.replace(log, rotor=log.rotor[:, px4])], own)
     assert "front right (ccw), rear left (ccw), rear right (cw), front left (cw)" in dut.notes[0]
     assert "of vehicle 'crazyflie'" in dut.notes[0]
 
@@ -54,7 +56,7 @@ def test_rotors_that_turn_otherwise_than_in_the_file_are_refused():
     log = turning(load_vehicle("crazyflie"))
     wrong = dc.replace(load_vehicle("crazyflie"), rotor_directions=[1.0, -1.0, 1.0, -1.0])
     with pytest.raises(LogError, match=r"^made: rotor_positions and rotor_directions of vehicle 'crazyflie'") as error:
-        in_vehicle_order(log, wrong)
+        in_vehicle_order([log], wrong)
     assert "front right (ccw), rear right (cw), rear left (ccw), front left (cw)" in str(error.value)
     assert "\n" not in str(error.value)
 
@@ -65,7 +67,7 @@ def test_the_order_is_found_whatever_thrust_coefficient_and_inertia(guess):
     log = turning(own)
     J = (guess * own.J).tolist()
     file = dc.replace(own, thrust_coefficient=guess * own.thrust_coefficient, inertia=J)
-    dut = in_vehicle_order(dc.replace(log, rotor=log.rotor[:, [3, 0, 1, 2]]), file)
+    (dut,) = in_vehicle_order([dc.replace(log, rotor=log.rotor[:, [3, 0, 1, 2]])], file)
     np.testing.assert_array_equal(dut.rotor, log.rotor)
 
 
@@ -73,7 +75,8 @@ def test_a_throttle_of_each_rotor_tells_its_order_behind_the_motors_lag():
     own = load_vehicle("crazyflie")
     log = turning(own, noise=0.2)
     late = np.roll(log.rotor, -4, axis=0) / 3000.0  # commanded 40 ms before it acts
-    dut = in_vehicle_order(dc.replace(log, rotor=None, throttle=late[:, [1, 2, 3, 0]], input="normalised"), own)
+    turned = dc.replace(log, rotor=None, throttle=late[:, [1, 2, 3, 0]], input="normalised")
+    (dut,) = in_vehicle_order([turned], own)
     np.testing.assert_array_equal(dut.throttle, late)
 
 
@@ -83,7 +86,52 @@ def test_a_log_that_says_little_keeps_its_order():
     swapped = dc.replace(noisy, rotor=noisy.rotor[:, [1, 0, 3, 2]])
     short = turning(own).rows(0, 200)
     for log in (swapped, dc.replace(short, rotor=short.rotor[:, ::-1])):
-        assert in_vehicle_order(log, own) is log
+        assert in_vehicle_order([log], own) == [log]
+
+
+TURNED = [3, 0, 1, 2]
+
+
+def gentle(vehicle: Vehicle) -> FlightLog:
+    """Return a flight that does not tell the order of its rotors by itself."""
+    return dc.replace(turning(vehicle, noise=10.0, seed=2).rows(0, 400), name="gentle")
+
+
+def turned(log: FlightLog, order: list[int]) -> FlightLog:
+    return dc.replace(log, rotor=log.rotor[:, order])
+
+
+def test_a_gentle_part_of_a_log_takes_the_order_of_its_lively_part():
+    own = load_vehicle("crazyflie")
+    parts = [turning(own), gentle(own)]
+    assert in_vehicle_order([turned(parts[1], TURNED)], own)[0].notes == []
+    dut = in_vehicle_order([turned(log, TURNED) for log in parts], own)
+    for log, part in zip(dut, parts, strict=True):
+        np.testing.assert_array_equal(log.rotor, part.rotor)
+        assert NOTE in log.notes[0]
+
+
+def test_scores_of_flights_that_hardly_tell_the_order_add_up():
+    own = load_vehicle("crazyflie")
+    parts = [turned(turning(own, noise=5.5, seed=k).rows(0, 320), TURNED) for k in range(8)]
+    for log in parts:
+        assert not any("put into it" in note for note in in_vehicle_order([log], own)[0].notes)
+    assert all("put into it" in log.notes[0] for log in in_vehicle_order(parts, own))
+
+
+def test_flights_of_a_case_have_one_order_and_a_log_that_is_sure_its_own(tmp_path):
+    own = load_vehicle("crazyflie_brushless")
+    (tmp_path / "vehicle.yaml").write_text(vehicle_file("crazyflie_brushless").read_text())
+    lively, quiet = turning(own), gentle(own)
+    write_log(turned(lively, TURNED), tmp_path / "train_a.csv")
+    write_log(turned(turning(own, seed=3), TURNED), tmp_path / "train_b.csv")
+    write_log(turned(quiet, TURNED), tmp_path / "heldout_a.csv")
+    write_log(lively, tmp_path / "heldout_b.csv")
+    _, (train, _), (alike, sure) = open_case(tmp_path)
+    np.testing.assert_allclose(train.rotor, lively.rotor, rtol=1e-8)
+    np.testing.assert_allclose(alike.rotor, quiet.rotor, rtol=1e-8)
+    np.testing.assert_allclose(sure.rotor, lively.rotor, rtol=1e-8)
+    assert not any(note.startswith(NOTE) for note in sure.notes)
 
 
 def test_a_file_in_another_order_opens_with_the_torque_of_the_right_one(tmp_path):

@@ -14,9 +14,10 @@ from hypothesis import strategies as st
 
 from np_drake import attitude
 from np_drake.logs.errors import LogError
-from np_drake.logs.formats import crazyflie, format_of
+from np_drake.logs.formats import crazyflie
 from np_drake.logs.formats.crazyflie import CRAZYFLIE
 from np_drake.logs.formats.format import Recording, Stream
+from np_drake.logs.formats.library import format_of
 
 STATE = [f"stateEstimate.{c}" for c in ("x", "y", "z", "qx", "qy", "qz", "qw", "vx", "vy", "vz")]
 SENSORS = [f"{group}.{axis}" for group in ("gyro", "acc") for axis in "xyz"]

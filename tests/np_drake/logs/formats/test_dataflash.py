@@ -9,9 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from np_drake.logs.errors import LogError
-from np_drake.logs.formats import format_of
 from np_drake.logs.formats.dataflash import DATAFLASH
 from np_drake.logs.formats.format import Recording, Stream, by_stream, find_column
+from np_drake.logs.formats.library import format_of
 
 T = np.arange(40) * 2500e-6 + 12.5  # [s], whole microseconds
 

@@ -12,6 +12,7 @@ from np_drake.logs.errors import LogError
 from np_drake.logs.formats import csv_file, parquet_file
 from np_drake.logs.formats.log_file import SUFFIXES, write_log
 from np_drake.logs.formats.log_file import read as read_flights
+from np_drake.logs.opening import open_flights
 from np_drake.vehicle import Vehicle
 
 ARRAYS = ("t", "p", "q", "v", "w", "u", "a", "al", "rotor")
@@ -22,7 +23,7 @@ def test_what_was_written_is_read_back(flight, tmp_path, suffix):
     if suffix == ".parquet":
         pytest.importorskip("pyarrow", reason="Parquet needs pyarrow")
     write_log(flight, tmp_path / f"made{suffix}")
-    dut = read_flights(tmp_path / f"made{suffix}", vehicle=Vehicle())[0]
+    dut = open_flights(tmp_path / f"made{suffix}", Vehicle())[0][0]
     for name in ARRAYS:
         np.testing.assert_allclose(getattr(dut, name), getattr(flight, name), rtol=0, atol=1e-15)  # one norm
     assert (dut.name, dut.input, dut.notes) == ("made", "command", [])
@@ -58,7 +59,7 @@ def test_columns_may_stand_in_any_order_with_blanks_and_strangers(flight, tmp_pa
 def test_without_a_command_thrust_comes_from_rotor_speed(flight, tmp_path):
     vehicle = Vehicle()
     write_log(dc.replace(flight, input="rotor_speed"), tmp_path / "made.csv")
-    dut = read_flights(tmp_path / "made.csv", vehicle=vehicle)[0]
+    dut = open_flights(tmp_path / "made.csv", vehicle)[0][0]
     thrust = vehicle.thrust_coefficient * np.sum(flight.rotor**2, axis=1)
     np.testing.assert_allclose(dut.u[:, 0], thrust, rtol=1e-12)
     assert dut.input == "rotor_speed"
@@ -67,12 +68,12 @@ def test_without_a_command_thrust_comes_from_rotor_speed(flight, tmp_path):
 
 def test_a_vehicle_file_can_ask_for_rotor_speed(flight, tmp_path):
     write_log(flight, tmp_path / "made.csv")
-    assert read_flights(tmp_path / "made.csv", vehicle=Vehicle(input="rotor_speed"))[0].input == "rotor_speed"
+    assert open_flights(tmp_path / "made.csv", Vehicle(input="rotor_speed"))[0][0].input == "rotor_speed"
 
 
 def test_a_vehicle_file_that_asks_for_rotor_speed_in_vain_is_told_of(flight, tmp_path):
     write_log(dc.replace(flight, rotor=None), tmp_path / "made.csv")
-    dut = read_flights(tmp_path / "made.csv", vehicle=Vehicle(input="rotor_speed"))[0]
+    dut = open_flights(tmp_path / "made.csv", Vehicle(input="rotor_speed"))[0][0]
     assert dut.input == "command"
     assert dut.notes == [
         "no rotor speed: thrust and torque from the command, though vehicle 'paper' says input: rotor_speed"

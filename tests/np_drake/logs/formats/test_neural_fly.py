@@ -8,8 +8,8 @@ from scipy.signal import butter, filtfilt
 from scipy.spatial.transform import Rotation
 
 from np_drake.logs.errors import LogError
-from np_drake.logs.formats import format_of
 from np_drake.logs.formats.format import Stream, by_stream
+from np_drake.logs.formats.library import format_of
 from np_drake.logs.formats.neural_fly import NEURAL_FLY
 
 FLIGHTS = [

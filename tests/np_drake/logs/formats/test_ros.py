@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from np_drake.logs.errors import LogError
-from np_drake.logs.formats import format_of
 from np_drake.logs.formats.format import Recording, Stream, by_stream, find_column
+from np_drake.logs.formats.library import format_of
 from np_drake.logs.formats.ros import IMU, ODOMETRY, ROS, STAMPED_POSE, WRENCH
 from np_drake.logs.formats.ros_message import Decoder, find_fields, missing_types
 

@@ -13,8 +13,8 @@ from hypothesis.extra import numpy as stn
 from np_drake.logs import text_lines
 from np_drake.logs.columns import NAMES
 from np_drake.logs.errors import LogError
-from np_drake.logs.formats import format_of
 from np_drake.logs.formats.format import Stream
+from np_drake.logs.formats.library import format_of
 from np_drake.logs.formats.log_file import write_log
 from np_drake.logs.formats.table import TABLE
 from np_drake.logs.importing.log_map import LogMap, Source

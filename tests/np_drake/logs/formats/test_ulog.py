@@ -16,8 +16,8 @@ from hypothesis import strategies as st
 pytest.importorskip("pyulog", reason="ULog needs pyulog")
 
 from np_drake.logs.errors import LogError
-from np_drake.logs.formats import format_of
 from np_drake.logs.formats.format import Recording, Stream
+from np_drake.logs.formats.library import format_of
 from np_drake.logs.formats.ulog import ULOG
 
 Q = [f"q[{i}]" for i in range(4)]

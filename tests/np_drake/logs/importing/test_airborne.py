@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from np_drake.logs.errors import LogError
-from np_drake.logs.importing.airborne import airborne, require_ranges, standing
+from np_drake.logs.importing.airborne import require_ranges, standing
 from np_drake.logs.importing.log_map import LogMap, Source
 
 T = 0.01 * np.arange(3000)
@@ -51,16 +51,24 @@ def test_a_hover_is_flight_however_it_drifts():
     for seed in range(20):
         noise = np.cumsum(np.random.default_rng(seed).normal(0, 1e-3, (3000, 3)), axis=0)
         for p in (noise, 0.03 * np.tanh(noise / 0.03)):
-            assert airborne(T, p, np.ones(3000)) == slice(0, 3000)
             assert not standing(T, p, np.ones(3000)).any()
 
 
-def test_a_log_whose_end_is_near_every_place_has_no_ground():
-    p = np.zeros((3000, 3))
-    p[:, 0] = np.linspace(-0.04, 0.02, 3000)
-    p[-1, 0] = -0.005  # all within 0.05 m of the end, not of the beginning
-    p[1500, 0] = 0.04
-    assert airborne(T, p, np.ones(3000)) == slice(0, 3000)
+@pytest.mark.parametrize("rest", [0.3, 5.0])
+def test_what_rests_before_take_off_and_after_landing_is_no_flight(rest):
+    stands = (rest > T) | (30 - rest <= T)
+    p = hop(np.clip(T - rest, 0.0, 30.0 - 2 * rest))
+    p[stands] = [0.0, 0.0, 0.0]
+    p[30 - rest <= T] = p[30 - rest > T][-1]
+    dut = standing(T, p, np.where(stands, 0.1, 1.0))
+    assert dut[stands].all()
+    assert dut.sum() < stands.sum() + 200  # [rows], of which the position is within the margin of the law
+
+
+def test_a_part_whose_rotors_give_a_fraction_of_another_part_stands():
+    rest = np.zeros((3000, 3))
+    assert not standing(T, rest, np.full(3000, 0.3)).any()
+    assert standing(T, rest, np.full(3000, 0.3), usual=1.0).all()
 
 
 HOVER = np.linspace(0.3, 0.8, 100)[:, None]

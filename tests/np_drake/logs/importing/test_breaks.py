@@ -29,12 +29,30 @@ def test_a_recorder_that_pauses_makes_two_flights(flown, autopilots, import_px4,
     assert [flight.name for flight in found.flights] == ["log_part1", "log_part2"]
 
 
+def test_a_part_in_which_the_vehicle_lies_with_idling_rotors_is_no_flight(flown, autopilots, import_px4):
+    noise = np.random.default_rng(0).normal(0.0, 1e-3, len(flown.t))
+
+    def lying(streams):
+        out, level = {}, {"z": -0.1, "q[0]": 1.0, "accelerometer_m_s2[2]": -9.81}
+        for name, s in streams.items():
+            rest = {c: 0.3 * v if "control" in c else level.get(c, 0.0) + noise for c, v in s.columns.items()}
+            out[name] = Stream(s.t, {c: np.where(s.t > 6.0, rest[c], v) for c, v in s.columns.items()})
+        return delayed(out, 6.0, 5.0)
+
+    found = import_px4({"actuator_motors": autopilots.throttle(flown)}, change=lying)
+    assert spans(found) == pytest.approx([5.0], abs=0.02)
+    assert any(
+        line.startswith("the part from 10.") and line.endswith("holds no flight; left out") for line in found.said
+    )
+
+
 @pytest.mark.parametrize("back", [0.5, 0.317, 2.0])
 def test_a_clock_that_is_set_back_in_a_sorted_file_makes_two_flights(flown, autopilots, import_ardupilot, back):
     pulses = 1000.0 + 1000.0 * autopilots.throttle(flown)
     found = import_ardupilot(pulses, change=lambda s: delayed(s, 5.0, -back))
     assert spans(found) == pytest.approx([4.0 - back, 4.0 - back], abs=0.05)
-    assert any(line.startswith("the clock is set back at 5") for line in found.said)
+    (line,) = (line for line in found.said if "rows of two times stand side by side" in line)
+    assert float(line.split(" at ")[1].split()[0]) == pytest.approx(4.0 - back, abs=0.05)
 
 
 @pytest.mark.parametrize("back", [0.5, 4.5])

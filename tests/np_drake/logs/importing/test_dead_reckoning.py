@@ -10,6 +10,7 @@ from np_drake.diagnosis.residuals import FORCE, TORQUE, make_flight_residuals
 from np_drake.effects.library import LIBRARY
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.log_file import write_log
+from np_drake.logs.import_sheet import write_sheet
 from np_drake.logs.opening import open_flights
 from np_drake.vehicle import Vehicle
 
@@ -59,6 +60,64 @@ def test_what_was_integrated_is_not_written_and_integrated_again(without, tmp_pa
     assert again.lacks == first.lacks == ("velocity", "height")
     np.testing.assert_allclose(again.v, first.v, atol=1e-9)
     assert any("what acts through velocity cannot be told" in note for note in again.notes)
+
+
+PLACES = ("vehicle_local_position", "XKF1.0")  # of PX4 and ArduPilot
+
+
+def placeless(streams):
+    return {name: stream for name, stream in streams.items() if name not in PLACES}
+
+
+@pytest.fixture(params=["px4", "ardupilot"])
+def autopilot(request, flown, autopilots):
+    """Return a function that imports the flight from an autopilot's log, as changed."""
+    theirs = autopilots.throttle(flown)[:, autopilots.PX4_FROM_OURS]
+    if request.param == "px4":
+        go, how = request.getfixturevalue("import_px4"), ({"actuator_motors": theirs}, autopilots.PX4_CORNERS)
+    else:
+        frame = {"FRAME_CLASS": 1.0, "FRAME_TYPE": 1.0}
+        go, how = request.getfixturevalue("import_ardupilot"), (1000.0 + 1000.0 * theirs, frame)
+    return lambda change: go(*how, change=change)
+
+
+def test_an_autopilots_log_without_position_has_a_map_of_what_is_there(autopilot):
+    whole, part = autopilot(dict).sheet.content["columns"], autopilot(placeless).sheet.content["columns"]
+    assert part == {name: column for name, column in whole.items() if name not in ("position", "velocity")}
+    assert (part["acceleration"]["kind"], part["acceleration"]["axes"]) == ("specific_force", "body")
+
+
+def test_an_autopilots_log_without_position_tells_what_its_body_axes_tell(autopilot, tmp_path):
+    logs, sheets = [], []
+    for name, change in (("whole", dict), ("part", placeless)):
+        found = autopilot(change)
+        write_log(found.flights[0], tmp_path / f"{name}.csv")
+        write_sheet(found.sheet, tmp_path / f"{name}.csv")
+        logs += open_flights(tmp_path / f"{name}.csv", Vehicle())[0]
+        sheets.append(found.sheet.content)
+    assert logs[1].lacks == ("velocity", "height")
+    assert any("what acts through velocity cannot be told" in note for note in sheets[1]["notes"])
+    assert {i for effects in sheets[1]["cannot_be_told"].values() for i in effects} >= NO_HEIGHT | NO_VELOCITY
+    whole, part = (make_flight_residuals(log, Vehicle()) for log in logs)
+    force, torque = (part.y[:, k] - whole.y[:, k] for k in (FORCE, TORQUE))
+    assert np.sqrt(np.mean(force**2)) < 0.01 * Vehicle().mass * Vehicle().gravity
+    assert np.sqrt(np.mean(torque**2)) < 1e-3  # [N·m]
+    assert examine([logs[1]], Vehicle(), sheets={logs[1].name: sheets[1]}).usable
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".parquet"])
+def test_a_log_that_was_written_without_position_keeps_its_sheet(flown, autopilots, import_px4, tmp_path, suffix):
+    ours = autopilots.throttle(flown)
+    outputs = {"actuator_motors": ours[:, autopilots.PX4_FROM_OURS]}
+    found = import_px4(outputs, autopilots.PX4_CORNERS, placeless)
+    path = tmp_path / f"again{suffix}"
+    write_log(found.flights[0], path)
+    write_sheet(found.sheet, path)
+    (again,), sheet = open_flights(path)
+    assert again.timing == sheet.timing == found.sheet.timing > 0.004
+    assert again.layout == sheet.rotors == found.sheet.rotors
+    (driven,), _ = open_flights(path, Vehicle())
+    np.testing.assert_allclose(driven.throttle, ours, atol=1e-9)
 
 
 def test_a_log_without_any_motion_of_its_centre_is_refused_in_one_line(excited, tmp_path):

@@ -92,4 +92,3 @@ def test_a_fall_with_running_rotors_ends_the_flight():
     lift = np.where(t < 5.8, 1.0, 0.0)
     assert t[before_the_fall(t, v, q, lift)] == pytest.approx(4.95, abs=0.15)
     assert before_the_fall(t, v, q, np.where(t < 5.0, 1.0, 0.0)) == len(t)
-    assert before_the_fall(t, v, q, None) == len(t)

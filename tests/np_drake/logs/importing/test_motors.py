@@ -8,6 +8,8 @@ import pytest
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.log_file import write_log
 from np_drake.logs.import_sheet import read_sheet, write_sheet
+from np_drake.logs.importing.import_log import import_log
+from np_drake.logs.importing.log_map import load_map_file
 from np_drake.logs.opening import open_flights
 from np_drake.vehicle import Vehicle
 
@@ -86,6 +88,64 @@ def test_dshot_counts_are_throttle_of_two_thousand(flown, autopilots, import_px4
     found = import_px4({"actuator_outputs": 2000.0 * ours}, told | functions)
     np.testing.assert_allclose(found.flights[0].throttle, ours, atol=1e-9)
     assert any("DShot" in line for line in found.said) == (not told)
+
+
+@pytest.mark.parametrize("hover", [250.0, 700.0, 950.0, 1000.0, 1045.0, 1100.0, 1500.0])
+def test_dshot_counts_are_told_however_low_the_vehicle_hovers(flown, autopilots, import_px4, hover):
+    ours = autopilots.throttle(flown)
+    counts = hover * ours / np.median(ours)
+    found = import_px4({"actuator_outputs": counts})
+    np.testing.assert_allclose(found.flights[0].throttle, counts / 2000, atol=1e-9)
+    assert any(line.startswith("outputs are taken as DShot counts") for line in found.said)
+    assert found.sheet.content["columns"]["throttle"]["unit"] == "dshot"
+
+
+@pytest.mark.parametrize("hover", [0.15, 0.3, 0.7])
+def test_pulses_are_told_however_low_the_vehicle_hovers(flown, autopilots, import_px4, hover):
+    ours = autopilots.throttle(flown)
+    share = hover * ours / np.median(ours)
+    found = import_px4({"actuator_outputs": 1000.0 + 1000.0 * share})
+    np.testing.assert_allclose(found.flights[0].throttle, share, atol=1e-9)
+
+
+def resting(fly, autopilots) -> tuple:
+    """Return a hover that tells nothing of its outputs, and their throttle."""
+    log = fly(seed=5, seconds=8.0, noise=1.0, vigour=0.02, attitude_noise=0.003)
+    return log, autopilots.throttle(log)
+
+
+def test_outputs_of_a_hover_that_may_be_either_are_asked_for_by_name(fly, autopilots, writer, tmp_path):
+    pytest.importorskip("pyulog", reason="ULog needs pyulog")
+    log, ours = resting(fly, autopilots)
+    streams = autopilots.px4(log, {"actuator_outputs": 2000.0 * ours})
+    writer("ulog").write(tmp_path / "log.ulg", streams, parameters={})
+    with pytest.raises(LogError, match=r"throttle \(actuator_outputs/output\[0\] …\): must be pulses .* or DShot") as e:
+        import_log(tmp_path / "log.ulg")
+    assert "\n" not in str(e.value)
+    for unit, read in (("us", 2 * ours - 1), ("dshot", ours)):
+        (tmp_path / "map.yaml").write_text(f"throttle: {{unit: {unit}}}\n")
+        (dut,) = import_log(tmp_path / "log.ulg", load_map_file(tmp_path / "map.yaml")).flights
+        np.testing.assert_allclose(dut.throttle, read, atol=1e-9)
+
+
+@pytest.mark.parametrize("hover", [600.0, 990.0, 1005.0, 1040.0])
+def test_counts_that_would_be_no_pulse_that_carries_need_no_motion(fly, autopilots, writer, tmp_path, hover):
+    pytest.importorskip("pyulog", reason="ULog needs pyulog")
+    log, ours = resting(fly, autopilots)
+    counts = hover * ours / np.median(ours)
+    writer("ulog").write(tmp_path / "log.ulg", autopilots.px4(log, {"actuator_outputs": counts}), parameters={})
+    (dut,) = import_log(tmp_path / "log.ulg").flights
+    np.testing.assert_allclose(dut.throttle, counts / 2000, atol=1e-9)
+
+
+def test_measured_rotor_speed_needs_no_unit_of_the_outputs(fly, autopilots, writer, tmp_path):
+    pytest.importorskip("pyulog", reason="ULog needs pyulog")
+    log, ours = resting(fly, autopilots)
+    streams = autopilots.px4(log, {"actuator_outputs": 2000.0 * ours, "esc_status": 9000.0 * ours})
+    writer("ulog").write(tmp_path / "log.ulg", streams, parameters={})
+    found = import_log(tmp_path / "log.ulg")
+    assert (found.flights[0].input, found.flights[0].throttle) == ("rotor_speed", None)
+    assert any("outputs whose unit the log does not state are left out" in line for line in found.said)
 
 
 def test_pulses_stay_pulses_where_no_parameter_says_so(flown, autopilots, import_px4):

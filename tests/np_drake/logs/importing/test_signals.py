@@ -140,13 +140,6 @@ def test_rows_that_stand_twice_are_one_log():
     assert np.array_equal(signals["position"].t, 0.01 * np.arange(100))
 
 
-def test_a_clock_that_is_set_in_flight_is_refused():
-    t = 0.01 * np.arange(100)
-    t[60:] += 1.7e9  # [s], of GPS
-    with pytest.raises(LogError, match=r"time must not jump; it goes from 0.59 to 1.7e\+09.* split the file"):
-        gather(recording(t, **moving(0.01 * np.arange(100))), MAP)
-
-
 RECORDING = Recording(
     "made.log", {"a": Stream(np.arange(3.0), {"clock": np.array([0.0, 2.0, 4.0])}), "b": Stream(np.arange(2.0), {})}
 )

@@ -1,0 +1,60 @@
+"""The list of all formats of flight logs, and which of them a file is of."""
+
+import codecs
+from pathlib import Path
+
+from np_drake.logs.errors import LogError
+from np_drake.logs.formats.crazyflie import CRAZYFLIE
+from np_drake.logs.formats.dataflash import DATAFLASH
+from np_drake.logs.formats.format import Format, first_bytes
+from np_drake.logs.formats.neural_fly import NEURAL_FLY
+from np_drake.logs.formats.ros import ROS
+from np_drake.logs.formats.table import TABLE
+from np_drake.logs.formats.ulog import ULOG
+
+FORMATS: tuple[Format, ...] = (  # the first that recognises a file reads it
+    CRAZYFLIE,
+    ULOG,
+    DATAFLASH,
+    ROS,
+    NEURAL_FLY,
+    TABLE,  # any CSV: last
+)
+
+
+def format_of(path: str | Path, name: str = "") -> Format:
+    """Return the format of a file, by its first bytes and its name.
+
+    Args:
+        path: of the file.
+        name: of the format, where a map tells it.
+    Raises: LogError: if it is of none, or there is none of the name; OSError: if it cannot be opened.
+    """
+    path = Path(path)
+    if name:
+        if name not in (names := {known.name: known for known in FORMATS}):
+            raise LogError(f"{path}: the map's format must be one of {', '.join(names)}; got {name!r}.")
+        return names[name]
+    start = first_bytes(path)
+    if not start and not path.is_dir():
+        raise LogError(f"{path}: must hold a flight log; it is empty. Copy it again from the vehicle.")
+    for known in FORMATS:
+        if known.recognises(path, start):
+            return known
+    titles = ", ".join(f"{f.name} ({f.title})" for f in FORMATS)
+    raise LogError(f"{path}: must be a flight log of a known format: {titles}.{_remedy(path, start)}")
+
+
+def _remedy(path: Path, start: bytes) -> str:
+    """Return how a text or a folder becomes a log, from its first bytes; empty for other files."""
+    if path.is_dir():
+        return " Of a folder name its files."
+    if start[:2] in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE):
+        return " Save the text as UTF-8."
+    try:
+        start[: start.rfind(b"\n") + 1].decode()
+    except UnicodeDecodeError:
+        return ""
+    if b"\x00" in start:
+        return ""
+    return " A table must be named .csv, .tsv or .txt, its columns apart by comma, semicolon or tab."
