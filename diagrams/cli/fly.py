@@ -82,7 +82,7 @@ def fly(
         flown = drawn(configs[0], sample, run.seed)
     else:
         flown = configs
-    compared, lost = len(configs) > 1, []  # type: ignore[var-annotated]
+    compared, lost = len(configs) > 1, list[FailedRun]()
     flights = [_fly_live(configs[0], run.seed)] if live else _fly_all(flown, run.seed, lost if compared else None)
     if mcap is not None:
         from diagrams.loop.mcap_flight import write_flight_mcap
@@ -97,14 +97,15 @@ def fly(
         if compared:
             say(f"comparison: {comparison.write_comparison(flights, folder, lost=[str(one) for one in lost])}")
 
+    said = [comparison.sentence(flights), *filter(None, [comparison.models(flights)])]
     return Report(
         [flights_table(flights)],
-        config=as_config(configs[0]),
+        config={config.controller.name: as_config(config) for config in configs} if compared else as_config(configs[0]),
         metrics=summaries[0] if len(flown) == 1 and sample is None else {"flights": summaries},
-        summary=[comparison.sentence(flights)] if compared and len(flights) > 1 else [],
-        notes=[*(str(one) for one in lost[1:]), *(note for flight in flights for note in _notes(flight))],
+        summary=said if compared else [],
+        notes=[note for flight in flights for note in _notes(flight)],
         write=write,
-        failure=lost[0] if lost else None,
+        failure=_all_lost(lost) if lost else None,
     )
 
 
@@ -136,7 +137,7 @@ def _fly_all(configs: "list[FlightConfig]", seed: int, lost: list[FailedRun] | N
         configs: of the flights.
         seed: of each.
         lost: takes what ended a flight early; None: nothing may.
-    Raises: FailedRun: where nothing may end one early, or no flight is left.
+    Raises: FailedRun: where nothing may end one early, or no flight is left; it names all.
     """
     from diagrams.loop.flight_result import fly as simulate
 
@@ -151,10 +152,17 @@ def _fly_all(configs: "list[FlightConfig]", seed: int, lost: list[FailedRun] | N
             try:
                 flights.append(simulate(own, seed=seed, monitor=tell))
             except FailedRun as failed:
-                if lost is None or (not flights and k == len(configs) - 1):
+                if lost is None:
                     raise
                 lost.append(failed)
+    if not flights and lost:
+        raise _all_lost(lost)
     return flights
+
+
+def _all_lost(lost: Sequence[FailedRun]) -> FailedRun:
+    """Return one failure in the words of several."""
+    return FailedRun(" ".join(str(one) for one in lost))
 
 
 def _fly_live(config: "FlightConfig", seed: int) -> "FlightResult":

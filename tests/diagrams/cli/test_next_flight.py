@@ -179,6 +179,12 @@ def test_a_second_answer_counts(report):
         (json.dumps(changed("readings", "noise", "rms", [1e308] * 15)), "numbers must be finite"),
         (json.dumps(changed("readings", "noise", "phi", [])), "phi"),
         (json.dumps(changed("readings", "tolerance", "mass", "0.1 kg")), "could not convert"),
+        (
+            json.dumps(changed("explanations", 1, "named", "linear_drag")),
+            "named must be a list of names; got 'linear_drag'",
+        ),
+        (json.dumps(changed("explanations", 1, "named", [3])), "named must be a list of names"),
+        (json.dumps(changed("explanations", 1, "parameters", "ab")), "parameters must be a list of names"),
         (json.dumps(changed("explanations", 1, "probability", 1e308)), "probability must be"),
         (json.dumps(changed("explanations", 1, "effects", 0, "parameters", "d_x", 1e308)), "d_x must be 0 to"),
         (json.dumps(changed("explanations", 1, "effects", 0, "parameters", "d_x", "much")), "must be whole|number"),
