@@ -6,9 +6,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 from typer import Argument, Option
 
 from diagrams.cli import options
-from diagrams.cli.output import progress, say, screen_width
+from diagrams.cli.output import progress, say, tell
 from diagrams.cli.runner import Report, Run, reports
-from diagrams.cli.table_text import wrapped
 
 if TYPE_CHECKING:
     from np_drake.diagnosis.result import Diagnosis
@@ -56,8 +55,7 @@ def diagnose(
     files = _choose_files(case, vehicle, list(train or ()), list(held_out or ()))
     nominal = nominal_vehicle(files)
     nominal, *logs = with_hover_thrust(nominal, *files.open(nominal, repair=repair))
-    for note in [f"{log.name}: {note}" for flights in logs for log in flights for note in log.notes]:
-        say(*wrapped(note, screen_width(), indent="  "))
+    tell(*(f"{log.name}: {note}" for flights in logs for log in flights for note in log.notes), indent="  ")
     found = diagnose_logs(nominal, *logs, replay=not no_replay, second_look=not no_second_look, rig=rig)
     if run.folder is not None:
         from diagrams.gap.trial import with_trial
@@ -177,8 +175,7 @@ def vehicle_of(path: Path) -> "Vehicle":
 
     vehicle = load_vehicle(path)
     if missing := left_out(path):
-        text = f"{path}: {', '.join(missing)} not named: those of the paper's vehicle are taken."
-        say(*wrapped(text, screen_width(), indent="  "))
+        tell(f"{path}: {', '.join(missing)} not named: those of the paper's vehicle are taken.", indent="  ")
     return vehicle
 
 

@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 from typer import Argument, Option
 
 from diagrams.cli import options
-from diagrams.cli.output import progress, say, screen_width
+from diagrams.cli.output import progress, tell
 from diagrams.cli.runner import Report, Run, reports
-from diagrams.cli.table_text import wrapped
 
 if TYPE_CHECKING:
     from np_drake.flight_log import FlightLog
@@ -57,8 +56,7 @@ def doctor(
     from diagrams.cli.doctor_screen import screen
 
     config = {"logs": logs, "vehicle": None if nominal is None else nominal.name, "map": log_map, "repair": repair}
-    for failure in failures[1:]:
-        say(*wrapped(f"not usable: {failure}", screen_width(), indent="  "))
+    tell(*(f"not usable: {failure}" for failure in failures[1:]), indent="  ")
     return Report(
         [],
         config={name: str(value) if isinstance(value, Path) else value for name, value in config.items()}

@@ -9,9 +9,8 @@ from typer import Argument, Option
 
 from diagrams.batch.failed_run import FailedRun
 from diagrams.cli import options
-from diagrams.cli.output import say, screen_width
+from diagrams.cli.output import say
 from diagrams.cli.runner import Report, Run, reports
-from diagrams.cli.table_text import wrapped
 from diagrams.cli.train import LOG_HELP, PAYLOAD_FILTER, Force, behind_bar, configuration_for, train_reaction
 
 if TYPE_CHECKING:
@@ -92,13 +91,12 @@ def evaluate(
         distances += label_distances(models, held_out)
     settings = {"configurations": list(models), "horizons": steps, "step": step}
     settings |= {"leave_one_out": leave_one_out, "training": [flight.data.name for flight in training]}
-    said = wrapped(ending(rows, models), screen_width())
     lost = diverged(rows) or [line["flight"] for line in windows if line["unstable"]]
     return Report(
         [table for zeta in MOTIONS for table in tables(rows, zeta, mean=leave_one_out)],
         config=settings,
         metrics={"rows": rows, "stability": windows, "label_distances": distances},
-        notes=[*stability_text(windows, rows), *distance_text(distances), *said],
+        notes=[*stability_text(windows, rows), *distance_text(distances), ending(rows, models)],
         failure=FailedRun(f"a forecast diverged on {', '.join(sorted(set(lost)))}.") if lost else None,
     )
 

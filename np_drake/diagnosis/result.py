@@ -232,19 +232,22 @@ class Diagnosis:
     not_flyable: str = ""
 
     def __repr__(self) -> str:
-        """Return vehicle, verdict and remaining gap in a line."""
-        named = ", ".join(self.verdict) or ("cannot tell" if self.cannot_tell else "nothing is missing")
-        gap = f"residual {self.gap_reduction.before:.3g} to {self.gap_reduction.after:.3g} times the noise"
-        return f"Diagnosis({self.vehicle}: {named}; {gap})"
+        """Return vehicle and headline in a line."""
+        return f"Diagnosis({self._said()})"
+
+    def _said(self) -> str:
+        from np_drake.diagnosis.report.headline import headline  # which needs this module
+
+        return f"{self.vehicle}: {headline(self)}"
 
     def _repr_html_(self) -> str:
-        """Return what a notebook shows: a row for every parameter of a cause, and the first warnings."""
+        """Return what a notebook shows: the headline, a row for every parameter of a cause, and the first warnings."""
         rows = [
             (c.identifier, probability(c.probability), ", ".join(f"{n} {_shown(e)}" for n, e in c.parameters.items()))
             for c in self.causes
         ]
         header = ("cause", "probability", "parameters, ± half of the 95 % interval")
-        return html_table(repr(self)[len("Diagnosis(") : -1], header, rows, self.warnings[:MOST_WARNINGS])
+        return html_table(self._said(), header, rows, self.warnings[:MOST_WARNINGS])
 
     def table(self) -> list[dict[str, Any]]:
         """Return a row for every parameter of a cause: its value, 95 % interval and unit."""
