@@ -7,7 +7,6 @@ from typing import Annotated, Any
 from typer import Argument, Option
 
 from diagrams.cli import options
-from diagrams.cli.output import require_folder
 from diagrams.cli.runner import Report, Run, counting, reports
 from diagrams.cli.verbs import Group, Verbs
 
@@ -53,8 +52,6 @@ def _make(
     config: dict[str, Any] = {"simulator": simulator, "quality": quality, "cases": cases, "clean": clean}
     config |= {"seconds": seconds, "unseen": unseen}
     check_request(out, truth, simulator, quality, cases + clean, seconds, run.seed)
-    for folder in (out, truth):
-        require_folder(folder)
     with counting("flying", "cases") as on_progress:
         result = make(out, truth, seed=run.seed, workers=run.workers, on_progress=on_progress, **config)
     kinds = ", ".join(f"{count} {kind}" for kind, count in result["kinds"].items())
@@ -75,7 +72,6 @@ def _solve(
 
     Exit code 0 where at least one case has an answer: what fails is a line, `failed` in --json.
     """
-    require_folder(out)
     if not cases.is_dir():
         raise ValueError(f"{cases}: CASES must be a folder of case folders.")
     from diagrams.challenge.solve import case_folders, solve

@@ -3,7 +3,8 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from diagrams.cli.output import progress, say
+from diagrams.cli.flying import fly_all
+from diagrams.cli.output import say, tell
 from np_drake.flight_log import FlightLog
 from np_drake.logs import opening
 from np_drake.logs.formats.neurobem import is_array, is_neurobem, published_vehicle, read_wrenches
@@ -57,7 +58,7 @@ def _opened(path: Path, vehicle: Vehicle | None, *, repair: bool) -> list[Flight
     own = vehicle or (published_vehicle() if is_neurobem(path) else Vehicle())
     flights = []
     for data in _data(path, vehicle, repair=repair):
-        say(*(f"{data.name}: {note}" for note in data.notes))
+        tell(*(f"{data.name}: {note}" for note in data.notes), indent="  ")
         flights.append(Flight(data, own))
     return flights
 
@@ -78,10 +79,7 @@ def simulated(scenario: Path, config: "FlightConfig") -> Flight:
         config: its content.
     Raises: LostVehicle: if the flight fails.
     """
-    from diagrams.loop.flight_result import fly
-
-    with progress(f"flying {config.name}", config.end) as advance:
-        flight = fly(config, seed=0, monitor=advance)
+    (flight,) = fly_all([config], 0, None)
     say(f"{scenario}: flown for {config.end:g} s with {config.controller.name}, seed 0.")
     return Flight(flight.log(), config.vehicle)
 

@@ -9,7 +9,8 @@ from typer import Argument, Option
 from diagrams.batch.columns import Column, tabulate
 from diagrams.batch.failed_run import FailedRun
 from diagrams.cli import options
-from diagrams.cli.output import Table, progress, say
+from diagrams.cli.flying import all_lost, fly_all, fly_live
+from diagrams.cli.output import Table, say
 from diagrams.cli.runner import Report, Run, reports
 from diagrams.cli.scenario import Numbers, scenarios
 
@@ -83,7 +84,7 @@ def fly(
     else:
         flown = configs
     compared, lost = len(configs) > 1, list[FailedRun]()
-    flights = [_fly_live(configs[0], run.seed)] if live else _fly_all(flown, run.seed, lost if compared else None)
+    flights = [fly_live(configs[0], run.seed)] if live else fly_all(flown, run.seed, lost if compared else None)
     if mcap is not None:
         from diagrams.loop.mcap_flight import write_flight_mcap
 
@@ -105,7 +106,7 @@ def fly(
         summary=said if compared else [],
         notes=[note for flight in flights for note in _notes(flight)],
         write=write,
-        failure=_all_lost(lost) if lost else None,
+        failure=all_lost(lost) if lost else None,
     )
 
 
@@ -117,7 +118,7 @@ def _require_one_flight(controllers: int, *, sample: int | None, mcap: Path | No
         sample: of simulators, of `--sample`.
         mcap: file of `--mcap`.
         live: whether it flies in a browser.
-    Raises: ValueError: where it is; OSError: if the MCAP file cannot be written.
+    Raises: ValueError: where it is.
     """
     one = "--live, which shows" if live else "--mcap, which holds"
     if sample is not None and (live or mcap is not None):
@@ -128,68 +129,6 @@ def _require_one_flight(controllers: int, *, sample: int | None, mcap: Path | No
         raise ValueError("give either --sample, or several --controller.")
     if mcap is not None:
         _require_mcap_output(mcap)
-
-
-def _fly_all(configs: "list[FlightConfig]", seed: int, lost: list[FailedRun] | None) -> "list[FlightResult]":
-    """Simulate scenarios that begin and end alike, one after the other, behind one progress bar.
-
-    Args:
-        configs: of the flights.
-        seed: of each.
-        lost: takes what ended a flight early; None: nothing may.
-    Raises: FailedRun: where nothing may end one early, or no flight is left; it names all.
-    """
-    from diagrams.loop.flight_result import fly as simulate
-
-    flights, first = [], configs[0]
-    names = ", ".join(dict.fromkeys(config.controller.name for config in configs))
-    with progress(f"flying {first.name} with {names}", len(configs) * first.end) as advance:
-        for k, own in enumerate(configs):
-
-            def tell(t: float, before: float = k * first.end) -> None:
-                advance(before + t)
-
-            try:
-                flights.append(simulate(own, seed=seed, monitor=tell))
-            except FailedRun as failed:
-                if lost is None:
-                    raise
-                lost.append(failed)
-    if not flights and lost:
-        raise _all_lost(lost)
-    return flights
-
-
-def _all_lost(lost: Sequence[FailedRun]) -> FailedRun:
-    """Return one failure in the words of several."""
-    return FailedRun(" ".join(str(one) for one in lost))
-
-
-def _fly_live(config: "FlightConfig", seed: int) -> "FlightResult":
-    """Simulate in real time before a browser's eyes, until the end, `stop`, Ctrl-C or the loss of the vehicle.
-
-    Raises: LostVehicle: where it was lost before anything was recorded.
-    """
-    from diagrams.loop.flight_result import FlightResult, LostVehicle
-    from diagrams.loop.flight_result import fly as simulate
-    from diagrams.loop.live import LiveView
-
-    with LiveView(config) as view:
-        payload = ", P the payload" if view.has_payload else ""
-        say(f"watch it at {view.meshcat.web_url()}: V pushes{payload}; Esc or Ctrl-C ends it.")
-        try:
-            with progress(f"flying {config.name} with {config.controller.name}", config.end) as advance:
-                flight = simulate(
-                    config, seed=seed, monitor=lambda t: advance(t, f"{100 * view.error:.1f} cm off"), watch=view
-                )
-        except LostVehicle as lost:
-            if not len(lost.signals["t"]):
-                raise
-            say(str(lost))
-            return FlightResult(config, seed, lost.signals)
-    if view.stopped:
-        say(f"stopped at {flight.signals['t'][-1]:.1f} s.")
-    return flight
 
 
 def _notes(flight: "FlightResult") -> list[str]:
@@ -210,15 +149,13 @@ def _delay_found(flight: "FlightResult") -> list[str]:
 
 
 def _require_mcap_output(file: Path) -> None:
-    """Check before the flight that an MCAP file can be written.
+    """Check before the flight that its MCAP file can be made.
 
-    Raises: ValueError: if it is not so; OSError: if it cannot be written.
+    Raises: ValueError: if it cannot.
     """
-    from np_drake.files.atomic_file import require_writable
     from np_drake.logs.formats.mcap_file import require_mcap
 
     require_mcap(file)
-    require_writable(file)
     if file.suffix != ".mcap":
         raise ValueError(f"--mcap: must be a file whose name ends in .mcap; got {file}.")
 

@@ -44,10 +44,7 @@ def train(
     if out.suffix != ".safetensors":
         raise ValueError(f"--out: must end in .safetensors; got {out.name}.")
     curve = out.with_suffix(".png")
-    places = [place for place in (out, curve, checkpoint, run.json) if place is not None]
-    if len(set(places)) < len(places):
-        raise ValueError("--out, its loss curve, --json and --checkpoint must be different files.")
-    require_outputs(*places)
+    require_outputs(out, curve, checkpoint, run.json)
     from diagrams.cli.flights import open_flights
     from np_drake.files.figure_file import save
     from np_drake.lifting.model.model_file import save_model
