@@ -7,6 +7,7 @@ from typing import Annotated, Any
 from typer import Argument, Option
 
 from diagrams.cli import options
+from diagrams.cli.output import say
 from diagrams.cli.runner import Report, Run, counting, reports
 from diagrams.cli.verbs import Group, Verbs
 
@@ -80,6 +81,7 @@ def _solve(
     with counting("diagnosing", "cases") as on_progress:
         result = solve(cases, out, workers=run.workers, replay=replay, again=again, on_progress=on_progress)
         on_progress(result["cases"], result["cases"])
+    say(*(f"{row['case']}: {row['error']}" for row in result["failed"]))
     failed, walls = result["failed"], [row["wall"] for row in result["solved"]]
     typical = f", {sum(walls) / len(walls):.3g} s a case" if walls else ""
     counts = f"{len(walls)} solved{typical}, {result['skipped']} kept, {len(failed)} failed"
@@ -88,7 +90,7 @@ def _solve(
         [],
         config={"cases": cases, "replay": replay, "again": again},
         metrics=result,
-        lines=[*(f"{row['case']}: {row['error']}" for row in failed), f"answers: {out} ({counts})"],
+        lines=[f"answers: {out} ({counts})"],
         failure=ValueError(none) if len(failed) == result["cases"] else None,
     )
 
