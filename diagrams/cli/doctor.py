@@ -37,11 +37,12 @@ def doctor(
     repair: options.Repair = False,
 ) -> Report:
     """Examine flight logs: rates, gaps, noise, clocks, motion, and which effects they can tell, to what size."""
+    from diagrams.cli.diagnose import vehicle_of
     from np_drake.diagnosis.doctor.examine import examine
     from np_drake.logs.hover_thrust import with_hover_thrust
     from np_drake.logs.importing.log_map import load_map_file
 
-    nominal = _vehicle(vehicle)
+    nominal = None if vehicle is None else vehicle_of(vehicle)
     declared = None if log_map is None else load_map_file(log_map)
     with progress("examining", 1.0) as advance:
         flights, sheets, failures = _opened(logs, nominal, declared, repair, lambda share: advance(0.3 * share))
@@ -59,18 +60,11 @@ def doctor(
     tell(*(f"not usable: {failure}" for failure in failures[1:]), indent="  ")
     return Report(
         [],
-        config={name: str(value) if isinstance(value, Path) else value for name, value in config.items()}
-        | {"logs": [str(path) for path in logs]},
+        config=config,
         metrics={**report.as_json(), "failures": [str(f) for f in failures]},
         lines=screen(report),
         failure=failures[0] if failures else None,
     )
-
-
-def _vehicle(path: Path | None) -> "Vehicle | None":
-    from diagrams.cli.diagnose import vehicle_of
-
-    return None if path is None else vehicle_of(path)
 
 
 def _opened(

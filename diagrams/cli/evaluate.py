@@ -11,7 +11,15 @@ from diagrams.batch.failed_run import FailedRun
 from diagrams.cli import options
 from diagrams.cli.output import say
 from diagrams.cli.runner import Report, Run, reports
-from diagrams.cli.train import LOG_HELP, PAYLOAD_FILTER, Force, behind_bar, configuration_for, train_reaction
+from diagrams.cli.train import (
+    LOG_HELP,
+    PAYLOAD_FILTER,
+    Force,
+    asked_configuration,
+    behind_bar,
+    configuration_for,
+    train_reaction,
+)
 
 if TYPE_CHECKING:
     from np_drake.residual_model import ResidualModel
@@ -145,15 +153,8 @@ def _choose_configurations(only: list[str] | None) -> list[str]:
     """
     from np_drake.lifting.training.train import CONFIGURATIONS as KNOWN
 
-    old = {"default": AXES_CHOOSE, "pendulum": PAYLOAD_FILTER}
-    for name in set(only or ()) & set(old):
-        present = old[name] or "delay-modal (world axes) or mode-dictionary (body axes)"
-        say(f"--only: {name} is now called {present}.")
-    known = (*KNOWN, PAYLOAD_FILTER)
-    unknown = set(only or ()) - {*known, *old}
-    if unknown:
-        raise ValueError(f"--only: must be {' | '.join(known)}; got {', '.join(sorted(unknown))}.")
-    return list(dict.fromkeys(old.get(name, name) for name in only or CONFIGURATIONS))
+    asked = [asked_configuration(name, "--only", (*KNOWN, PAYLOAD_FILTER)) for name in only or ()]
+    return list(dict.fromkeys(asked or CONFIGURATIONS))
 
 
 def _require_reactions(names: Sequence[str], predictor: Path | None) -> None:
