@@ -2,7 +2,7 @@
 
 import dataclasses as dc
 from collections.abc import Callable, Iterable
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -230,15 +230,12 @@ class Diagnosis:
     readings: Readings | None = None
     doubts: tuple[str, ...] = ()
     not_flyable: str = ""
+    headline: ClassVar[Callable[["Diagnosis"], str]] = lambda diagnosis: ", ".join(diagnosis.verdict)
+    """The answer in one sentence: `report.headline`, which needs this module, and puts itself here."""
 
     def __repr__(self) -> str:
         """Return vehicle and headline in a line."""
-        return f"Diagnosis({self._said()})"
-
-    def _said(self) -> str:
-        from np_drake.diagnosis.report.headline import headline  # which needs this module
-
-        return f"{self.vehicle}: {headline(self)}"
+        return f"Diagnosis({self.vehicle}: {self.headline()})"
 
     def _repr_html_(self) -> str:
         """Return what a notebook shows: the headline, a row for every parameter of a cause, and the first warnings."""
@@ -247,7 +244,7 @@ class Diagnosis:
             for c in self.causes
         ]
         header = ("cause", "probability", "parameters, ± half of the 95 % interval")
-        return html_table(self._said(), header, rows, self.warnings[:MOST_WARNINGS])
+        return html_table(f"{self.vehicle}: {self.headline()}", header, rows, self.warnings[:MOST_WARNINGS])
 
     def table(self) -> list[dict[str, Any]]:
         """Return a row for every parameter of a cause: its value, 95 % interval and unit."""
