@@ -99,7 +99,7 @@ def _write_simulators(found: "Diagnosis", vehicle: "Vehicle", folder: Path) -> d
         try:
             config = corrected_simulator(answer, vehicle)
         except ValueError as error:
-            say(f"no {name}: {' '.join(str(error).split())}")
+            tell(f"no {name}: {' '.join(str(error).split())}")
             continue
         write_corrected(config, answer, folder / name)
         say(f"corrected simulator{which}: {folder / name}")
@@ -122,7 +122,7 @@ def _write_overlay(found: "Diagnosis", vehicle: "Vehicle", held_out: "list[Fligh
     try:
         beside = side_by_side(found, vehicle, held_out)
     except NoReplay as reason:
-        say(f"no {FILE}: {reason}")
+        tell(f"no {FILE}: {reason}")
         return None
     write_side_by_side(beside, vehicle, path)
     if beside.missing:

@@ -10,7 +10,7 @@ from diagrams.batch.columns import Column, tabulate
 from diagrams.batch.failed_run import FailedRun
 from diagrams.cli import options
 from diagrams.cli.flying import all_lost, fly_all, fly_live
-from diagrams.cli.output import Table, say
+from diagrams.cli.output import Table, say, tell
 from diagrams.cli.runner import Report, Run, reports
 from diagrams.cli.scenario import Numbers, scenarios
 
@@ -75,7 +75,7 @@ def fly(
         told_mass=told_mass,
         numbers=Numbers(payload, length, speed, wind, duration),
     )
-    say(*(f"warning: {text}" for text in configs[0].warnings()))
+    tell(*(f"warning: {text}" for text in configs[0].warnings()), indent="  ")
     _require_one_flight(len(configs), sample=sample, mcap=mcap, live=live)
     if sample is not None:
         from diagrams.gap.corrected import drawn

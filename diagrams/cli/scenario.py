@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from diagrams.cli import options
-from diagrams.cli.output import say
+from diagrams.cli.output import tell
 
 if TYPE_CHECKING:
     from diagrams.loop.flight import FlightConfig
@@ -161,7 +161,7 @@ def _default_controller(config: "FlightConfig", predictor: Path | None) -> str:
     try:
         make_residual_model(dc.replace(config.controller, kind="np"), config.vehicle)
     except ValueError:
-        say(
+        tell(
             f"controller: hold, as the packaged predictor is for the paper's vehicle and not for "
             f"{config.vehicle.name}; np-drake train LOG makes one of its own."
         )

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 from typer import Argument, Option
 
 from diagrams.cli import options
-from diagrams.cli.output import Table, progress, require_outputs, say
+from diagrams.cli.output import Table, progress, require_outputs, say, tell
 from diagrams.cli.runner import Report, Run, reports
 
 if TYPE_CHECKING:
@@ -83,7 +83,7 @@ def train(
         head = {"configuration": configuration, "step": step, **dc.asdict(config)}
         lag = rotor_lag_of(result.model)
         if lag > 0:
-            say(f"rotors: {1e3 * lag:.0f} ms behind the command; in flight the labels of this model allow for it.")
+            tell(f"rotors: {1e3 * lag:.0f} ms behind the command; in flight the labels of this model allow for it.")
         lines, tables = [], [_loss_table(summary, wall)]
         notes = [f"model: {out}", f"loss curve: {curve}"]
     if loss or tables:
