@@ -194,7 +194,6 @@ def flights_table(flights: "Sequence[FlightResult]") -> Table:
 
 def _write_flight(flight: "FlightResult", folder: Path, *, alone: bool) -> None:
     """Write flight log, wrench and replay page, and track and errors of a flight alone, named by its controller."""
-    from diagrams.loop import flight_figures
     from diagrams.loop.replay.flight_page import write_replay
     from diagrams.tracking import comparison
     from np_drake.files.figure_file import save
@@ -202,10 +201,7 @@ def _write_flight(flight: "FlightResult", folder: Path, *, alone: bool) -> None:
 
     stem = comparison.stem(flight)
     write_log(flight.log(), folder / f"{stem}.csv")
-    title = f"{flight.config.name} · {flight.label} · seed {flight.seed}"
-    if alone:
-        save(flight_figures.plane_track([flight], title), folder / f"{stem}_track.png")
-        save(flight_figures.errors([flight], title), folder / f"{stem}_errors.png")
-    save(flight_figures.wrench(flight), folder / f"{stem}_wrench.png")
+    for what in ("track", "errors", "wrench") if alone else ("wrench",):
+        save(flight.plot(what), folder / f"{stem}_{what}.png")
     write_replay(flight, folder / f"{stem}_replay.html")
     say(f"log, figures, replay: {folder}/{stem}*")
