@@ -5,10 +5,10 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 from diagrams.batch.run import Table
+from np_drake.files.number_text import NOTHING
 
 Line = Mapping[str, Any]
 Column = tuple[str, str | Callable[[Any], Any]]  # header; key of the line, or function of it
-MISSING = "–"
 
 
 def tabulate(title: str, lines: Iterable[Any], columns: Iterable[Column]) -> Table:
@@ -33,7 +33,7 @@ def fixed(key: str, digits: int, *, factor: float = 1.0, unit: str = "") -> Call
         factor: to another unit [1].
         unit: behind the number.
     """
-    return lambda line: f"{factor * line[key]:.{digits}f}{unit}" if key in line else MISSING
+    return lambda line: f"{factor * line[key]:.{digits}f}{unit}" if key in line else NOTHING
 
 
 def percent(key: str, digits: int = 0) -> Callable[[Line], str]:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from typer import Option
 
 from diagrams.batch.columns import tabulate
-from diagrams.cli.output import Table, progress, say
+from diagrams.cli.output import Table, progress, tell
 from diagrams.cli.runner import Report, Run, reports
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ def bench(
 ) -> Report:
     """Time solvers, predictor, simulator and training; peers: CasADi + IPOPT (extra `bench`), acados."""
     if os.environ.get("OMP_NUM_THREADS") != "1":
-        say("OMP_NUM_THREADS is not 1: small matrices run two to three times slower on several threads.")
+        tell("OMP_NUM_THREADS is not 1: small matrices run two to three times slower on several threads.")
     if predictor:
         lines, table = _against_the_pseudo_inverse(run.seed)
         return Report([table], config={}, metrics={"predictor": {"against_pseudo_inverse": lines}})

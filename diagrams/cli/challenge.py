@@ -7,7 +7,7 @@ from typing import Annotated, Any
 from typer import Argument, Option
 
 from diagrams.cli import options
-from diagrams.cli.output import require_folder
+from diagrams.cli.output import say
 from diagrams.cli.runner import Report, Run, counting, reports
 from diagrams.cli.verbs import Group, Verbs
 
@@ -53,8 +53,6 @@ def _make(
     config: dict[str, Any] = {"simulator": simulator, "quality": quality, "cases": cases, "clean": clean}
     config |= {"seconds": seconds, "unseen": unseen}
     check_request(out, truth, simulator, quality, cases + clean, seconds, run.seed)
-    for folder in (out, truth):
-        require_folder(folder)
     with counting("flying", "cases") as on_progress:
         result = make(out, truth, seed=run.seed, workers=run.workers, on_progress=on_progress, **config)
     kinds = ", ".join(f"{count} {kind}" for kind, count in result["kinds"].items())
@@ -75,7 +73,6 @@ def _solve(
 
     Exit code 0 where at least one case has an answer: what fails is a line, `failed` in --json.
     """
-    require_folder(out)
     if not cases.is_dir():
         raise ValueError(f"{cases}: CASES must be a folder of case folders.")
     from diagrams.challenge.solve import case_folders, solve
@@ -84,6 +81,7 @@ def _solve(
     with counting("diagnosing", "cases") as on_progress:
         result = solve(cases, out, workers=run.workers, replay=replay, again=again, on_progress=on_progress)
         on_progress(result["cases"], result["cases"])
+    say(*(f"{row['case']}: {row['error']}" for row in result["failed"]))
     failed, walls = result["failed"], [row["wall"] for row in result["solved"]]
     typical = f", {sum(walls) / len(walls):.3g} s a case" if walls else ""
     counts = f"{len(walls)} solved{typical}, {result['skipped']} kept, {len(failed)} failed"
@@ -92,7 +90,7 @@ def _solve(
         [],
         config={"cases": cases, "replay": replay, "again": again},
         metrics=result,
-        lines=[*(f"{row['case']}: {row['error']}" for row in failed), f"answers: {out} ({counts})"],
+        lines=[f"answers: {out} ({counts})"],
         failure=ValueError(none) if len(failed) == result["cases"] else None,
     )
 

@@ -34,7 +34,7 @@ def demo(run: Run, solver: options.Solver = options.DEFAULT_SOLVER, jobs: option
     def write(folder: Path) -> None:
         from diagrams.demo.files import write_demo
 
-        say(f"seed {run.seed}, {wall:.0f} s; start with {write_demo(result, folder)}")
+        say(f"{result.seeds}; {wall:.0f} s. Start with {write_demo(result, folder)}")
 
     return Report(
         [flights_table(result.flights), _reduction_table(result), _causes_table(result), _meeting_table(result)],

@@ -6,9 +6,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 from typer import Argument, Option
 
 from diagrams.cli import options
-from diagrams.cli.output import progress, say, screen_width
+from diagrams.cli.output import progress, say, tell
 from diagrams.cli.runner import Report, Run, reports
-from diagrams.cli.table_text import wrapped
 
 if TYPE_CHECKING:
     from np_drake.diagnosis.result import Diagnosis
@@ -54,8 +53,7 @@ def diagnose(
     files = _choose_files(case, vehicle, list(train or ()), list(held_out or ()))
     nominal = nominal_vehicle(files)
     logs = files.open(nominal, repair=repair)
-    for note in [f"{log.name}: {note}" for flights in logs for log in flights for note in log.notes]:
-        say(*wrapped(note, screen_width(), indent="  "))
+    tell(*(f"{log.name}: {note}" for flights in logs for log in flights for note in log.notes), indent="  ")
     found = diagnose_logs(nominal, *logs, replay=not no_replay, second_look=not no_second_look, rig=rig)
     nominal = found.nominal or nominal
     if run.folder is not None:
@@ -100,7 +98,7 @@ def _write_simulators(found: "Diagnosis", vehicle: "Vehicle", folder: Path) -> d
         try:
             config = corrected_simulator(answer, vehicle)
         except ValueError as error:
-            say(f"no {name}: {' '.join(str(error).split())}")
+            tell(f"no {name}: {' '.join(str(error).split())}")
             continue
         write_corrected(config, answer, folder / name)
         say(f"corrected simulator{which}: {folder / name}")
@@ -125,7 +123,7 @@ def _write_overlay(found: "Diagnosis", vehicle: "Vehicle", held_out: "list[Fligh
         driven = [with_rotor_input(log, vehicle) if log.input == "rotor_speed" else log for log in held_out]
         beside = side_by_side(found, vehicle, driven)
     except NoReplay as reason:
-        say(f"no {FILE}: {reason}")
+        tell(f"no {FILE}: {reason}")
         return None
     write_side_by_side(beside, vehicle, path)
     if beside.missing:
@@ -178,8 +176,7 @@ def vehicle_of(path: Path) -> "Vehicle":
 
     vehicle = load_vehicle(path)
     if missing := left_out(path):
-        text = f"{path}: {', '.join(missing)} not named: those of the paper's vehicle are taken."
-        say(*wrapped(text, screen_width(), indent="  "))
+        tell(f"{path}: {', '.join(missing)} not named: those of the paper's vehicle are taken.", indent="  ")
     return vehicle
 
 

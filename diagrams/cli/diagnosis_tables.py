@@ -1,7 +1,6 @@
 """A diagnosis on the terminal: the answer, its causes, what to do next, what was tested, and how far."""
 
-from diagrams.cli.output import Table, screen_width
-from diagrams.cli.table_text import wrapped
+from diagrams.cli.output import Table
 from np_drake.diagnosis.report import words
 from np_drake.diagnosis.report.headline import headline, lead, named_causes
 from np_drake.diagnosis.report.summary import GAP_HEADER, cause_table, gap_rows, next_steps, unseen, warnings
@@ -15,8 +14,7 @@ _WIDE = 5  # columns of the table of causes that a terminal shows
 def judgement(diagnosis: Diagnosis) -> list[str]:
     """Return what stands against any answer, the headline, the sentence below it, and the same of a second answer."""
     before = [f"Before the answer: {doubt}." for doubt in diagnosis.doubts]
-    said = (*before, headline(diagnosis) + ".", lead(diagnosis), *second_answer(diagnosis), "")
-    return [line for text in said for line in wrapped(text, screen_width())]
+    return [*before, headline(diagnosis) + ".", lead(diagnosis), *second_answer(diagnosis), ""]
 
 
 def tables(diagnosis: Diagnosis) -> list[Table]:
@@ -54,8 +52,7 @@ def notes(diagnosis: Diagnosis) -> list[str]:
     """Return the sensors that were assumed, and every warning once."""
     sensors = SENSORS.get(diagnosis.judged_as, diagnosis.judged_as)
     judged = [f"Judged as logs of {sensors} sensors (--rig, --laboratory)."] if sensors else []
-    said = [*judged, *(f"warning: {text}" for text in warnings(diagnosis))]
-    return [line for text in said for line in wrapped(text, screen_width(), indent="  ")]
+    return [*judged, *(f"warning: {text}" for text in warnings(diagnosis))]
 
 
 def second_answer(diagnosis: Diagnosis) -> list[str]:

@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 from typer import Argument, Option
 
 from diagrams.cli import options
-from diagrams.cli.output import progress, say, screen_width
+from diagrams.cli.output import progress, tell
 from diagrams.cli.runner import Report, Run, reports
-from diagrams.cli.table_text import wrapped
 
 if TYPE_CHECKING:
     from np_drake.flight_log import FlightLog
@@ -38,10 +37,11 @@ def doctor(
     repair: options.Repair = False,
 ) -> Report:
     """Examine flight logs: rates, gaps, noise, clocks, motion, and which effects they can tell, to what size."""
+    from diagrams.cli.diagnose import vehicle_of
     from np_drake.diagnosis.doctor.examine import examine
     from np_drake.logs.importing.log_map import load_map_file
 
-    nominal = _vehicle(vehicle)
+    nominal = None if vehicle is None else vehicle_of(vehicle)
     declared = None if log_map is None else load_map_file(log_map)
     with progress("examining", 1.0) as advance:
         flights, sheets, failures = _opened(logs, nominal, declared, repair, lambda share: advance(0.3 * share))
@@ -54,22 +54,14 @@ def doctor(
     from diagrams.cli.doctor_screen import screen
 
     config = {"logs": logs, "vehicle": None if nominal is None else nominal.name, "map": log_map, "repair": repair}
-    for failure in failures[1:]:
-        say(*wrapped(f"not usable: {failure}", screen_width(), indent="  "))
+    tell(*(f"not usable: {failure}" for failure in failures[1:]), indent="  ")
     return Report(
         [],
-        config={name: str(value) if isinstance(value, Path) else value for name, value in config.items()}
-        | {"logs": [str(path) for path in logs]},
+        config=config,
         metrics={**report.as_json(), "failures": [str(f) for f in failures]},
         lines=screen(report),
         failure=failures[0] if failures else None,
     )
-
-
-def _vehicle(path: Path | None) -> "Vehicle | None":
-    from diagrams.cli.diagnose import vehicle_of
-
-    return None if path is None else vehicle_of(path)
 
 
 def _opened(

@@ -9,10 +9,17 @@ from typer import Argument, Option
 
 from diagrams.batch.failed_run import FailedRun
 from diagrams.cli import options
-from diagrams.cli.output import say, screen_width
+from diagrams.cli.output import say
 from diagrams.cli.runner import Report, Run, reports
-from diagrams.cli.table_text import wrapped
-from diagrams.cli.train import LOG_HELP, PAYLOAD_FILTER, Force, behind_bar, configuration_for, train_reaction
+from diagrams.cli.train import (
+    LOG_HELP,
+    PAYLOAD_FILTER,
+    Force,
+    asked_configuration,
+    behind_bar,
+    configuration_for,
+    train_reaction,
+)
 
 if TYPE_CHECKING:
     from np_drake.residual_model import ResidualModel
@@ -92,13 +99,12 @@ def evaluate(
         distances += label_distances(models, held_out)
     settings = {"configurations": list(models), "horizons": steps, "step": step}
     settings |= {"leave_one_out": leave_one_out, "training": [flight.data.name for flight in training]}
-    said = wrapped(ending(rows, models), screen_width())
     lost = diverged(rows) or [line["flight"] for line in windows if line["unstable"]]
     return Report(
         [table for zeta in MOTIONS for table in tables(rows, zeta, mean=leave_one_out)],
         config=settings,
         metrics={"rows": rows, "stability": windows, "label_distances": distances},
-        notes=[*stability_text(windows, rows), *distance_text(distances), *said],
+        notes=[*stability_text(windows, rows), *distance_text(distances), ending(rows, models)],
         failure=FailedRun(f"a forecast diverged on {', '.join(sorted(set(lost)))}.") if lost else None,
     )
 
@@ -147,15 +153,8 @@ def _choose_configurations(only: list[str] | None) -> list[str]:
     """
     from np_drake.lifting.training.train import CONFIGURATIONS as KNOWN
 
-    old = {"default": AXES_CHOOSE, "pendulum": PAYLOAD_FILTER}
-    for name in set(only or ()) & set(old):
-        present = old[name] or "delay-modal (world axes) or mode-dictionary (body axes)"
-        say(f"--only: {name} is now called {present}.")
-    known = (*KNOWN, PAYLOAD_FILTER)
-    unknown = set(only or ()) - {*known, *old}
-    if unknown:
-        raise ValueError(f"--only: must be {' | '.join(known)}; got {', '.join(sorted(unknown))}.")
-    return list(dict.fromkeys(old.get(name, name) for name in only or CONFIGURATIONS))
+    asked = [asked_configuration(name, "--only", (*KNOWN, PAYLOAD_FILTER)) for name in only or ()]
+    return list(dict.fromkeys(asked or CONFIGURATIONS))
 
 
 def _require_reactions(names: Sequence[str], predictor: Path | None) -> None:

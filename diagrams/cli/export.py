@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Argument, Option
 
-from diagrams.cli.output import require_outputs, say
+from diagrams.cli.output import say
 from diagrams.cli.runner import Report, Run, reports
 
 if TYPE_CHECKING:
@@ -29,7 +29,6 @@ def export(
     out: Annotated[Path, Option("--out", metavar="FILE", help="File to write; never the one that is read.")],
 ) -> Report:
     """Write a vehicle as SDF (Gazebo, Drake), MJCF (MuJoCo) or quad_params (RotorPy), and say what it leaves out."""
-    require_outputs(out)
     if to not in NAMES:
         raise ValueError(f"--format must be one of {', '.join(NAMES)}; got {to!r}.")
     vehicle, effects = read_corrected(file)

@@ -3,7 +3,8 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from diagrams.cli.output import progress, say
+from diagrams.cli.flying import fly_all
+from diagrams.cli.output import say, tell
 from np_drake.logs import opening
 from np_drake.logs.formats.neurobem import is_array, published_vehicle, read_wrenches
 from np_drake.training_data.accelerations import with_accelerations
@@ -66,7 +67,7 @@ def _of_log(found: opening.Opened, vehicle: Vehicle | None) -> list[Flight]:
     """Return the flights of a log with accelerations, and print what a reader derived or repaired."""
     own = vehicle or found.vehicle or Vehicle()
     flights = [Flight(with_accelerations(require_torque(log)), own) for log in found.flights]
-    say(*(f"{flight.data.name}: {note}" for flight in flights for note in flight.data.notes))
+    tell(*(f"{flight.data.name}: {note}" for flight in flights for note in flight.data.notes), indent="  ")
     return flights
 
 
@@ -78,10 +79,7 @@ def simulated(scenario: Path, config: "FlightConfig") -> Flight:
         config: its content.
     Raises: LostVehicle: if the flight fails.
     """
-    from diagrams.loop.flight_result import fly
-
-    with progress(f"flying {config.name}", config.end) as advance:
-        flight = fly(config, seed=0, monitor=advance)
+    (flight,) = fly_all([config], 0, None)
     say(f"{scenario}: flown for {config.end:g} s with {config.controller.name}, seed 0.")
     return Flight(flight.log(), config.vehicle)
 

@@ -9,7 +9,8 @@ from typer import Argument, Option
 from diagrams.batch.columns import Column, tabulate
 from diagrams.batch.failed_run import FailedRun
 from diagrams.cli import options
-from diagrams.cli.output import Table, progress, say
+from diagrams.cli.flying import all_lost, fly_all, fly_live
+from diagrams.cli.output import Table, say, tell
 from diagrams.cli.runner import Report, Run, reports
 from diagrams.cli.scenario import Numbers, scenarios
 
@@ -74,7 +75,7 @@ def fly(
         told_mass=told_mass,
         numbers=Numbers(payload, length, speed, wind, duration),
     )
-    say(*(f"warning: {text}" for text in configs[0].warnings()))
+    tell(*(f"warning: {text}" for text in configs[0].warnings()), indent="  ")
     _require_one_flight(len(configs), sample=sample, mcap=mcap, live=live)
     if sample is not None:
         from diagrams.gap.corrected import drawn
@@ -82,8 +83,8 @@ def fly(
         flown = drawn(configs[0], sample, run.seed)
     else:
         flown = configs
-    compared, lost = len(configs) > 1, []  # type: ignore[var-annotated]
-    flights = [_fly_live(configs[0], run.seed)] if live else _fly_all(flown, run.seed, lost if compared else None)
+    compared, lost = len(configs) > 1, list[FailedRun]()
+    flights = [fly_live(configs[0], run.seed)] if live else fly_all(flown, run.seed, lost if compared else None)
     if mcap is not None:
         from diagrams.loop.mcap_flight import write_flight_mcap
 
@@ -97,14 +98,15 @@ def fly(
         if compared:
             say(f"comparison: {comparison.write_comparison(flights, folder, lost=[str(one) for one in lost])}")
 
+    said = [comparison.sentence(flights), *filter(None, [comparison.models(flights)])]
     return Report(
         [flights_table(flights)],
-        config=as_config(configs[0]),
+        config={config.controller.name: as_config(config) for config in configs} if compared else as_config(configs[0]),
         metrics=summaries[0] if len(flown) == 1 and sample is None else {"flights": summaries},
-        summary=[comparison.sentence(flights)] if compared and len(flights) > 1 else [],
-        notes=[*(str(one) for one in lost[1:]), *(note for flight in flights for note in _notes(flight))],
+        summary=said if compared else [],
+        notes=[note for flight in flights for note in _notes(flight)],
         write=write,
-        failure=lost[0] if lost else None,
+        failure=all_lost(lost) if lost else None,
     )
 
 
@@ -116,7 +118,7 @@ def _require_one_flight(controllers: int, *, sample: int | None, mcap: Path | No
         sample: of simulators, of `--sample`.
         mcap: file of `--mcap`.
         live: whether it flies in a browser.
-    Raises: ValueError: where it is; OSError: if the MCAP file cannot be written.
+    Raises: ValueError: where it is.
     """
     one = "--live, which shows" if live else "--mcap, which holds"
     if sample is not None and (live or mcap is not None):
@@ -127,61 +129,6 @@ def _require_one_flight(controllers: int, *, sample: int | None, mcap: Path | No
         raise ValueError("give either --sample, or several --controller.")
     if mcap is not None:
         _require_mcap_output(mcap)
-
-
-def _fly_all(configs: "list[FlightConfig]", seed: int, lost: list[FailedRun] | None) -> "list[FlightResult]":
-    """Simulate scenarios that begin and end alike, one after the other, behind one progress bar.
-
-    Args:
-        configs: of the flights.
-        seed: of each.
-        lost: takes what ended a flight early; None: nothing may.
-    Raises: FailedRun: where nothing may end one early, or no flight is left.
-    """
-    from diagrams.loop.flight_result import fly as simulate
-
-    flights, first = [], configs[0]
-    names = ", ".join(dict.fromkeys(config.controller.name for config in configs))
-    with progress(f"flying {first.name} with {names}", len(configs) * first.end) as advance:
-        for k, own in enumerate(configs):
-
-            def tell(t: float, before: float = k * first.end) -> None:
-                advance(before + t)
-
-            try:
-                flights.append(simulate(own, seed=seed, monitor=tell))
-            except FailedRun as failed:
-                if lost is None or (not flights and k == len(configs) - 1):
-                    raise
-                lost.append(failed)
-    return flights
-
-
-def _fly_live(config: "FlightConfig", seed: int) -> "FlightResult":
-    """Simulate in real time before a browser's eyes, until the end, `stop`, Ctrl-C or the loss of the vehicle.
-
-    Raises: LostVehicle: where it was lost before anything was recorded.
-    """
-    from diagrams.loop.flight_result import FlightResult, LostVehicle
-    from diagrams.loop.flight_result import fly as simulate
-    from diagrams.loop.live import LiveView
-
-    with LiveView(config) as view:
-        payload = ", P the payload" if view.has_payload else ""
-        say(f"watch it at {view.meshcat.web_url()}: V pushes{payload}; Esc or Ctrl-C ends it.")
-        try:
-            with progress(f"flying {config.name} with {config.controller.name}", config.end) as advance:
-                flight = simulate(
-                    config, seed=seed, monitor=lambda t: advance(t, f"{100 * view.error:.1f} cm off"), watch=view
-                )
-        except LostVehicle as lost:
-            if not len(lost.signals["t"]):
-                raise
-            say(str(lost))
-            return FlightResult(config, seed, lost.signals)
-    if view.stopped:
-        say(f"stopped at {flight.signals['t'][-1]:.1f} s.")
-    return flight
 
 
 def _notes(flight: "FlightResult") -> list[str]:
@@ -202,15 +149,13 @@ def _delay_found(flight: "FlightResult") -> list[str]:
 
 
 def _require_mcap_output(file: Path) -> None:
-    """Check before the flight that an MCAP file can be written.
+    """Check before the flight that its MCAP file can be made.
 
-    Raises: ValueError: if it is not so; OSError: if it cannot be written.
+    Raises: ValueError: if it cannot.
     """
-    from np_drake.files.atomic_file import require_writable
     from np_drake.logs.formats.mcap_file import require_mcap
 
     require_mcap(file)
-    require_writable(file)
     if file.suffix != ".mcap":
         raise ValueError(f"--mcap: must be a file whose name ends in .mcap; got {file}.")
 
@@ -249,7 +194,6 @@ def flights_table(flights: "Sequence[FlightResult]") -> Table:
 
 def _write_flight(flight: "FlightResult", folder: Path, *, alone: bool) -> None:
     """Write flight log, wrench and replay page, and track and errors of a flight alone, named by its controller."""
-    from diagrams.loop import flight_figures
     from diagrams.loop.replay.flight_page import write_replay
     from diagrams.tracking import comparison
     from np_drake.files.figure_file import save
@@ -257,10 +201,7 @@ def _write_flight(flight: "FlightResult", folder: Path, *, alone: bool) -> None:
 
     stem = comparison.stem(flight)
     write_log(flight.log(), folder / f"{stem}.csv")
-    title = f"{flight.config.name} · {flight.label} · seed {flight.seed}"
-    if alone:
-        save(flight_figures.plane_track([flight], title), folder / f"{stem}_track.png")
-        save(flight_figures.errors([flight], title), folder / f"{stem}_errors.png")
-    save(flight_figures.wrench(flight), folder / f"{stem}_wrench.png")
+    for what in ("track", "errors", "wrench") if alone else ("wrench",):
+        save(flight.plot(what), folder / f"{stem}_{what}.png")
     write_replay(flight, folder / f"{stem}_replay.html")
     say(f"log, figures, replay: {folder}/{stem}*")

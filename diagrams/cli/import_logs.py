@@ -78,7 +78,7 @@ def import_logs(
         [("imported flights", ["flight", "s", "Hz", "input", "timing [ms]", "rows bridged or left out"], rows)]
         if rows
         else [],
-        config={"logs": [str(p) for p in logs], "map": None if log_map is None else str(log_map), **how},
+        config={"logs": logs, "map": log_map, **how},
         metrics={"files": written, "failures": failures},
         summary=[*left, _written(len(written), run.folder)] if written else [],
         failure=failure,

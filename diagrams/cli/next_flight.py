@@ -42,7 +42,7 @@ def next_flight(
 ) -> Report:
     """Write a flight that tells the explanations of a diagnosis apart; fly it in the simulator first."""
     from diagrams.cli.next_flight_tables import finding, hopeless, sentence, tables, verdict
-    from diagrams.gap.limits_check import InSimulator, keep_limits
+    from diagrams.gap.limits_check import CannotFly, InSimulator, keep_limits
     from diagrams.gap.next_flight import RATE, TRACK, read_report, track_figure, write_scenario
     from np_drake.flight_design.limits import limits_for
     from np_drake.flight_design.manoeuvres import manoeuvres
@@ -61,20 +61,26 @@ def next_flight(
     motions = manoeuvres(limits, seconds, seed=run.seed)
     told = {name: found.predicted(motion, limits) for name, motion in motions.items()}
     checked: dict[str, list[Flown]] = {}
+    left_out: dict[str, str] = {}
     name = _ahead(told)
     if not no_fly and not hopeless(told):
         in_simulator = InSimulator(config, found, limits, run.scratch, run.seed)
         while name not in checked:  # what the limits make smaller tells less, and another may then be ahead
-            with progress(f"flying {name} with {controller}", 1.0) as advance:
-                motions[name], checked[name] = keep_limits(
-                    motions[name],
-                    explanations,
-                    in_simulator,
-                    controller=controller,
-                    tell=lambda share: advance(share, ""),
-                )
-            told[name] = found.predicted(motions[name], limits)
-            name = _ahead(told)
+            try:
+                with progress(f"flying {name} with {controller}", 1.0) as advance:
+                    motions[name], checked[name] = keep_limits(
+                        motions[name],
+                        explanations,
+                        in_simulator,
+                        controller=controller,
+                        tell=lambda share: advance(share, ""),
+                    )
+                told[name] = found.predicted(motions[name], limits)
+            except CannotFly as error:
+                left_out[name] = str(error)
+                if len(left_out) == len(motions):
+                    raise
+            name = _ahead({kind: prediction for kind, prediction in told.items() if kind not in left_out})
     motion, flown = motions[name], checked.get(name, [])
     usage = {kind: candidate.usage(limits) for kind, candidate in motions.items()}
     order = [name, *(kind for kind in told if kind != name)]
@@ -87,12 +93,15 @@ def next_flight(
     settings = {"box": box, "seconds": seconds, "controller": controller, "report": report}
     settings |= {"speed": limits.speed, "tilt": limits.tilt, "fly": not no_fly}
     return Report(
-        tables(explanations, {kind: told[kind] for kind in order}, flown),
+        tables(explanations, {kind: told[kind] for kind in order}, flown, left_out),
         config=settings,
-        metrics=content(explanations, {kind: told[kind] for kind in order}, usage, flown),
+        metrics=content(explanations, {kind: told[kind] for kind in order}, usage, flown) | {"left_out": left_out},
         lines=[sentence(explanations), finding(explanations, told, flown, name), ""],
         summary=[verdict(flown, usage[name])],
-        notes=[] if evaluations is None else ["warning: --evaluations has no effect: nothing is searched for."],
+        notes=[
+            *(f"{kind} is left out: {why}" for kind, why in left_out.items()),
+            *([] if evaluations is None else ["warning: --evaluations has no effect: nothing is searched for."]),
+        ],
         figures={"next_flight.png": lambda: track_figure(motion, limits)},
         write=write,
     )

@@ -1,6 +1,6 @@
 """A proposed flight on the terminal: what it finds in a sentence, manoeuvres, pairs, intervals, and its check."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from itertools import combinations
 
 import numpy as np
@@ -9,10 +9,11 @@ from diagrams.cli.output import Table
 from diagrams.gap.limits_check import Flown
 from np_drake.effects.explanation import STANDS, Explanation
 from np_drake.effects.library import effect_of
-from np_drake.files.number_text import number, percent, probability
+from np_drake.files.number_text import NOTHING, number, percent, probability
 from np_drake.flight_design.prediction import Prediction
 
 HARDLY = 1.0  # distance of a pair below which it is hardly told apart [nat]
+LEFT = "left out"  # cell of a manoeuvre that cannot be flown
 EVEN = 0.5  # probability to be named from which an explanation is [1]
 SURE = 10.0  # distance of a pair beyond which more tells nothing more [nat]
 
@@ -101,16 +102,22 @@ def _most(usage: Mapping[str, float]) -> str:
     return f"{percent(usage[name])} of {name}"
 
 
-def tables(explanations: Sequence[Explanation], told: Mapping[str, Prediction], flown: Sequence[Flown]) -> list[Table]:
+def tables(
+    explanations: Sequence[Explanation],
+    told: Mapping[str, Prediction],
+    flown: Sequence[Flown],
+    left_out: Collection[str] = (),
+) -> list[Table]:
     """Return the tables of manoeuvres, of pairs, of intervals, and of the flights in the simulator.
 
     Args:
         explanations: that stand, the best first.
         told: by manoeuvre, what it tells; the proposed one first.
         flown: its flights in the simulator.
+        left_out: manoeuvres that cannot be flown.
     """
     prediction = next(iter(told.values()))
-    found: list[Table] = [_manoeuvres(told)]
+    found: list[Table] = [_manoeuvres(told, left_out)]
     if pairs := _pairs(explanations, prediction):
         found.append(("what the flight tells apart", ["pair", "distance [nat]", "told apart"], pairs))
     if rows := _intervals(explanations[0], prediction.intervals[0]):
@@ -126,16 +133,19 @@ def tables(explanations: Sequence[Explanation], told: Mapping[str, Prediction], 
     return found
 
 
-def _manoeuvres(told: Mapping[str, Prediction]) -> Table:
+def _manoeuvres(told: Mapping[str, Prediction], left_out: Collection[str]) -> Table:
     """Return a row for each manoeuvre, the proposed one first."""
     title = "manoeuvres, each as large as the limits allow"
     known = {name: prediction.information for name, prediction in told.items()}
     if next(iter(known.values())).weakest is None:
-        told_of = [(name, number(i.parameters(0), 2)) for name, i in known.items()]
+        told_of = [(name, LEFT if name in left_out else number(i.parameters(0), 2)) for name, i in known.items()]
         return title, ["manoeuvre", "about the parameters [nat]"], told_of
     pairs = {name: float(i.distances[i.weakest]) for name, i in known.items()}
     cells = {name: number(d, 2) if d < SURE else f"> {SURE:g}" for name, d in pairs.items()}
-    rows = [(name, probability(i.outlook.worst), cells[name]) for name, i in known.items()]
+    rows = [
+        (name, LEFT, NOTHING) if name in left_out else (name, probability(i.outlook.worst), cells[name])
+        for name, i in known.items()
+    ]
     return title, ["manoeuvre", "the right one is left alone, at least", "weakest pair [nat]"], rows
 
 

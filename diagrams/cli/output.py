@@ -74,10 +74,15 @@ def screen_width() -> int:
     return max(min(WIDTH, Console(file=sys.stdout).width), LEAST)
 
 
-def tell(*lines: str) -> None:
-    """Print sentences on stdout, broken between words where a terminal would break them anywhere."""
+def tell(*lines: str, indent: str = "") -> None:
+    """Print sentences on stdout in the columns of tables, broken between words.
+
+    Args:
+        lines: a sentence or more each.
+        indent: in front of what goes on below.
+    """
     for line in lines:
-        say(*(wrapped(line, screen_width()) if sys.stdout.isatty() else [line]))
+        say(*wrapped(line, screen_width(), indent=indent))
 
 
 def print_table(title: str, header: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:

@@ -150,7 +150,8 @@ def _show(report: Report) -> None:
     output.tell(*report.lines)
     for table in report.tables:
         output.print_table(*table)
-    output.tell(*report.summary, *report.notes)
+    output.tell(*report.summary)
+    output.tell(*report.notes, indent="  ")
 
 
 def _write_folder(report: Report, out: Path | None) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from diagrams.cli import options
-from diagrams.cli.output import say
+from diagrams.cli.output import tell
 
 if TYPE_CHECKING:
     from diagrams.loop.flight import FlightConfig
@@ -81,7 +81,6 @@ def scenarios(
         numbers: that are changed.
     Raises: ValueError: on bad input.
     """
-    from diagrams.loop.controllers import LEARNED
     from diagrams.loop.experiments import EXPERIMENTS, load_experiment
     from np_drake.vehicle import load_vehicle
 
@@ -98,12 +97,10 @@ def scenarios(
     if not kinds:
         kinds = [_default_controller(first, predictor)] if experiment in EXPERIMENTS else [first.controller.kind]
     configs = [_flown_with(first, kind) for kind in kinds]
+    if predictor is not None:
+        _give(predictor, configs)
     for config in configs:
-        if predictor is not None and (len(configs) == 1 or config.controller.kind in LEARNED):
-            config.controller.predictor = str(predictor)
         _require(config)
-    if predictor is not None and not any(config.controller.predictor for config in configs):
-        raise ValueError(f"--predictor: is for {', '.join(LEARNED)}; none of them flies.")
     names = [config.controller.name for config in configs]
     if twice := [name for name in names if names.count(name) > 1]:
         raise ValueError(f"--controller: two are called {twice[0]}, and so would their files be. Rename one.")
@@ -117,6 +114,24 @@ def _flown_with(config: "FlightConfig", kind: str) -> "FlightConfig":
         config.controller.parameters, config.controller.predictor = {}, ""
     config.controller.kind = kind
     return config
+
+
+def _give(predictor: Path, configs: "Sequence[FlightConfig]") -> None:
+    """Give a model file to the controller that it is for; others fly the packaged model.
+
+    Raises: ValueError: where none of them flies a model, or this one.
+    """
+    from diagrams.loop.controllers import LEARNED, kind_of_model
+
+    controllers = [config.controller for config in configs if config.controller.kind in LEARNED]
+    if not controllers:
+        raise ValueError(f"--predictor: is for {', '.join(LEARNED)}; none of them flies.")
+    kind = kind_of_model(str(predictor))
+    fits = [one for one in controllers if one.kind == kind]
+    if not fits and [one.kind for one in controllers] != ["np"]:  # which flies a payload filter, as it once did
+        kinds = " and ".join(one.kind for one in controllers)
+        raise ValueError(f"--predictor: {predictor} is for {kind}; {kinds} cannot fly it. Name --controller {kind}.")
+    (fits or controllers)[0].predictor = str(predictor)
 
 
 def _require(config: "FlightConfig") -> None:
@@ -135,18 +150,18 @@ def _require(config: "FlightConfig") -> None:
 
 
 def _default_controller(config: "FlightConfig", predictor: Path | None) -> str:
-    """Return `np` where there is a model for the vehicle, else `hold`, which needs none, and say so.
+    """Return the kind of the model file; without one `np`, or `hold`, which needs no model, and say so.
 
     The packaged model knows the paper's vehicle.
     """
-    from diagrams.loop.controllers import make_residual_model
+    from diagrams.loop.controllers import kind_of_model, make_residual_model
 
     if predictor is not None:
-        return "np"
+        return kind_of_model(str(predictor))
     try:
         make_residual_model(dc.replace(config.controller, kind="np"), config.vehicle)
     except ValueError:
-        say(
+        tell(
             f"controller: hold, as the packaged predictor is for the paper's vehicle and not for "
             f"{config.vehicle.name}; np-drake train LOG makes one of its own."
         )

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 from typer import Argument, Option
 
 from diagrams.cli import options
-from diagrams.cli.output import Table, progress, require_outputs, say
+from diagrams.cli.output import Table, progress, require_outputs, say, tell
 from diagrams.cli.runner import Report, Run, reports
 
 if TYPE_CHECKING:
@@ -44,21 +44,18 @@ def train(
     if out.suffix != ".safetensors":
         raise ValueError(f"--out: must end in .safetensors; got {out.name}.")
     curve = out.with_suffix(".png")
-    places = [place for place in (out, curve, checkpoint, run.json) if place is not None]
-    if len(set(places)) < len(places):
-        raise ValueError("--out, its loss curve, --json and --checkpoint must be different files.")
-    require_outputs(*places)
+    require_outputs(out, curve, checkpoint, run.json)
     from diagrams.cli.flights import open_flights
     from np_drake.files.figure_file import save
     from np_drake.lifting.model.model_file import save_model
     from np_drake.lifting.model.origin import rotor_lag_of
-    from np_drake.lifting.training.train import make_config
+    from np_drake.lifting.training.train import CONFIGURATIONS, make_config
     from np_drake.residual_models.motion_model import KNODE, REACTIONS
     from np_drake.residual_models.predictor_training import train_on_flights
     from np_drake.scaling import sampling_period
     from np_drake.training_data.training_segments import require_motion
 
-    name = _asked_configuration(configuration)
+    name = asked_configuration(configuration, "--configuration", (*CONFIGURATIONS, PAYLOAD_FILTER, *REACTIONS))
     if name in (PAYLOAD_FILTER, *REACTIONS) and checkpoint is not None:
         raise ValueError(f"--checkpoint: {name} has none; it trains in a minute or less.")
     flights = open_flights(logs, vehicle, repair=repair)
@@ -86,7 +83,7 @@ def train(
         head = {"configuration": configuration, "step": step, **dc.asdict(config)}
         lag = rotor_lag_of(result.model)
         if lag > 0:
-            say(f"rotors: {1e3 * lag:.0f} ms behind the command; in flight the labels of this model allow for it.")
+            tell(f"rotors: {1e3 * lag:.0f} ms behind the command; in flight the labels of this model allow for it.")
         lines, tables = [], [_loss_table(summary, wall)]
         notes = [f"model: {out}", f"loss curve: {curve}"]
     if loss or tables:
@@ -100,25 +97,24 @@ def train(
     )
 
 
-def _asked_configuration(name: str | None) -> str:
-    """Return the configuration of that name; empty where the axes of the flights choose it.
+def asked_configuration(name: str | None, option: str, known: Sequence[str]) -> str:
+    """Return the configuration of a name, old or present; empty where the axes of the flights choose it.
 
-    An old name is answered with a warning.
+    Args:
+        name: of the configuration, or None.
+        option: that gives it.
+        known: present names.
     Raises: ValueError: on an unknown name.
     """
     from np_drake.lifting.model.lifted_model import OLD_NAMES
-    from np_drake.lifting.training.train import CONFIGURATIONS
     from np_drake.payload_filter.model_file import OLD_NAME
-    from np_drake.residual_models.motion_model import REACTIONS
 
     if name == OLD_NAME:
-        say(f"configuration {OLD_NAME} is now called {PAYLOAD_FILTER}.")
+        say(f"{option}: {OLD_NAME} is now called {PAYLOAD_FILTER}.")
         return PAYLOAD_FILTER
-    if name is None:
-        return ""
-    if name not in (*(known := (*CONFIGURATIONS, PAYLOAD_FILTER, *REACTIONS)), *OLD_NAMES):
-        raise ValueError(f"--configuration: must be one of {', '.join(known)}; got {name}.")
-    return name
+    if name is not None and name not in (*known, *OLD_NAMES):
+        raise ValueError(f"{option}: must be one of {', '.join(known)}; got {name}.")
+    return name or ""
 
 
 def configuration_for(name: str, frame: str) -> str:

@@ -40,7 +40,7 @@ def content(demo: Demo) -> dict[str, Any]:
     """Return all values that the template uses, with numbers formatted as text."""
     replay = demo.diagnosis.gap_reduction
     return {
-        "seed": demo.seed,
+        "seeds": demo.seeds,
         "vehicle": demo.training.config.vehicle.name,
         "headline": headline(demo),
         "held_out": HELD_OUT,

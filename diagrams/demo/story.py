@@ -62,6 +62,11 @@ class Demo:
         return {e.identifier: e.values for e in acting if isinstance(e, Effect)}
 
     @property
+    def seeds(self) -> str:
+        """Seeds of the noise, and what each is of."""
+        return f"seed {self.seed} of the training, {self.seed + 1} of the flights, {self.seed + 2} of the simulators"
+
+    @property
     def simulated_seconds(self) -> float:
         """Length of the flights in simulators, after the ramp [s]."""
         return next(iter(self.simulated.values())).config.duration

@@ -2,6 +2,7 @@
 
 import dataclasses as dc
 import math
+import textwrap
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -10,11 +11,13 @@ import numpy as np
 import yaml
 
 from diagrams.loop.flight import FlightConfig, default_flight
+from np_drake.diagnosis.report.headline import headline
 from np_drake.diagnosis.result import Cause, Diagnosis, Localisation
 from np_drake.effects.disturbance import DisturbanceConfig
 from np_drake.effects.effect_entry import EffectEntry
 from np_drake.effects.posterior import Posterior
 from np_drake.files.atomic_file import write_text
+from np_drake.files.number_text import NBSP
 from np_drake.files.yaml_text import quoted
 from np_drake.vehicle import Vehicle
 
@@ -25,7 +28,7 @@ SECOND = "corrected_second.yaml"  # of the second answer
 HEAD = """\
 # Corrected simulator: the vehicle file with the effects that the diagnosis found. Units are SI.
 {use}
-# verdict: {verdict}
+{headline}
 """
 USE = """\
 #   np-drake fly {file}                    fly it
@@ -146,9 +149,9 @@ def write_corrected(config: FlightConfig, diagnosis: Diagnosis, path: Path) -> N
         path: of the file.
     Raises: OSError: if the file cannot be written.
     """
-    verdict = ", ".join(diagnosis.verdict) or "nothing is missing"
+    said = textwrap.wrap(f"{headline(diagnosis)}.", 110, break_long_words=False, break_on_hyphens=False)
     use = f"# Do not fly it: {diagnosis.not_flyable}." if diagnosis.not_flyable else USE.format(file=path.name)
-    head = HEAD.format(use=use, verdict=verdict)
+    head = HEAD.format(use=use, headline="\n".join(f"# {line}" for line in said).replace(NBSP, " "))
     reality, posterior = config.reality, config.reality.posterior
     plain = {
         "payload": {"tether": "none"},

@@ -27,6 +27,10 @@ PROBE = 3.5  # of the smallest motion, flown before all else [s]; own choice
 STEP = 0.01  # of the simulator, which is fine enough for limits [s]; own choice
 
 
+class CannotFly(ValueError):
+    """No motion of a kind keeps the limits, in one line with the remedy."""
+
+
 @dc.dataclass(frozen=True)
 class Flown:
     """Flight under one explanation.
@@ -138,7 +142,7 @@ def keep_limits(
         fly_one: flies a motion under an explanation.
         controller: kind that flies, for the message.
         tell: called with the share done [1].
-    Raises: ValueError: if even the smallest motion tried breaks a limit; one line with the remedy.
+    Raises: CannotFly: if even the smallest motion tried breaks a limit.
     """
     _require_flyable(motion, explanations, fly_one, controller)
     order = list(range(len(explanations)))
@@ -167,7 +171,7 @@ def _require_flyable(
 ) -> None:
     """Check by a few seconds of the smallest motion that would be tried that it keeps the limits.
 
-    Raises: ValueError: if it does not; one line with the remedy.
+    Raises: CannotFly: if it does not.
     """
     least = dc.replace(motion.scaled(0.5 ** (TRIES - 1)), end=min(motion.end, PROBE))
     for explanation in explanations:
@@ -176,11 +180,11 @@ def _require_flyable(
             raise _breaks(flown, controller)
 
 
-def _breaks(flown: Flown, controller: str) -> ValueError:
+def _breaks(flown: Flown, controller: str) -> CannotFly:
     """Return the error of a flight that breaks a limit however small its motion is."""
     most = max(flown.usage, key=lambda name: flown.usage[name], default="")
     why = flown.lost.rstrip(".") or f"{most} is {number(flown.usage[most])} of its limit"
     remedy = "Name another --controller, give --no-fly" if flown.lost else "Name another --controller, or wider limits"
-    return ValueError(
+    return CannotFly(
         f"limits: no motion keeps them with controller {controller}: {why} under {flown.explanation.label}. {remedy}."
     )

@@ -25,6 +25,7 @@ from np_drake.residual_model import KnowsDelay, ReadsPlan, ResidualModel
 from np_drake.residual_models.disturbance_observer import DisturbanceObserver
 from np_drake.residual_models.hold import Constant, Hold
 from np_drake.residual_models.motion_model import REACTIONS, MotionModel
+from np_drake.residual_models.motion_model import SCHEMA as MOTION_MODEL
 from np_drake.residual_models.neural_predictor import NeuralPredictor as NeuralPredictorModel
 from np_drake.residual_models.oracle import TrueModel
 from np_drake.scaling import ratios
@@ -144,6 +145,20 @@ def make_residual_model(config: ControllerConfig, vehicle: Vehicle) -> ResidualM
         _require_fit(model, model.step, config, vehicle)
         return model
     return None
+
+
+def kind_of_model(path: str) -> str:
+    """Return the kind of controller that flies a model file.
+
+    Raises: ValueError: where it is no such file.
+    """
+    schema = schema_of(path)
+    if schema == MOTION_MODEL:
+        return MotionModel.load(path).name
+    if schema in SCHEMAS:
+        return PAYLOAD_FILTER
+    NeuralPredictorModel.load(path)
+    return "np"
 
 
 def _load_predictor(config: ControllerConfig, vehicle: Vehicle) -> ResidualModel:

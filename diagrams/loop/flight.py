@@ -106,6 +106,13 @@ class FlightConfig:
             raise ValueError(
                 f"{self.name}: reference.follow: payload needs a payload on a cable; got {self.reality.hung.tether}."
             )
+        released = [f"released at {t:g} s" for t in [self.cut_at] if t < np.inf]
+        hung = [f"hung on at {t:g} s" for t in [self.reality.hangs_at] if t > 0]
+        if told := " and ".join([*hung, *released]):
+            raise ValueError(
+                f"{self.name}: reference.follow: payload needs a payload that hangs all the time; it is {told}. "
+                "Follow the vehicle, or leave that out."
+            )
         pull = self._payload_track.least_pull(np.arange(0.0, self.end, LOOKS))
         if pull < LEAST_PULL:
             raise ValueError(

@@ -186,19 +186,23 @@ class FlightResult:
         """
         from diagrams.loop import flight_figures
 
-        title = f"{self.config.name} · {self.label} · seed {self.seed}"
         if what == "wrench":
             return flight_figures.wrench(self)
         drawn = {"track": flight_figures.plane_track, "errors": flight_figures.errors}
         if what not in drawn:
             raise ValueError(f"plot: must be one of track, errors, wrench; got {what!r}.")
-        return drawn[what]([self], title)
+        return drawn[what]([self], self.title)
 
     @property
     def label(self) -> str:
         """Name of the controller, such as `np` or `nominal + total mass`."""
         told = " + total mass" if self.config.controller.extra_mass else ""
         return f"{self.config.controller.name}{told}"
+
+    @property
+    def title(self) -> str:
+        """Experiment, controller and seed, above figures and replay."""
+        return f"{self.config.name} · {self.label} · seed {self.seed}"
 
     def log(self) -> FlightLog:
         """Return what the vehicle itself recorded (docs/reference/flight-log.md)."""

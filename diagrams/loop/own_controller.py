@@ -31,6 +31,7 @@ INPUTS = {"x": 13, "acceleration": 6, "rotor_speed": 4, "label": 6, "flat": 15} 
 OUTPUTS = {"u": 4, "chi_hat": 6, "status": 1, "solve_time": 1}  # the first must be there; the others are recorded
 # A command that feeds through is read just after the events of an instant and just before the recorder looks at it.
 _AFTER = 5e-7  # [s]
+_PRIVATE = re.compile(r"own_[0-9a-f]{32}\.?")  # name of the package of a file, in messages
 
 
 def is_own(kind: str) -> bool:
@@ -53,8 +54,9 @@ def beside(kind: str, folder: Path) -> str:
         folder: of the scenario file that names it.
     """
     module, _, name = kind.rpartition(":")
-    file = folder / (module if module.endswith(".py") else f"{module.replace('.', '/')}.py")
-    return f"{file}:{name}" if file.is_file() else kind
+    stem = module.replace(".", "/")
+    names = (module,) if module.endswith(".py") else (f"{stem}.py", f"{stem}/__init__.py")
+    return next((f"{folder / file}:{name}" for file in names if (folder / file).is_file()), kind)
 
 
 def load_factory(kind: str) -> Factory:
@@ -70,7 +72,7 @@ def load_factory(kind: str) -> Factory:
     try:
         module = _module_of_file(place, Path(place).stat().st_mtime_ns) if place.endswith(".py") else _installed(place)
     except Exception as error:  # whatever the user's module raises
-        raise ValueError(f"controller: {place} cannot be imported: {one_line(error)}.") from error
+        raise ValueError(f"controller: {place} cannot be imported: {_PRIVATE.sub('', one_line(error))}.") from error
     factory = getattr(module, name, None)
     if factory is None:
         near = difflib.get_close_matches(name, [n for n in vars(module) if not n.startswith("_")], n=1)
@@ -82,19 +84,36 @@ def load_factory(kind: str) -> Factory:
 
 @lru_cache
 def _module_of_file(file: str, version: int) -> ModuleType:
-    """Return the module of a file as of its `version`; its neighbours can be imported while it runs."""
+    """Return the module of a file as of its `version`, within its package; its neighbours can be imported meanwhile.
+
+    It stands in a package of its own name, so that the user's may be called like an installed one.
+    """
     path = Path(file).resolve()
-    spec = importlib.util.spec_from_file_location(f"own_{hashlib.md5(str(path).encode()).hexdigest()}", path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
-    sys.path.insert(0, str(path.parent))
+    key = f"own_{hashlib.md5(f'{path}{version}'.encode()).hexdigest()}"
+    home = path.parent
+    while (home / "__init__.py").is_file():
+        home = home.parent
+    around = ModuleType(key)
+    around.__path__ = [str(home)]
+    sys.modules[key] = around
+    sys.path[:0] = added = [str(path.parent), str(home)]
+    importlib.invalidate_caches()
     try:
-        spec.loader.exec_module(module)
+        *folders, stem = path.relative_to(home).with_suffix("").parts
+        package = importlib.import_module(".".join([key, *folders]))
+        if stem == "__init__":
+            return package
+        name = f"{package.__name__}.{stem}"
+        if name not in sys.modules:  # which the package has not imported itself
+            spec = importlib.util.spec_from_file_location(name, path)
+            assert spec is not None
+            assert spec.loader is not None
+            sys.modules[name] = importlib.util.module_from_spec(spec)
+            spec.loader.exec_module(sys.modules[name])
+        return sys.modules[name]
     finally:
-        sys.path.remove(str(path.parent))
-    return module
+        for folder in added:
+            sys.path.remove(folder)
 
 
 def _installed(name: str) -> ModuleType:

@@ -4,7 +4,7 @@ import dataclasses as dc
 
 import numpy as np
 
-from diagrams.batch.columns import MISSING, percent, spread, tabulate
+from diagrams.batch.columns import percent, spread, tabulate
 from diagrams.batch.flown import FlownOptions, FlownRun, choose_rows
 from diagrams.batch.options import Only
 from diagrams.batch.run import Report, Run, Table
@@ -12,6 +12,7 @@ from diagrams.batch.workers import failures
 from diagrams.payload import figures, hover_swing
 from diagrams.payload.hover_swing import DAMPED, EARLY, PAPER
 from np_drake import metrics
+from np_drake.files.number_text import NOTHING
 
 
 @dc.dataclass(frozen=True)
@@ -62,7 +63,7 @@ def hover_printed(lines: list[dict], title: str) -> Table:
     """
 
     def paper(line: dict) -> str:
-        return f"{100 * PAPER[line['row']]:.1f}" if line["row"] in PAPER else MISSING
+        return f"{100 * PAPER[line['row']]:.1f}" if line["row"] in PAPER else NOTHING
 
     columns = (
         ("controller", "row"),

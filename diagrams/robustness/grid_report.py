@@ -11,13 +11,14 @@ import numpy as np
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
-from diagrams.batch.columns import MISSING, Column, tabulate
+from diagrams.batch.columns import Column, tabulate
 from diagrams.batch.run import Table
 from diagrams.robustness.axes import Grid
 from diagrams.robustness.grid_table import FLOOR, NAIVE, NEAR, grid_by_speed, grid_table
 from diagrams.robustness.measures import GROWING
 from diagrams.robustness.robustness import ROWS
 from np_drake.files.figure_file import new_figure
+from np_drake.files.number_text import NOTHING
 
 # Key of the ratio, what it is divided by, and the ratio that is drawn white.
 RATIOS = (("over_oracle", "oracle", NEAR), ("over_naive", "best naive", 1.0))
@@ -39,7 +40,7 @@ def grid_printed(points: Sequence[dict], title: str) -> list[Table]:
     def shares(name: str) -> Callable[[dict], str]:
         def cell(line: dict) -> str:
             if name not in line["better"]:
-                return MISSING
+                return NOTHING
             return f"{_percent(line['better'][name])} / {_percent(line['worse'][name])}"
 
         return cell
@@ -47,7 +48,7 @@ def grid_printed(points: Sequence[dict], title: str) -> list[Table]:
     flown = [name for name in NAIVE if any(line["row"] == name for line in lines)]
     columns: list[Column] = [
         ("controller", "row"),
-        ("near oracle", lambda line: MISSING if line["near"] is None else _percent(line["near"])),
+        ("near oracle", lambda line: NOTHING if line["near"] is None else _percent(line["near"])),
         ("worst ratio", _worst),
         *((f"against {name}", shares(name)) for name in flown),
         ("growing", lambda line: f"{line['growing']} of {line['points']}"),
@@ -83,7 +84,7 @@ def _percent(share: float) -> str:
 
 def _worst(line: dict) -> str:
     if line["worst"] is None:
-        return MISSING
+        return NOTHING
     at = line["worst_at"]
     tether = f", {at['length']:g} m" if at["mass"] > 0 else ""
     return f"{line['worst']:.3g} ({at['mass']:g} kg{tether}, {at['speed']:g} m/s)"

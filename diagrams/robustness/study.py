@@ -6,7 +6,7 @@ from typing import Annotated
 from typer import Option
 
 from diagrams.batch.campaign import Record
-from diagrams.batch.columns import MISSING, Column, spread, tabulate
+from diagrams.batch.columns import Column, spread, tabulate
 from diagrams.batch.flown import FlownOptions, choose_rows
 from diagrams.batch.options import Duration, Only, Seeds
 from diagrams.batch.run import Report, Run, Table
@@ -18,6 +18,7 @@ from diagrams.robustness.grid_report import grid_figures, grid_printed
 from diagrams.robustness.grid_table import grid_points, grid_table
 from diagrams.robustness.robustness import sweep_of
 from diagrams.robustness.table import NOMINAL, axes_of, extremes, lost_lines, robustness_table
+from np_drake.files.number_text import NOTHING
 
 
 @dc.dataclass(frozen=True)
@@ -117,7 +118,7 @@ def _limits(lines: list[dict], title: str) -> Table:
 
     def growth(line: dict) -> str:
         found = [p["growth"] for p in line["points"] if p["growth"] is not None]
-        return f"{max(found):.2f}" if found else MISSING
+        return f"{max(found):.2f}" if found else NOTHING
 
     axes = {axis.name: axis for axis in axes_of(lines)}
     columns: tuple[Column, ...] = (
@@ -137,7 +138,7 @@ def _limits(lines: list[dict], title: str) -> Table:
 def _intervals(line: dict, key: str, values: tuple[float, ...]) -> str:
     """Return `all`, `nowhere` or the intervals where the controller is better than nominal."""
     if line["row"] == NOMINAL:
-        return MISSING
+        return NOTHING
     found = line["better"][key]
     if len(found) == 1 and (found[0][0], found[0][1]) == (values[0], values[-1]):
         return "all"

@@ -6,6 +6,7 @@ from pathlib import Path
 from jinja2 import Environment, StrictUndefined
 
 from diagrams.loop import flight_figures
+from diagrams.loop.controllers import LEARNED
 from diagrams.loop.flight_result import FlightResult
 from np_drake.diagnosis.report import words
 from np_drake.diagnosis.report.page import embedded, style
@@ -22,6 +23,15 @@ def sentence(flights: Sequence[FlightResult]) -> str:
     (least, best), *others = ((f"{100 * error:.2f} cm", label) for error, label in errors)
     rest = "".join(f"; {label} {error}" for error, label in others)
     return f"{best} has the least {what} error, {least} RMS{rest}."
+
+
+def models(flights: Sequence[FlightResult]) -> str:
+    """Return which model file each learned controller flew; empty where all are packaged."""
+    own = [flight.config.controller for flight in flights if flight.config.controller.kind in LEARNED]
+    if not any(one.predictor for one in own):
+        return ""
+    told = [f"{one.name} flew {one.predictor or 'the packaged one'}" for one in own]
+    return f"Model files: {', '.join(told)}."
 
 
 def _error(flight: FlightResult) -> float:
@@ -55,7 +65,7 @@ def write_comparison(flights: Sequence[FlightResult], folder: Path, *, lost: Seq
         "vehicle": first.config.vehicle.name,
         "seed": first.seed,
         "headline": sentence(flights).rstrip(".").replace(" cm", f"{words.NBSP}cm"),
-        "conditions": conditions(first),
+        "conditions": " ".join(filter(None, [conditions(first), models(flights)])),
         "rows": [_row(flight) for flight in flights],
         "lost": lost,
         "figure": embedded(picture),

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 import numpy as np
 from typer import Option
 
-from diagrams.batch.columns import MISSING, fixed, percent, spread, tabulate
+from diagrams.batch.columns import fixed, percent, spread, tabulate
 from diagrams.batch.flown import FlownOptions, FlownRun, choose_rows
 from diagrams.batch.options import Only, Reality
 from diagrams.batch.run import Report, Run, Table
@@ -16,6 +16,7 @@ from diagrams.tracking import campaign as flights
 from diagrams.tracking import tracking
 from diagrams.tracking.tracking import PROTOCOLS, ROWS, Row
 from diagrams.tracking.tracking_figure import plane_tracks
+from np_drake.files.number_text import NOTHING
 from np_drake.lifting.training.train import make_config
 from np_drake.payload_filter.model_file import PAYLOAD_FILTER
 from np_drake.payload_filter.predictor import DEFAULT_BANK
@@ -121,7 +122,7 @@ def printed(lines: list[dict], title: str) -> Table:
 
     def paper(line: dict) -> str:
         pair = published.get(line["row"], {}).get(line["track"])
-        return f"{100 * pair[0]:.1f} / {100 * pair[1]:.1f}" if pair else MISSING
+        return f"{100 * pair[0]:.1f} / {100 * pair[1]:.1f}" if pair else NOTHING
 
     columns = (
         ("track", "track"),

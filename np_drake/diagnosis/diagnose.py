@@ -29,6 +29,7 @@ from np_drake.diagnosis.localisation.identifiability import (
 from np_drake.diagnosis.localisation.localisation import localise
 from np_drake.diagnosis.numerics import Readings
 from np_drake.diagnosis.options import Options, Tolerance
+from np_drake.diagnosis.report import headline as headline  # which every `Diagnosis` says
 from np_drake.diagnosis.report.coverage import coverage
 from np_drake.diagnosis.residuals import FlightResiduals, make_flight_residuals, natural_step, require_flights
 from np_drake.diagnosis.result import UNKNOWN, Diagnosis, Replay

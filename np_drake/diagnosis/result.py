@@ -2,7 +2,7 @@
 
 import dataclasses as dc
 from collections.abc import Callable, Iterable
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -233,21 +233,21 @@ class Diagnosis:
     doubts: tuple[str, ...] = ()
     not_flyable: str = ""
     nominal: Vehicle | None = None
+    headline: ClassVar[Callable[["Diagnosis"], str]] = lambda diagnosis: ", ".join(diagnosis.verdict)
+    """The answer in one sentence: `report.headline`, which needs this module, and puts itself here."""
 
     def __repr__(self) -> str:
-        """Return vehicle, verdict and remaining gap in a line."""
-        named = ", ".join(self.verdict) or ("cannot tell" if self.cannot_tell else "nothing is missing")
-        gap = f"residual {self.gap_reduction.before:.3g} to {self.gap_reduction.after:.3g} times the noise"
-        return f"Diagnosis({self.vehicle}: {named}; {gap})"
+        """Return vehicle and headline in a line."""
+        return f"Diagnosis({self.vehicle}: {self.headline()})"
 
     def _repr_html_(self) -> str:
-        """Return what a notebook shows: a row for every parameter of a cause, and the first warnings."""
+        """Return what a notebook shows: the headline, a row for every parameter of a cause, and the first warnings."""
         rows = [
             (c.identifier, probability(c.probability), ", ".join(f"{n} {_shown(e)}" for n, e in c.parameters.items()))
             for c in self.causes
         ]
         header = ("cause", "probability", "parameters, ± half of the 95 % interval")
-        return html_table(repr(self)[len("Diagnosis(") : -1], header, rows, self.warnings[:MOST_WARNINGS])
+        return html_table(f"{self.vehicle}: {self.headline()}", header, rows, self.warnings[:MOST_WARNINGS])
 
     def table(self) -> list[dict[str, Any]]:
         """Return a row for every parameter of a cause: its value, 95 % interval and unit."""

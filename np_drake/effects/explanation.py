@@ -56,6 +56,9 @@ class Explanation:
 
         Raises: ValueError: on an unknown effect, or what is no probability or no covariance of its parameters.
         """
+        for key in ("named", "parameters"):
+            if not isinstance(content[key], list | tuple) or not all(isinstance(name, str) for name in content[key]):
+                raise ValueError(f"explanation: {key} must be a list of names; got {content[key]!r:.40}.")
         names, probability = tuple(content["parameters"]), float(content["probability"])
         if not 0 <= probability <= 1 + ROUNDING:
             raise ValueError(f"explanation: probability must be 0 to 1; got {probability:g}.")
@@ -66,7 +69,7 @@ class Explanation:
         if names and np.linalg.eigvalsh(covariance / np.outer(scale, scale)).min() < -ROUNDING:
             raise ValueError("explanation: covariance must be positive semidefinite.")
         effects, calibration = _read(content["effects"]), _read(content["calibration"])
-        return cls(tuple(map(str, content["named"])), probability, effects, calibration, names, covariance)
+        return cls(tuple(content["named"]), probability, effects, calibration, names, covariance)
 
 
 def _entry(effect: Effect) -> dict[str, Any]:

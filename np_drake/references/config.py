@@ -23,7 +23,7 @@ class ReferenceConfig:
     width: float = 0.75  # half width of the lemniscate along y [m]
     rise: float = 0.5  # half height of the vertical lemniscate along z [m]
     height: float = 1.6  # [m]
-    speed: float = 1.5  # mean speed after the ramp; of the steps: of a move [m/s]
+    speed: float = 1.5  # mean speed after the ramp; of the steps: of a move; of corners `snap`: the largest [m/s]
     rest: float = 2.0  # of the steps, and of corners `stop`: at every one [s]
     ramp: float = 5.0  # from rest to full speed; of the steps: rest before the first move [s]
     corners: str = "round"  # of a file's waypoints: round | stop (at rest at each) | snap (the least)

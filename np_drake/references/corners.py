@@ -1,6 +1,9 @@
 """Motions through waypoints that differ in their corners: a stop at each, or the least snap."""
 
+from collections.abc import Callable
+
 import numpy as np
+from scipy.interpolate import BSpline
 
 from np_drake.references.points import Spline, Steps
 from np_drake.references.ramp import compose, ramped_phase
@@ -8,6 +11,8 @@ from np_drake.references.waypoints import graded, is_closed, periodic
 
 ACCELERATION = 3.0  # largest of a move between two stops [m/s²]; own choice: 17 degrees of tilt
 DEGREE = 7  # of the spline with the least integral of the squared fourth derivative
+POWER = 0.75  # of its length that a leg's time grows by; own choice: midway between chord length and centripetal [1]
+SAMPLES = 128  # of the speed, a leg
 
 
 class PointToPoint(Steps):
@@ -29,15 +34,15 @@ class PointToPoint(Steps):
 
 
 class MinimumSnap:
-    """Motion through waypoints with the least integral of the squared snap, for times that grow by the distance.
+    """Motion through waypoints with the least integral of the squared snap, nowhere faster than `speed`.
 
     Closed where the first point equals the last: flown lap after lap, from rest by a ramp. Open: from rest to rest, for
-    which its first and last leg take half a ramp longer. Source: Mellinger and Kumar (2011); the minimum is the
+    which its first and last leg take about half a ramp longer. Source: Mellinger and Kumar (2011); the minimum is the
     interpolating spline of degree 7.
 
     Args:
         points: (k, 3) waypoints [m].
-        speed: mean along the straight legs [m/s].
+        speed: largest along the track [m/s].
         ramp: from rest to full speed, and back at the end of an open track; at most the time of the legs [s].
     """
 
@@ -45,16 +50,17 @@ class MinimumSnap:
         self.points = np.array(points, float)
         self.closed = is_closed(self.points)
         through = graded(self.points, self.closed)
-        gaps = np.linalg.norm(np.diff(through, axis=0), axis=1) / speed
-        self.lap, ramp = float(np.sum(gaps)), min(ramp, float(np.sum(gaps)))
-        self.lead = ramp if self.closed else 0.0
+        lengths = np.linalg.norm(np.diff(through, axis=0), axis=1)
+        shortest = float(np.sum(lengths)) / speed
+        gaps, ramp = lengths**POWER * shortest / np.sum(lengths**POWER), min(ramp, shortest)
         if self.closed:
-            self._spline = periodic(through, gaps, DEGREE)
-            self.end, self.rate = np.inf, 2 * np.pi / self.lap
+            gaps = _slowed(gaps, lambda gaps: periodic(through, gaps, DEGREE), speed)
+            self._spline, self.lap = periodic(through, gaps, DEGREE), float(np.sum(gaps))
+            self.lead, self.end, self.rate = ramp, np.inf, 2 * np.pi / self.lap
             return
-        gaps[0], gaps[-1] = gaps[0] + 0.5 * ramp, gaps[-1] + 0.5 * ramp
-        times = np.concatenate([[0.0], np.cumsum(gaps)])
-        self._open, self.end = Spline(through, times), float(times[-1])
+        gaps[[0, -1]] += 0.5 * ramp
+        gaps = _slowed(gaps, lambda gaps: Spline(through, _times(gaps)).curve, speed)
+        self._open, self.lead, self.end = Spline(through, _times(gaps)), 0.0, float(np.sum(gaps))
 
     def sample(self, t: np.ndarray) -> np.ndarray:
         """Return p and its four derivatives in W, (5, n, 3), at times t (n,) [s]."""
@@ -64,3 +70,20 @@ class MinimumSnap:
             at = phase[0] % self.lap
             return compose(np.stack([self._spline(at, k) for k in range(5)]), phase)
         return self._open.sample(t)
+
+
+def _times(gaps: np.ndarray) -> np.ndarray:
+    return np.concatenate([[0.0], np.cumsum(gaps)])
+
+
+def _slowed(gaps: np.ndarray, fit: Callable[[np.ndarray], BSpline], speed: float) -> np.ndarray:
+    """Return the times (k,) of the legs, all longer or shorter alike, at which the motion peaks at `speed` [s].
+
+    Args:
+        gaps: (k,) times of any unit.
+        fit: makes the motion of such times, of which it takes the shape.
+        speed: largest [m/s].
+    """
+    share = np.linspace(0.0, 1.0, SAMPLES, endpoint=False)
+    at = _times(gaps)[:-1, None] + gaps[:, None] * share
+    return gaps * float(np.linalg.norm(fit(gaps)(at.ravel(), 1), axis=1).max()) / speed

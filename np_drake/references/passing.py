@@ -24,9 +24,13 @@ def off_legs(points: np.ndarray, p: np.ndarray) -> tuple[float, int]:
         points: (k, 3) waypoints in their order [m].
         p: (n, 3) positions of the path [m].
     """
-    distances = np.stack([_off(p, a[None], b[None]) for a, b in pairwise(points)])
-    leg, row = np.argmin(distances, axis=0), int(np.argmax(np.min(distances, axis=0)))
-    return float(distances[leg[row], row]), int(leg[row])
+    least, leg = np.full(len(p), np.inf), np.zeros(len(p), int)
+    for k, (a, b) in enumerate(pairwise(points)):  # of one leg at a time, as there may be many
+        off = _off(p, a[None], b[None])
+        leg[off < least] = k
+        least = np.minimum(least, off)
+    row = int(np.argmax(least))
+    return float(least[row]), int(leg[row])
 
 
 def _off(p: np.ndarray, start: np.ndarray, end: np.ndarray) -> np.ndarray:

@@ -22,7 +22,7 @@ class Spline:
 
     def __init__(self, points: np.ndarray, times: np.ndarray):
         rest = [(order, np.zeros(3)) for order in (1, 2, 3)]
-        self._spline = make_interp_spline(times, points, k=7, bc_type=(rest, rest))
+        self.curve = make_interp_spline(times, points, k=7, bc_type=(rest, rest))
         self._start, self._end = float(times[0]), float(times[-1])
 
     def sample(self, t: np.ndarray) -> np.ndarray:
@@ -30,7 +30,7 @@ class Spline:
         t = np.asarray(t, float)
         inside = ((t >= self._start) & (t <= self._end))[:, None]
         at = np.clip(t, self._start, self._end)
-        return np.stack([self._spline(at, k) * (1.0 if k == 0 else inside) for k in range(5)])
+        return np.stack([self.curve(at, k) * (1.0 if k == 0 else inside) for k in range(5)])
 
 
 class Stops:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from diagrams.batch.columns import MISSING, tabulate
+from diagrams.batch.columns import tabulate
 from diagrams.batch.options import Group, Neurobem, RealFlights, required
 from diagrams.batch.run import Report, Run, Table
 from diagrams.batch.workers import failures, require_result
@@ -17,6 +17,7 @@ from diagrams.challenge.real.payload_position import open_loop, plumb, position_
 from diagrams.gap.drake_replay import DrakeReplay
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.diagnosis.result import Diagnosis, ReplayGap
+from np_drake.files.number_text import NOTHING
 from np_drake.flight_log import FlightLog
 from np_drake.logs.errors import LogError
 from np_drake.vehicle import Vehicle
@@ -132,7 +133,7 @@ def printed(lines: list[dict]) -> Table:
     def change(before: str, after: str, factor: float = 1.0):
         def cell(line: dict) -> str:
             values = [factor * line[name] for name in (before, after)]
-            return " → ".join(f"{v:.3g}" if math.isfinite(v) else MISSING for v in values)
+            return " → ".join(f"{v:.3g}" if math.isfinite(v) else NOTHING for v in values)
 
         return cell
 

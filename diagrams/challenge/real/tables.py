@@ -3,11 +3,12 @@
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from diagrams.batch.columns import MISSING, Column, tabulate
+from diagrams.batch.columns import Column, tabulate
 from diagrams.batch.run import Table
 from diagrams.challenge.real.score import METHODS, THIS, TOLD
 from diagrams.challenge.real.summary import NAMING, PAYLOADS, Answer, Record, answers, asked_figures
 from diagrams.challenge.real.truth import NAMED, TRUTHS, WINDS
+from np_drake.files.number_text import NOTHING
 
 TOP = 5  # names that are shown of a method
 
@@ -32,7 +33,7 @@ def _asked_table(records: Sequence[Record]) -> Table:
 
 
 def _of_method(method: str) -> Callable[[Mapping[str, Any]], str]:
-    return lambda line: line.get(method, MISSING)
+    return lambda line: line.get(method, NOTHING)
 
 
 def _payload_table(records: Sequence[Record]) -> Table:
@@ -63,7 +64,7 @@ def _wind_table(records: Sequence[Record]) -> Table:
 
     def probability(answer: Answer) -> str:
         if answer["by"] == TOLD:
-            return MISSING
+            return NOTHING
         return f"{max(answer['causes'].get(wind, 0.0) for wind in WINDS):.2f}"
 
     columns = (
@@ -112,10 +113,10 @@ def _interval(answer: Answer, name: str, factor: float, digits: int) -> str:
     """Return a parameter of the payload as `4.1 [3.6, 4.5]`."""
     own: dict[str, Any] | None = answer["parameters"].get("suspended_payload", {}).get(name)
     if own is None:
-        return MISSING
+        return NOTHING
     value, low, high = (f"{factor * number:.{digits}f}" for number in (own["value"], *own["ci95"]))
     return f"{value} [{low}, {high}]"
 
 
 def _fixed(value: float | None, digits: int, factor: float = 1.0) -> str:
-    return MISSING if value is None or value != value else f"{factor * value:.{digits}f}"
+    return NOTHING if value is None or value != value else f"{factor * value:.{digits}f}"

@@ -67,7 +67,7 @@ def write_replay(flight: FlightResult, path: str | Path) -> None:
     film.show(meshcat)
     count = np.arange(len(rows))
     page = Page(
-        title=f"{flight.config.name} · {flight.label} · seed {flight.seed}",
+        title=flight.title,
         start=float(s["t"][0]),
         read_outs=(ReadOut("position error", GREEN, position_error(flight)[rows]),),
         trails=(Trail("trail", 0 * count, count),) if len(rows) > 1 else (),

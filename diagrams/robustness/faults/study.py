@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from typer import Option
 
 from diagrams.batch.campaign import Record
-from diagrams.batch.columns import MISSING, Column, tabulate
+from diagrams.batch.columns import Column, tabulate
 from diagrams.batch.flown import FlownOptions, choose_rows
 from diagrams.batch.run import Report, Run, Table
 from diagrams.batch.workers import require_result
@@ -18,6 +18,7 @@ from diagrams.robustness.faults.kinds import FIRST
 from diagrams.robustness.faults.table import OURS, PHYSICS, by_controller, by_fault, loss_cells, ours_to_mend, verdicts
 from diagrams.robustness.robustness import sweep_of
 from np_drake.files.figure_file import PALETTE, new_figure
+from np_drake.files.number_text import NOTHING
 
 Flights = Annotated[int, Option("--flights", min=1, max=100_000, help="Flights, of seeds seed + 1, …")]
 SHORT = {"payload_filter": "filter"}  # names of rows that would make the table too wide
@@ -91,7 +92,7 @@ def _failures(records: list[Record]) -> list[str]:
 
 
 def _time(value: float | None) -> str:
-    return MISSING if value is None else f"{value:.2f}"
+    return NOTHING if value is None else f"{value:.2f}"
 
 
 def _losses(lines: list[dict], rows: tuple) -> Table:

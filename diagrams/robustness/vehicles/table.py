@@ -3,10 +3,11 @@
 from collections.abc import Sequence
 
 from diagrams.batch.campaign import Record
-from diagrams.batch.columns import MISSING, Column, Line, grouped, spread, tabulate
+from diagrams.batch.columns import Column, Line, grouped, spread, tabulate
 from diagrams.batch.run import Table
 from diagrams.robustness.cells import ERRORS, Cells, lost_line, summary
 from diagrams.robustness.vehicles.fleet import ROWS, TRACKS, VEHICLES
+from np_drake.files.number_text import NOTHING
 
 ORACLE = "oracle"  # row that the others are divided by
 
@@ -58,7 +59,7 @@ def vehicles_printed(lines: list[dict], title: str) -> list[Table]:
 
     def error(key: str):
         value = spread(key, 3)
-        return lambda line: MISSING if line[key] is None else value(line)
+        return lambda line: NOTHING if line[key] is None else value(line)
 
     columns: tuple[Column, ...] = (
         ("controller", "row"),
@@ -83,6 +84,6 @@ def _over(key: str):
     """Return the cell of a ratio to the oracle's error."""
 
     def cell(line: Line) -> str:
-        return MISSING if line[key] is None else f"{line[key]:.1f}"
+        return NOTHING if line[key] is None else f"{line[key]:.1f}"
 
     return cell

@@ -134,3 +134,6 @@ def has_gap(reduction: GapReduction) -> bool:
 def _unexplained(reduction: GapReduction) -> bool:
     """Return whether the held-out residual is too large for the simulator to agree with the logs."""
     return reduction.before > PLAIN_GAP * reduction.floor
+
+
+Diagnosis.headline = headline

@@ -40,7 +40,7 @@ class Recording:
     """Streams of one file by name.
 
     path: of the file, for messages.   facts: what its header says (vehicle, firmware, parameters), for the sheet.
-    notes: what the decoder left out or mended, one line each.   said: those of them that the screen says as well.
+    notes: what the decoder left out or mended, one line each.   said: more of them, which the screen says as well.
     breaks: times [s] at which the log states a switch, with the reason; one that ends in `?` is a break where it shows.
     units: that the file states, by column.
     """

@@ -296,7 +296,7 @@ def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Re
             values = np.array(r.numbers).reshape(len(times[name]), len(r.columns))
             streams[name] = Stream(times[name], {c: values[:, i] for i, c in enumerate(r.columns)})
         said = tuple(note for storage in bag.storages for note in getattr(storage, "notes", ()))
-    lines = tuple(f"{path}: {note}" for note in [*dict.fromkeys(notes), *clocks])
+    lines = tuple(f"{path}: {note}" for note in [*dict.fromkeys(notes), *clocks] if note not in said)
     return Recording(str(path), streams, facts, lines, said)
 
 

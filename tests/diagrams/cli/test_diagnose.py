@@ -3,6 +3,7 @@
 import dataclasses as dc
 import importlib
 import json
+from html import unescape
 
 import numpy as np
 import pytest
@@ -12,9 +13,11 @@ from diagrams.cli.main import run
 from diagrams.gap.side_by_side import NoReplay
 from diagrams.loop.flight_result import LostVehicle
 from np_drake.diagnosis import result as an
+from np_drake.diagnosis.report.headline import headline
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
 from np_drake.effects.thrust_scale import ThrustScale
+from np_drake.files.number_text import NBSP
 from np_drake.logs.case_folder import find_case
 from np_drake.vehicle import RIGID, Vehicle
 
@@ -44,6 +47,11 @@ def answer(
         below_threshold=(an.Finding("gyro_bias", "0.001 rad/s about x.", 0.001),),
         judged_as="" if tolerance is None else tolerance.name,
     )
+
+
+def plain(text):
+    """The words of a text, whatever its lines."""
+    return " ".join(text.replace(NBSP, " ").split())
 
 
 @pytest.fixture
@@ -148,8 +156,25 @@ def test_verdict_causes_and_corrected_simulator_name_the_same(case, tmp_path, mo
     for file, told in answers.items():
         named = [entry["effect"] for entry in yaml.safe_load((out / file).read_text())["reality"]["effects"]]
         assert named == told["verdict"] == [cause["effect"] for cause in told["causes"]]
-        assert f"# verdict: {named[0]}\n" in (out / file).read_text()
         assert f'href="{file}"' in (out / "report.html").read_text()
+
+
+def test_screen_page_notebook_and_simulator_say_the_same_headline(case, tmp_path, monkeypatch, capsys):
+    made = []
+
+    def kept(*arguments, **how):
+        made.append(answer(*arguments, **how))
+        return made[-1]
+
+    monkeypatch.setattr(importlib.import_module("np_drake.diagnosis.diagnose"), "diagnose", kept)
+    out = tmp_path / "out"
+    assert run(["diagnose", str(case), "--no-replay", "--out", str(out)]) == 0
+    said = plain(headline(made[0]))
+    assert said in plain(repr(made[0]))
+    assert f"{said}." in plain(capsys.readouterr().out)
+    assert f"{said}." in plain((out / "corrected.yaml").read_text().replace("\n# ", " "))
+    for page in (made[0]._repr_html_(), (out / "report.html").read_text()):
+        assert said in plain(unescape(page))
 
 
 def test_a_corrected_simulator_that_falls_is_not_recommended(case, tmp_path, monkeypatch, capsys):

@@ -200,7 +200,7 @@ BAD = {  # arguments: what the line must say
     "no flight": (["--predictor", "MODEL"], "flights to score"),
     "no model": (["LOG", "--predictor", "LOG"], "not a model file"),
     "no folder": (["--neurobem", "nowhere"], "nowhere"),
-    "configuration": (["LOG", "--train", "LOG", "--only", "best"], "delay-modal | paper"),
+    "configuration": (["LOG", "--train", "LOG", "--only", "best"], "delay-modal, paper"),
     "alone": (["LOG", "--leave-one-out"], "two LOG or more"),
     "trained on": (["LOG", "--train", "LOG"], "must be held out of training"),
     "twice": (["LOG", "LOG", "--leave-one-out"], "must be given once"),

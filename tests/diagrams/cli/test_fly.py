@@ -100,7 +100,7 @@ BAD = {  # arguments: what the line must say
     "folder of metrics": (["fly", "circle", "--json", "nowhere/x.json"], "nowhere must exist"),
     "seed": (["fly", "circle", "--seed", "99999999999999999999"], "--seed"),
     "solver of demo": (["demo", "--out", "dd", "--solver", "nope"], "ipopt"),
-    "predictor for another": (["fly", "circle", "--controller", "hold", "--predictor", "x"], "for kind np"),
+    "predictor for another": (["fly", "circle", "--controller", "hold", "--predictor", "x"], "is for np"),
     "bad model and a folder": (["fly", "circle", "--predictor", "taken", "--out", "dd"], "taken"),
     "vehicle": (["fly", "circle", "--vehicle", "missing.yaml"], "missing.yaml"),
     "table": (["reproduce", "tea"], "tracking"),

@@ -10,8 +10,10 @@ import pytest
 
 from diagrams.cli.main import run
 from diagrams.cli.scenario import Numbers, scenarios
+from diagrams.loop.controllers import FILTER_MODEL, NP_MODEL
 from diagrams.loop.experiments import EXPERIMENTS
 
+PACKAGED = {"np": NP_MODEL, "payload_filter": FILTER_MODEL}
 FAILS = """\
 from pydrake.systems.framework import LeafSystem
 
@@ -48,6 +50,8 @@ def test_several_controllers_give_one_table_one_figure_and_one_page(compared):
     page = (folder / "o" / "circle_comparison.html").read_text()
     assert set(re.findall(r'href="([^"]+)"', page)) == each
     assert "300 g on 0.8 m of cable, wind 1, 0, 0 m/s" in page
+    config = json.loads((folder / "j.json").read_text())["config"]
+    assert {name: one["controller"]["kind"] for name, one in config.items()} == {n: n for n in ("cascade", "nominal")}
 
 
 def test_the_answer_of_a_comparison_is_one_sentence_from_the_values(compared):
@@ -66,6 +70,16 @@ def test_a_controller_that_fails_leaves_the_others_to_compare(tmp_path, monkeypa
     assert "Fails failed at 0.00 s: AttributeError" in said.err.splitlines()[-1]
     assert "cascade" in said.out
     assert "Fails failed" in Path("o/hover_comparison.html").read_text()
+
+
+def test_all_controllers_that_fail_are_named(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    Path("bad.py").write_text(FAILS + "\n\nclass Worse(Fails):\n    pass\n")
+    assert run(["fly", "hover", "--controller", "bad:Worse", "--controller", "bad:Fails", "--out", "o"]) == 1
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "Worse failed at 0.00 s" in line
+    assert "Fails failed at 0.00 s" in line
+    assert not Path("o").exists()
 
 
 BAD = {  # words behind `fly circle`: what the line says
@@ -138,8 +152,17 @@ def test_the_payload_of_a_corrected_simulator_changes_too(tmp_path):
     assert bare.reality.hung.tether == "none"
 
 
-def test_a_model_file_goes_to_the_learned_controllers_alone(tmp_path):
-    from diagrams.loop.controllers import NP_MODEL
+@pytest.mark.parametrize("model", [NP_MODEL, FILTER_MODEL])
+def test_a_model_file_is_flown_by_the_controller_that_it_is_for(model, capsys):
+    words = [word for kind in ("nominal", "np", "payload_filter") for word in ("--controller", kind)]
+    assert run(["fly", "hover", "--duration", "0.1", *words, "--predictor", str(model)]) == 0
+    told = [f"{kind} flew {model if model == own else 'the packaged one'}" for kind, own in PACKAGED.items()]
+    assert " ".join(f"Model files: {', '.join(told)}.".split()) in " ".join(capsys.readouterr().out.split())
 
-    configs = loaded("circle", controllers=["nominal", "np"], predictor=NP_MODEL)
-    assert [bool(config.controller.predictor) for config in configs] == [False, True]
+
+@pytest.mark.parametrize("kinds", [["payload_filter"], ["payload_filter", "hold"]])
+def test_a_model_file_that_no_controller_can_fly_is_refused_by_name(kinds):
+    with pytest.raises(ValueError, match=r"is for np; payload_filter cannot fly it\. Name --controller np\."):
+        loaded("circle", controllers=kinds, predictor=NP_MODEL)
+    (config,) = loaded("circle", controllers=[], predictor=FILTER_MODEL)
+    assert config.controller.kind == "payload_filter"

@@ -1,6 +1,7 @@
 """Laws of `np-drake next-flight`."""
 
 import json
+import re
 import subprocess
 import sys
 
@@ -8,6 +9,7 @@ import numpy as np
 import pytest
 
 from diagrams.cli.main import run
+from diagrams.gap import limits_check
 from diagrams.gap.next_flight import REPORT, read_report
 from diagrams.loop.flight import load_flight
 from np_drake.diagnosis.numerics import NoiseModel, Readings
@@ -147,6 +149,37 @@ def test_a_naive_manoeuvre_that_its_table_puts_ahead_is_proposed(report, tmp_pat
     assert rows[0] == first["name"] != "multisine"
 
 
+@pytest.mark.parametrize("fail", [1, 99])
+def test_a_manoeuvre_that_cannot_be_flown_is_left_out(fail, report, tmp_path, monkeypatch, capsys):
+    """The naive one that is ahead cannot; with `fail` above the number of manoeuvres none can."""
+    strong = [Explanation((), 0.5, ()), Explanation(("thrust_scale",), 0.5, (ThrustScale(1.01),))]
+    (report / REPORT).write_text(json.dumps(told() | {"explanations": [e.as_json() for e in strong]}))
+    tried = []
+
+    def keep(motion, explanations, fly_one, **options):
+        tried.append(motion)
+        if len(tried) <= fail:
+            raise limits_check.CannotFly("limits: no motion keeps them with controller hold: speed is 2 of its limit.")
+        flown = [limits_check.Flown(e, {"speed": 0.5}, np.array([0.5, 0.5])) for e in explanations]
+        return motion, flown
+
+    monkeypatch.setattr(limits_check, "keep_limits", keep)
+    values = tmp_path / "a.json"
+    code = run(["next-flight", str(report), *QUICK, "--json", str(values)])
+    said = capsys.readouterr()
+    if fail > 5:
+        assert (code, len(tried), said.err.count("\n")) == (2, 5, 1)
+        return
+    content = json.loads(values.read_text())
+    ((left, why),) = content["left_out"].items()
+    assert code == 0
+    assert left != "multisine"
+    assert re.search(rf"^{left} +left out +–", said.out, re.MULTILINE)
+    assert content["candidates"][0]["name"] != left
+    assert "speed is 2 of its limit" in why
+    assert f"{left} is left out: limits: no motion keeps them" in " ".join(said.out.split())
+
+
 def test_limits_that_no_motion_keeps_are_refused_before_the_flights(report, capsys):
     (report / REPORT).write_text(json.dumps(told() | {"explanations": [STAND[0].as_json() | {"probability": 1.0}]}))
     assert run(["next-flight", str(report), *BOX, "--seconds", "120", "--speed", "0.001"]) == 2  # [m/s]
@@ -179,6 +212,12 @@ def test_a_second_answer_counts(report):
         (json.dumps(changed("readings", "noise", "rms", [1e308] * 15)), "numbers must be finite"),
         (json.dumps(changed("readings", "noise", "phi", [])), "phi"),
         (json.dumps(changed("readings", "tolerance", "mass", "0.1 kg")), "could not convert"),
+        (
+            json.dumps(changed("explanations", 1, "named", "linear_drag")),
+            "named must be a list of names; got 'linear_drag'",
+        ),
+        (json.dumps(changed("explanations", 1, "named", [3])), "named must be a list of names"),
+        (json.dumps(changed("explanations", 1, "parameters", "ab")), "parameters must be a list of names"),
         (json.dumps(changed("explanations", 1, "probability", 1e308)), "probability must be"),
         (json.dumps(changed("explanations", 1, "effects", 0, "parameters", "d_x", 1e308)), "d_x must be 0 to"),
         (json.dumps(changed("explanations", 1, "effects", 0, "parameters", "d_x", "much")), "must be whole|number"),

@@ -74,3 +74,11 @@ def test_off_a_terminal_progress_leaves_no_line_beside_that_of_an_error(capsys):
     with pytest.raises(ValueError, match="bad"):
         work()
     assert capsys.readouterr().err == ""
+
+
+def test_sentences_take_the_columns_of_tables(capsys):
+    dut.tell("a sentence of many words that goes on below, as 12 kg of payload do " * 4, indent="  ")
+    first, *others = capsys.readouterr().out.splitlines()
+    assert max(map(len, (first, *others))) <= dut.NARROW
+    assert not first.startswith(" ")
+    assert all(line.startswith("  ") for line in others)

@@ -90,6 +90,7 @@ def test_the_page_shows_every_number_and_leads_to_files_that_are_there(told):
     folder, metrics, demo, _ = told
     text = (folder / page.FILE).read_text(encoding="utf-8")
     assert page.headline(demo) in text
+    assert "seed 3 of the training, 4 of the flights, 5 of the simulators" in text
     for flight in metrics["runs"]:
         assert f"{100 * flight['metrics']['E_xy']:.2f}" in text
     for effect, *_ in page.cause_rows(demo):

@@ -16,6 +16,7 @@ from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight import load_flight
 from diagrams.loop.flight_diagram import make_flight_diagram, recorded, set_initial_state
 from diagrams.loop.flight_result import LostVehicle, fly
+from diagrams.loop.own_controller import load_factory
 
 EXAMPLE = Path(__file__).parents[3] / "docs" / "examples" / "own_controller.py"
 HOVER = """\
@@ -183,15 +184,38 @@ def test_a_controller_that_does_not_fit_is_refused_in_one_line(factory, said):
         ("nowhere:Hover", "there is no nowhere.py beside the scenario or in the current folder"),
         ("nowhere.py:Hover", "there is no file nowhere.py"),
         ("broken.py:Hover", "broken.py cannot be imported: SyntaxError"),
+        ("lacks.py:Hover", "lacks.py cannot be imported: ModuleNotFoundError: No module named 'there'"),
         (":Hover", "must be MODULE:NAME or FILE.py:NAME"),
     ],
 )
 def test_a_name_that_leads_nowhere_is_one_line(kind, said, hover, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     Path("broken.py").write_text("class Hover(:\n")
+    Path("lacks.py").write_text("from .there import Hover\n")
     assert run(["fly", "circle", "--controller", kind, "--out", "out"]) == 2
     assert said in capsys.readouterr().err
     assert not Path("out").exists()
+
+
+@pytest.mark.parametrize("kind", ["systems.flown.mine:Up", "systems/flown/mine.py:Up", "systems:Up", "bare.mine:Up"])
+def test_a_class_in_a_package_with_relative_imports_loads(kind, hover, tmp_path, monkeypatch):
+    files = {  # the package has the name of an installed one, and `bare` is none
+        "systems/__init__.py": "from .flown import Up\n",
+        "systems/flown/__init__.py": "from .mine import Up\n",
+        "systems/flown/mine.py": "from ..base import Hover\nfrom . import gain\n\n\nclass Up(Hover):\n    pass\n",
+        "systems/flown/gain.py": "",
+        "systems/base.py": HOVER,
+        "bare/mine.py": "from .base import Hover as Up\n",
+        "bare/base.py": HOVER,
+    }
+    for name, text in files.items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(text)
+    scenario = tmp_path / "mine.yaml"
+    scenario.write_text(scenario.read_text().replace("mine:Hover", kind))
+    assert fly(load_flight(str(scenario))).label == "Up"
+    monkeypatch.chdir(tmp_path)
+    assert load_factory(kind).__name__ in ("Up", "Hover")
 
 
 def test_an_unknown_parameter_is_refused_with_those_there_are(hover, tmp_path, capsys):

@@ -207,3 +207,27 @@ def test_a_track_on_which_the_cable_goes_slack_is_refused(tmp_path):
     )
     with pytest.raises(ValueError, match="must keep the cable taut; its pull falls to"):
         load_flight(str(tmp_path / "led.yaml"))
+
+
+LATE = "effects: [{effect: suspended_payload, onset: 2.0, parameters: {mass: 0.2, length: 0.8}}]"
+
+
+@pytest.mark.parametrize(
+    "more, told",
+    [
+        ("events: [{kind: release, time: 3.0}]", "released at 3 s"),
+        (f"reality: {{payload: {{tether: none}}, {LATE}}}", "hung on at 2 s"),
+    ],
+)
+def test_a_payload_that_leads_must_hang_all_the_time(more, told, tmp_path, capsys):
+    (tmp_path / "led.yaml").write_text(f"reference: {{follow: payload}}\n{more}\n")
+    assert run(["fly", str(tmp_path / "led.yaml"), "--controller", "hold"]) == 2
+    error = capsys.readouterr().err
+    assert f"follow: payload needs a payload that hangs all the time; it is {told}. Follow the vehicle" in error
+    assert error.count("\n") == 1
+
+
+def test_a_payload_that_leads_may_get_heavier_and_be_pushed(tmp_path):
+    events = "[{kind: attach, time: 1.0, mass: 0.05}, {kind: impulse, time: 1.5, impulse: [0.01, 0, 0]}]"
+    (tmp_path / "led.yaml").write_text(f"reference: {{follow: payload}}\nevents: {events}\n")
+    assert load_flight(str(tmp_path / "led.yaml")).follows_payload

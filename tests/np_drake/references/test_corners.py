@@ -1,5 +1,7 @@
 """Laws of motions through waypoints: stops, the least snap, and how near a motion comes to its points."""
 
+import tracemalloc
+
 import numpy as np
 import pytest
 
@@ -75,6 +77,35 @@ def test_no_motion_through_the_points_at_these_times_has_less_snap():
         other = flat[4] + scale * (bump / (t[last] - t[first]) ** 4)[:, None]
         assert np.sum(other**2) * step > cost
     assert inside.min() < 1e-9
+
+
+@pytest.mark.parametrize("closed", [False, True])
+@pytest.mark.parametrize("points", ["square", "ups and downs", "uneven legs"])
+def test_the_least_snap_is_nowhere_faster_than_its_speed(points, closed):
+    zigzag = np.column_stack([np.arange(6.0), 2.0 * (np.arange(6) % 2), 1.0 + np.arange(6) % 3])
+    uneven = np.array([[0, 0, 1.0], [0.1, 0, 1.0], [8, 0, 1.0], [8, 0.2, 1.0], [0, 3, 2.0]])
+    p = {"square": LINE, "ups and downs": zigzag, "uneven legs": uneven}[points]
+    dut = MinimumSnap(np.concatenate([p, p[:1]]) if closed else p, speed=1.5, ramp=1.0)
+    v = dut.sample(np.linspace(0.0, dut.lead + 2 * dut.lap if closed else dut.end, 50_001))[1]
+    fastest = np.linalg.norm(v, axis=1).max()
+    assert 0.9 * 1.5 < fastest < 1.5 * 1.001  # [m/s]
+
+
+def test_a_straight_line_of_the_least_snap_takes_the_time_of_its_peak():
+    dut = MinimumSnap(np.array([[0, 0, 1.0], [4.0, 0, 1.0]]), speed=2.0, ramp=0.0)
+    fastest = np.linalg.norm(dut.sample(np.linspace(0.0, dut.end, 10_001))[1], axis=1).max()
+    assert fastest == pytest.approx(2.0, rel=1e-3)
+    assert dut.end == pytest.approx(35 / 16 * 4.0 / 2.0, rel=0.1)  # peak over mean of the move from rest to rest
+
+
+def test_the_distance_from_many_legs_takes_the_memory_of_one():
+    p = np.column_stack([np.linspace(0.0, 100.0, 50_000), np.zeros(50_000), np.ones(50_000)])
+    tracemalloc.start()
+    off, leg = off_legs(p[::250] + [0.0, 0.2, 0.0], p)
+    most = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert (off, leg) == (pytest.approx(np.hypot(0.2, 0.498), rel=0.01), 198)  # [m]; where the path goes on
+    assert most < 30e6  # [byte]; all distances took 80 MB
 
 
 def test_the_largest_distance_from_the_legs_is_that_of_the_worst_place():

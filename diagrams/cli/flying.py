@@ -1,0 +1,76 @@
+"""Flights behind a progress bar: one after the other, or one in a browser in real time."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from diagrams.batch.failed_run import FailedRun
+from diagrams.cli.output import progress, say
+
+if TYPE_CHECKING:
+    from diagrams.loop.flight import FlightConfig
+    from diagrams.loop.flight_result import FlightResult
+
+
+def fly_all(configs: "list[FlightConfig]", seed: int, lost: list[FailedRun] | None) -> "list[FlightResult]":
+    """Simulate scenarios that begin and end alike, one after the other, behind one progress bar.
+
+    Args:
+        configs: of the flights.
+        seed: of each.
+        lost: takes what ended a flight early; None: nothing may.
+    Raises: FailedRun: where nothing may end one early, or no flight is left; it names all.
+    """
+    from diagrams.loop.flight_result import fly as simulate
+
+    flights, first = [], configs[0]
+    names = ", ".join(dict.fromkeys(config.controller.name for config in configs))
+    with progress(f"flying {first.name} with {names}", len(configs) * first.end) as advance:
+        for k, own in enumerate(configs):
+
+            def tell(t: float, before: float = k * first.end) -> None:
+                advance(before + t)
+
+            try:
+                flights.append(simulate(own, seed=seed, monitor=tell))
+            except FailedRun as failed:
+                if lost is None:
+                    raise
+                lost.append(failed)
+    if not flights and lost:
+        raise all_lost(lost)
+    return flights
+
+
+def all_lost(lost: Sequence[FailedRun]) -> FailedRun:
+    """Return one failure in the words of several."""
+    return FailedRun(" ".join(str(one) for one in lost))
+
+
+def fly_live(config: "FlightConfig", seed: int) -> "FlightResult":
+    """Simulate in real time before a browser's eyes, until the end, `stop`, Ctrl-C or the loss of the vehicle.
+
+    Args:
+        config: of the flight.
+        seed: of its noise.
+    Raises: LostVehicle: where it was lost before anything was recorded.
+    """
+    from diagrams.loop.flight_result import FlightResult, LostVehicle
+    from diagrams.loop.flight_result import fly as simulate
+    from diagrams.loop.live import LiveView
+
+    with LiveView(config) as view:
+        payload = ", P the payload" if view.has_payload else ""
+        say(f"watch it at {view.meshcat.web_url()}: V pushes{payload}; Esc or Ctrl-C ends it.")
+        try:
+            with progress(f"flying {config.name} with {config.controller.name}", config.end) as advance:
+                flight = simulate(
+                    config, seed=seed, monitor=lambda t: advance(t, f"{100 * view.error:.1f} cm off"), watch=view
+                )
+        except LostVehicle as lost:
+            if not len(lost.signals["t"]):
+                raise
+            say(str(lost))
+            return FlightResult(config, seed, lost.signals)
+    if view.stopped:
+        say(f"stopped at {flight.signals['t'][-1]:.1f} s.")
+    return flight
