@@ -1,0 +1,137 @@
+"""A family of lifted linear systems, and its parameter theta as a recursive Bayesian estimate.
+
+theta stands for what differs between payloads, tethers and ways of flying. Its prior is the spread over the training
+flights. In flight, what the model foresaw some steps ago, along the motion that was flown since, is compared with the
+force that it sees now:
+
+    e_h = C z_k - C z_(k|k-h),   theta ~ N(mean, covariance),   e_h(theta) linearised, var(e_h) = noise_h²
+
+(an iterated step of the extended Kalman filter, in information form). What the flight does not excite stays at the
+prior. Between updates theta returns to the prior as an Ornstein-Uhlenbeck process, so that another payload is learnt
+within its time constant.
+Source: empirical Bayes for the prior; Kalman filter for the update.
+"""
+
+import dataclasses as dc
+
+import numpy as np
+import scipy.linalg
+
+from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
+from np_drake.lifting.model.modal_axis import ModalAxis
+
+EVERY = 5  # samples between updates of theta [1]
+ITERATIONS = 1  # of the linearisation
+DIFFERENCE = 1e-4  # of theta, for derivatives, in units of its prior's deviation
+
+
+@dc.dataclass(frozen=True)
+class AdaptiveFamily:
+    """Axes of a lifted linear system that share theta (r,), and its prior.
+
+    axes: whose views' states stand side by side in z.   mean: (r,), covariance: (r, r) of theta.
+    lags: (l,) steps over which forecasts are compared.   noise: (a, l) deviations of e_h of each axis, scaled [1]; inf
+    for an axis that tells nothing of theta.   memory: time constant of the return to the prior [s].
+    """
+
+    axes: tuple[ModalAxis, ...]
+    mean: np.ndarray
+    covariance: np.ndarray
+    lags: np.ndarray
+    noise: np.ndarray
+    memory: float
+
+    def __post_init__(self):
+        r = len(self.mean)
+        if self.covariance.shape != (r, r) or any(axis.encoder.shape[-1] != 1 + r for axis in self.axes):
+            raise ValueError(f"AdaptiveFamily: covariance and axes must have the {r} entries of theta.")
+        if self.noise.shape != (len(self.axes), len(self.lags)) or not np.all(self.noise > 0):
+            raise ValueError("AdaptiveFamily: noise must be positive, one an axis and lag.")
+        if len({axis.delay for axis in self.axes}) != 1 or not self.memory > 0:
+            raise ValueError("AdaptiveFamily: the axes must have one window, and memory must be positive [s].")
+
+    @property
+    def K(self) -> int:
+        """Number of lifted states."""
+        return sum(len(axis.channels) * axis.K for axis in self.axes)
+
+    @property
+    def delay(self) -> int:
+        """Samples that the encoder sees, D."""
+        return self.axes[0].delay
+
+    @property
+    def window(self) -> int:
+        """Samples that theta's update needs: the encoder's before the longest lag."""
+        return self.delay + int(max(self.lags))
+
+    def system(self, theta: np.ndarray, step: float) -> LiftedLinearSystem:
+        """Return the lifted linear system, in physical units.
+
+        Args:
+            theta: (r,).
+            step: [s].
+        """
+        As, Bs, Cs = [], [], []
+        for axis in self.axes:
+            A, B = axis.matrices(theta, step)
+            for channels, readout in zip(axis.channels, axis.readout, strict=True):
+                As.append(A)
+                Bs.append(B @ channels[1:, 6:])
+                Cs.append(np.outer(readout, axis.C))
+        return LiftedLinearSystem(scipy.linalg.block_diag(*As), np.vstack(Bs), np.hstack(Cs), step)
+
+    def lift(self, window: np.ndarray, theta: np.ndarray) -> np.ndarray:
+        """Return z (K,) now from samples [chi, zeta] (W, 12), oldest first, W >= D.
+
+        Args:
+            window: [N, N·m, m/s, rad/s].
+            theta: (r,).
+        """
+        last = window[len(window) - self.delay :]
+        return np.concatenate([axis.lift(axis.seen(last), theta).ravel() for axis in self.axes])
+
+    def update(
+        self, theta: np.ndarray, covariance: np.ndarray, window: np.ndarray, step: float
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return theta (r,) and its covariance (r, r) after EVERY more samples.
+
+        Args:
+            theta: (r,) before.
+            covariance: (r, r) before.
+            window: (W, 12) samples, oldest first [N, N·m, m/s, rad/s].
+            step: [s].
+        """
+        keep = np.exp(-EVERY * step / self.memory)
+        theta = self.mean + keep * (theta - self.mean)
+        covariance = keep**2 * covariance + (1 - keep**2) * self.covariance
+        sizes = np.sqrt(np.diag(self.covariance))
+        e = self._departures(theta, window, step)
+        J = np.empty((len(e), len(theta)))
+        for i, size in enumerate(sizes):
+            ahead = theta.copy()
+            ahead[i] += DIFFERENCE * size
+            J[:, i] = (self._departures(ahead, window, step) - e) / (DIFFERENCE * size)
+        # Kalman gain: P J' (J P J' + 1)^-1, as e is over its deviation
+        PJ = covariance @ J.T
+        gain = np.linalg.solve(J @ PJ + np.eye(len(e)), PJ.T).T
+        covariance = covariance - gain @ PJ.T
+        return theta - gain @ e, 0.5 * (covariance + covariance.T)
+
+    def _departures(self, theta: np.ndarray, window: np.ndarray, step: float) -> np.ndarray:
+        """Return what is seen now less what was foreseen, over its deviation, of all axes, views and lags."""
+        found = []
+        for axis, noise in zip(self.axes, self.noise, strict=True):
+            if not np.isfinite(noise).any():
+                continue
+            seen = axis.seen(window)
+            A, B = axis.matrices(theta, step)
+            now = axis.lift(seen[:, -axis.delay :], theta) @ axis.C
+            drive = seen[..., 1:] @ B.T
+            for lag, deviation in zip(self.lags.astype(int), noise, strict=True):
+                at = seen.shape[1] - lag
+                z = axis.lift(seen[:, at - axis.delay : at], theta)
+                for i in range(at - 1, at - 1 + lag):
+                    z = z @ A.T + drive[:, i]
+                found.append((now - z @ axis.C) / deviation)
+        return np.concatenate(found) if found else np.zeros(0)

@@ -1,0 +1,112 @@
+"""Lifted linear system of one axis, whose modes, inputs and encoder are linear in a parameter theta.
+
+    z+ = A(theta) z + B(theta) u,  f = C z,  z = E(theta) w + N(w, theta)
+
+f is the force along a view (x; y turned by 90 degrees; z), u the inputs of that view, w its last D samples [f, u],
+all scaled. A is block diagonal: rotations by w_i h, shrunk by exp(-d_i h), and real modes exp(-r_j h), with the
+logarithms of w, d and r linear in theta. So it is stable for every theta. N is a network of bounded Lipschitz constant;
+without layers it is zero.
+Source: own choice; the modal form and the multi-step loss as in `delay-modal`.
+"""
+
+import dataclasses as dc
+
+import numpy as np
+
+
+@dc.dataclass(frozen=True)
+class ModalAxis:
+    """Matrices of an axis with V views, K = 2 p + q states a view and r entries of theta; [1, theta] is the last axis.
+
+    channels: (V, c, 12) what a view takes of a sample [chi, zeta], scaled, the force first.
+    readout: (V, 6) the force along a view [N], from C z.
+    frequency: (p, 1 + r) logarithms [log rad/s].   damping: (p, 1 + r), decay: (q, 1 + r) logarithms [log 1/s].
+    inputs: (K, c - 1, 1 + r).   encoder: (K, D c, 1 + r), oldest sample first.
+    layers: weights (out, in) of N, the input [w, theta]; the last has K rows.
+    """
+
+    channels: np.ndarray
+    readout: np.ndarray
+    frequency: np.ndarray
+    damping: np.ndarray
+    decay: np.ndarray
+    inputs: np.ndarray
+    encoder: np.ndarray
+    layers: tuple[np.ndarray, ...] = ()
+
+    def __post_init__(self):
+        p, q, r = len(self.frequency), len(self.decay), self.encoder.shape[-1] - 1
+        K, c = 2 * p + q, self.channels.shape[1]
+        wanted = {
+            "frequency": (p, 1 + r), "damping": (p, 1 + r), "decay": (q, 1 + r), "inputs": (K, c - 1, 1 + r),
+            "readout": (len(self.channels), 6),
+        }  # fmt: skip
+        wrong = [name for name, shape in wanted.items() if getattr(self, name).shape != shape]
+        if wrong or self.channels.shape[2:] != (12,) or self.encoder.shape[0] != K or self.encoder.shape[1] % c:
+            raise ValueError(f"ModalAxis: the arrays must agree on modes, channels and theta; {wrong or 'encoder'} do not.")
+        width = self.encoder.shape[1] + r
+        for W in self.layers:
+            if W.ndim != 2 or W.shape[1] != width:
+                raise ValueError(f"ModalAxis: each layer must take the {width} outputs before it; got {W.shape}.")
+            width = len(W)
+        if self.layers and width != K:
+            raise ValueError(f"ModalAxis: the network must end in K = {K} outputs; got {width}.")
+
+    @property
+    def K(self) -> int:
+        """States of a view."""
+        return len(self.encoder)
+
+    @property
+    def delay(self) -> int:
+        """Samples of the window, D."""
+        return self.encoder.shape[1] // self.channels.shape[1]
+
+    @property
+    def C(self) -> np.ndarray:
+        """Readout of the scaled force, (K,): 1 for the first state of each pair and for the real modes."""
+        pairs = len(self.frequency)
+        return np.concatenate([np.tile([1.0, 0.0], pairs), np.ones(len(self.decay))])
+
+    def matrices(self, theta: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray]:
+        """Return A (K, K) and B (K, c - 1), scaled.
+
+        Args:
+            theta: (r,).
+            step: [s].
+        """
+        at = np.concatenate([[1.0], theta])
+        turn, shrink = np.exp(self.frequency @ at) * step, np.exp(-np.exp(self.damping @ at) * step)
+        A = np.zeros((self.K, self.K))
+        even = 2 * np.arange(len(turn))
+        A[even, even] = A[even + 1, even + 1] = shrink * np.cos(turn)
+        A[even + 1, even] = shrink * np.sin(turn)
+        A[even, even + 1] = -A[even + 1, even]
+        real = np.arange(2 * len(turn), self.K)
+        A[real, real] = np.exp(-np.exp(self.decay @ at) * step)
+        return A, self.inputs @ at
+
+    def seen(self, samples: np.ndarray) -> np.ndarray:
+        """Return what the views see of samples (n, 12), (V, n, c), scaled."""
+        return samples @ self.channels.swapaxes(1, 2)
+
+    def lift(self, seen: np.ndarray, theta: np.ndarray) -> np.ndarray:
+        """Return z (..., K) of windows (..., D, c) as the views see them.
+
+        Args:
+            seen: oldest sample first.
+            theta: (r,).
+        """
+        w = seen.reshape(*seen.shape[:-2], -1)
+        z = w @ (self.encoder @ np.concatenate([[1.0], theta])).T
+        if not self.layers:
+            return z
+        hidden = np.concatenate([w, np.broadcast_to(theta, (*w.shape[:-1], len(theta)))], axis=-1)
+        for W in self.layers[:-1]:
+            hidden = np.maximum(hidden @ W.T, 0.0)
+        return z + hidden @ self.layers[-1].T
+
+    @property
+    def lipschitz_bound(self) -> float:
+        """Product of the layers' largest singular values, 0 without a network [1]."""
+        return float(np.prod([np.linalg.norm(W, 2) for W in self.layers])) if self.layers else 0.0
