@@ -26,7 +26,7 @@ from torch import nn
 from np_drake.lifting.model.channel_views import turns
 from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
 from np_drake.lifting.model.lifted_model import PAPER, LiftedModel
-from np_drake.lifting.model.stabilized import stabilized, stabilized_all
+from np_drake.lifting.model.stabilized import stabilized_all
 from np_drake.lifting.model.window_refit import RADIUS
 from np_drake.lifting.training.checkpoint import Checkpoint, OnEpoch
 from np_drake.lifting.training.excitation import measure_excitation
@@ -129,10 +129,13 @@ class PaperTrainer:
     def model(self) -> LiftedModel:
         """Return the trained model, with C as the least-squares readout of the final Phi, as L_recons asks for."""
         self._fit_priors()
+        A, B = self.forward_prior[: self.config.size], self.forward_prior[self.config.size :]
         with torch.no_grad():
-            C = self._best_readout(self.phi(self._chi)).numpy() * self.chi_scale[:, None]
-        K, prior = self.config.size, self.forward_prior.numpy()
-        system = LiftedLinearSystem(stabilized(prior[:K].T, RADIUS), prior[K:].T / self.zeta_scale, C, self.step)
+            z = self.phi(self._chi)
+            C = self._best_readout(z).numpy() * self.chi_scale[:, None]
+            if self.excitation.one_line:
+                A = _forgetful(A, z, self.config.window)
+        system = LiftedLinearSystem(A.numpy().T, B.numpy().T / self.zeta_scale, C, self.step)
         summary = {
             "samples": self.samples, "epochs": self.epoch, "loss": self.history[-1] if self.history else None,
             "gamma": self.config.gamma, "excitation": self.excitation.text,
@@ -271,10 +274,21 @@ def _global_fit(X: torch.Tensor, Y: torch.Tensor) -> torch.Tensor:
     return torch.linalg.solve(normal, X.T @ Y)
 
 
-def _stable(A: torch.Tensor) -> torch.Tensor:
+def _forgetful(A: torch.Tensor, z: torch.Tensor, window: int) -> torch.Tensor:
+    """Return A^T (K, K) of modes that decay within a window, but for the mean of z (..., K), which it keeps.
+
+    z stands about its mean m for m (l'z) + (z - m), with l the least squares of l'z = 1.
+    """
+    Z = z.reshape(-1, z.shape[-1])
+    mean, level = Z.mean(dim=0), _global_fit(Z, torch.ones(len(Z), 1, dtype=Z.dtype))[:, 0]
+    decaying = _stable(A, np.exp(-1.0 / window))
+    return _stable(decaying + torch.outer(level / (level @ mean), mean - mean @ decaying))
+
+
+def _stable(A: torch.Tensor, radius: float = RADIUS) -> torch.Tensor:
     """Make (..., K, K) stable as `stabilized` does in flight; what that adds is taken as a constant in gradients."""
     given = A.detach().numpy()
-    stable = stabilized_all(given.reshape(-1, *given.shape[-2:]), RADIUS)[0].reshape(given.shape)
+    stable = stabilized_all(given.reshape(-1, *given.shape[-2:]), radius)[0].reshape(given.shape)
     return A + torch.from_numpy(stable - given)
 
 
