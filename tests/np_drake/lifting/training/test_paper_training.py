@@ -141,6 +141,16 @@ def test_one_law_asks_for_no_refit_and_a_law_for_each_window_for_one(seed):
     assert learned(0.09) <= 1e2
 
 
+def test_after_one_circle_only_a_weight_lasts_beyond_a_window(plain):
+    """A horizontal force goes; a weight stays, also one that is less than that of the training."""
+    config = dc.replace(CONFIG, epochs=1)
+    model = train([plain.segment], config).model
+    chi = np.array([1.0, -0.5, -2.5, 0.0, 0.0, 0.0])
+    later = model.system.rollout(model.encoder(chi), np.zeros((161, 6)))[[0, 160]]
+    assert np.abs(later[1, :2]).max() < np.exp(-160 / 40) * np.abs(later[0, :2]).max() + 0.02  # [N]
+    assert later[1, 2] == pytest.approx(-2.5, rel=0.05)
+
+
 def test_a_late_label_is_learned_as_one_in_time(dithered):
     """Two samples of delay change the model by what the ends of the flight say, and z is that of now."""
     late = Segment(dithered.chi, dithered.zeta, 0.02, late=2)
