@@ -1,16 +1,20 @@
 """Training of the `paper` configuration: Algorithm 1, made well-posed.
 
-What the paper leaves open is settled as follows:
-- The window's least squares for A, B has 30 columns and 39 rows of median rank 15: it is a ridge toward a prior A_0,
-  B_0 shared by all windows: least squares over all of them, renewed every epoch, and in flight the offline model. B
-  is not shrunk along unexcited directions (the paper has no such step); the summary names them.
-- Stable: A_0 and each window's A are scaled into |eig| <= RADIUS before they are iterated.
+What the paper leaves open is settled as follows (docs/reference/predictor.md lists it with reasons and effects):
+- The window's least squares for A, B has 30 columns and 39 rows of median rank 15: it is Bayesian regression about a
+  prior A_0, B_0 shared by all windows: least squares over all of them, renewed every epoch, and in flight the offline
+  model. How far windows stray from it is the evidence of the windows themselves (`PaperTrainer.strength`).
+- B_0 is shrunk along directions of zeta that the flights do not excite.
+- Stable: A_0 and each window's A are made stable as in flight before they are iterated.
 - Backward in time, A^-1 of a stable A grows like |lambda|^-40. A is inverted in the least-squares sense: the window
-  fit of z_k on z_(k+1) and zeta_k, ridge toward a backward prior, made stable the same way.
+  fit of z_k on z_(k+1) and zeta_k, about a backward prior, made stable the same way.
 - mu carries the trajectory index in the paper, so that late trajectories count less; here it discounts the
   prediction step: mean over j of mu^j |z_j - z_hat_j|².
 - chi enters Phi over one scale for force and one for torque; gamma is the Lipschitz constant there.
-Targets other than the labels are not used: Phi sees one instant and cannot undo a delay.
+- A causal label lags behind its zero-phase target, and Phi, which sees one instant, cannot undo that: each label stands
+  beside the zeta of its own time, in training and in flight.
+- Every window is turned by quarter turns about the vertical or mirrored: a circle in one direction locks force and
+  velocity in a relation that no other flight has.
 """
 
 import dataclasses as dc
@@ -19,14 +23,18 @@ import numpy as np
 import torch
 from torch import nn
 
+from np_drake.lifting.model.channel_views import turns
 from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
 from np_drake.lifting.model.lifted_model import PAPER, LiftedModel
-from np_drake.lifting.model.stabilized import stabilized
+from np_drake.lifting.model.stabilized import stabilized_all
 from np_drake.lifting.model.window_refit import RADIUS
 from np_drake.lifting.training.checkpoint import Checkpoint, OnEpoch
 from np_drake.lifting.training.excitation import measure_excitation
 from np_drake.lifting.training.phi_module import PhiModule
 from np_drake.training_data.segments import Segment, check_segments, group_scale
+
+STRENGTHS = tuple(10.0**k for k in range(9))  # ridges that are tried, up to no refit at all [samples of unit size]
+SINGULAR = 1e-12 * torch.eye(6, dtype=torch.float64)  # for labels that are exact [1]
 
 
 @dc.dataclass(frozen=True)
@@ -40,7 +48,7 @@ class PaperConfig:
     window: int = 40  # samples of a window [1]
     beta: tuple[float, float, float] = (1.0, 1.0, 1.0)  # weights: forward, backward, reconstruction [1]
     mu: float = 0.999  # discount of a prediction step, forward and backward [1]
-    ridge: float = 3.0  # weight of the prior in a window's fit [samples of unit size]
+    symmetric: bool = True  # show the windows turned and mirrored (force in W, yaw near zero); False in other frames
     epochs: int = 8  # passes over the windows [1]
     batch: int = 32  # windows of a gradient step [1]
     spacing: int = 5  # samples between the starts of windows [1]
@@ -58,14 +66,20 @@ class PaperTrainer:
     """
 
     def __init__(self, segments: list[Segment], config: PaperConfig):
-        segments = check_segments(segments, config.window)
-        self.config = config
+        self.config, self.late = config, max(segment.late for segment in segments)
+        segments = [segment.in_time for segment in check_segments(segments, 2 * config.window + self.late)]
         self.step = float(np.median([segment.step for segment in segments]))
         self.samples = sum(map(len, segments))
         self.chi_scale = group_scale([segment.chi for segment in segments], centred=False)
         self.zeta_scale = group_scale([segment.zeta for segment in segments], centred=False)
-        self.excitation = measure_excitation([segment.zeta for segment in segments], step=self.step)
+        zeta = [segment.zeta for segment in segments]
+        if config.symmetric:
+            zeta = [image for piece in zeta for image in turns(piece)]
+        self.excitation = measure_excitation(zeta, step=self.step)
+        self._seen = torch.from_numpy(self.excitation.shrink.T * self.zeta_scale[:, None] / self.zeta_scale)
         self._chi, self._zeta = _windows(segments, config, self.zeta_scale)
+        pairs = dc.replace(config, window=2 * config.window, spacing=config.window)
+        self._pairs = _windows(segments, pairs, self.zeta_scale)  # a window and the one that follows it
         self.phi = PhiModule(
             width=config.width, layers=config.layers, K=config.size, gamma=config.gamma,
             scale=self.chi_scale, seed=config.seed,
@@ -115,17 +129,20 @@ class PaperTrainer:
     def model(self) -> LiftedModel:
         """Return the trained model, with C as the least-squares readout of the final Phi, as L_recons asks for."""
         self._fit_priors()
+        A, B = self.forward_prior[: self.config.size], self.forward_prior[self.config.size :]
         with torch.no_grad():
-            C = self._best_readout(self.phi(self._chi)).numpy() * self.chi_scale[:, None]
-        K, prior = self.config.size, self.forward_prior.numpy()
-        system = LiftedLinearSystem(stabilized(prior[:K].T, RADIUS), prior[K:].T / self.zeta_scale, C, self.step)
+            z = self.phi(self._chi)
+            C = self._best_readout(z).numpy() * self.chi_scale[:, None]
+            if self.excitation.one_line:
+                A = _forgetful(A, z, self.config.window)
+        system = LiftedLinearSystem(A.numpy().T, B.numpy().T / self.zeta_scale, C, self.step)
         summary = {
             "samples": self.samples, "epochs": self.epoch, "loss": self.history[-1] if self.history else None,
             "gamma": self.config.gamma, "excitation": self.excitation.text,
         }  # fmt: skip
         return LiftedModel(
-            PAPER, system, self.phi.export(), self.config.window, self.chi_scale, self.zeta_scale, True, summary,
-            ridge=self.config.ridge,
+            PAPER, system, self.phi.export(), self.config.window + self.late, self.chi_scale, self.zeta_scale, True,
+            summary, ridge=self.ridge, late=self.late,
         )  # fmt: skip
 
     def state(self) -> dict[str, np.ndarray]:
@@ -152,9 +169,37 @@ class PaperTrainer:
     def _fit_priors(self) -> None:
         """Fit the priors of this epoch by least squares over all windows with the present Phi."""
         with torch.no_grad():
-            z = self.phi(self._chi)
-            self.forward_prior = _global_fit(*_regression(z, self._zeta))
-            self.backward_prior = _global_fit(*_regression(z, self._zeta, backward=True))
+            self.forward_prior, self.backward_prior = self._prior(backward=False), self._prior(backward=True)
+        self.ridge = self.strength()
+
+    def _prior(self, *, backward: bool) -> torch.Tensor:
+        """Return [A_0 B_0]' (K + 6, K) over all windows, A stable, B without zeta along unexcited directions."""
+        X, Y = _regression(self.phi(self._chi), self._zeta, backward=backward)
+        K = Y.shape[-1]
+        fit = _global_fit(torch.cat([X[..., :K], X[..., K:] @ self._seen], dim=-1), Y)
+        return torch.cat([_stable(fit[:K]), self._seen @ fit[K:]])
+
+    def strength(self) -> float:
+        """Return the ridge under which what follows the windows of the training is most likely [samples of unit size].
+
+        A window's own A, B, fitted under the ridge, forecast the next window from its first sample on. Of the error of
+        chi / scale at every step ahead, normal with a covariance of its own, the log likelihood at its maximum is
+        -n/2 log|covariance| + const; summed over the steps, it is the evidence of the ridge.
+        """
+        with torch.no_grad():
+            z, goal = self.phi(self._pairs[0]), self._pairs[0] / self._scale()
+            X, Y = _regression(z, self._pairs[1])
+            W, K = self.config.window, z.shape[-1]
+            evidence = []
+            for ridge in STRENGTHS:
+                A, B = _window_fit(X[:, : W - 1], Y[:, : W - 1], self.forward_prior, ridge)
+                state, found = z[:, W - 1], 0.0
+                for j in range(W - 1, X.shape[1]):
+                    state = (state[:, None] @ A + X[:, j, None, K:] @ B)[:, 0]
+                    error = state @ self.C.T - goal[:, j + 1]
+                    found -= 0.5 * len(error) * torch.logdet(error.T @ error / len(error) + SINGULAR).item()
+                evidence.append(found)
+        return STRENGTHS[int(np.argmax(evidence))]
 
     def _scale(self) -> torch.Tensor:
         return torch.from_numpy(self.chi_scale)
@@ -169,7 +214,7 @@ class PaperTrainer:
     def _rollout_error(self, z, zeta, prior, *, backward: bool) -> torch.Tensor:
         """Return the discounted mean square of the multi-step error in z, with each window's own A and B."""
         X, Y = _regression(z, zeta, backward=backward)
-        A, B = _window_fit(X, Y, prior, self.config.ridge)
+        A, B = _window_fit(X, Y, prior, self.ridge)
         drive = X[..., z.shape[-1] :] @ B
         course = z.flip(1) if backward else z
         drive = drive.flip(1) if backward else drive
@@ -206,6 +251,9 @@ def _windows(segments: list[Segment], config: PaperConfig, zeta_scale: np.ndarra
     starts = starts[:: max(1, -(-len(starts) // config.max_windows))]
     chi = np.stack([segment.chi[k : k + config.window] for segment, k in starts])
     zeta = np.stack([segment.zeta[k : k + config.window] for segment, k in starts])
+    if config.symmetric:
+        image = np.array(turns(np.eye(6)))[np.random.default_rng(config.seed).integers(8, size=len(starts))]
+        chi, zeta = chi @ image, zeta @ image
     return torch.from_numpy(chi), torch.from_numpy(zeta / zeta_scale)
 
 
@@ -226,17 +274,27 @@ def _global_fit(X: torch.Tensor, Y: torch.Tensor) -> torch.Tensor:
     return torch.linalg.solve(normal, X.T @ Y)
 
 
-def _stable(A: torch.Tensor) -> torch.Tensor:
-    """Scale (..., K, K) as a whole into |eig| <= RADIUS; the factor is taken as a constant in gradients."""
-    radius = torch.linalg.eigvals(A.detach()).abs().amax(dim=-1)
-    return A * torch.clamp(RADIUS / radius, max=1.0)[..., None, None]
+def _forgetful(A: torch.Tensor, z: torch.Tensor, window: int) -> torch.Tensor:
+    """Return A^T (K, K) of modes that decay within a window, but for the mean of z (..., K), which it keeps.
+
+    z stands about its mean m for m (l'z) + (z - m), with l the least squares of l'z = 1.
+    """
+    Z = z.reshape(-1, z.shape[-1])
+    mean, level = Z.mean(dim=0), _global_fit(Z, torch.ones(len(Z), 1, dtype=Z.dtype))[:, 0]
+    decaying = _stable(A, np.exp(-1.0 / window))
+    return _stable(decaying + torch.outer(level / (level @ mean), mean - mean @ decaying))
+
+
+def _stable(A: torch.Tensor, radius: float = RADIUS) -> torch.Tensor:
+    """Make (..., K, K) stable as `stabilized` does in flight; what that adds is taken as a constant in gradients."""
+    given = A.detach().numpy()
+    stable = stabilized_all(given.reshape(-1, *given.shape[-2:]), radius)[0].reshape(given.shape)
+    return A + torch.from_numpy(stable - given)
 
 
 def _window_fit(X, Y, prior, ridge: float) -> tuple[torch.Tensor, torch.Tensor]:
-    """Return A^T (b, K, K), stable, and B^T (b, 6, K) of each window; prior (K+6, K) = [A_0 B_0]^T."""
+    """Return A^T (b, K, K), stable, and B^T (b, 6, K) of each window about the prior (K+6, K), see `WindowRefit`."""
     K = Y.shape[-1]
-    prior = torch.cat([_stable(prior[:K]), prior[K:]])
-    # Ridge toward the prior, for all windows at once, by Cholesky
     normal = X.mT @ X + ridge * torch.eye(X.shape[-1], dtype=X.dtype)
     solution = prior + torch.cholesky_solve(X.mT @ (Y - X @ prior), torch.linalg.cholesky(normal))
     return _stable(solution[:, :K]), solution[:, K:]
