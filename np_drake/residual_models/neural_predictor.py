@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 
 from np_drake import rigid_body
-from np_drake.lifting.model.encoders import DelayEncoder
+from np_drake.lifting.model.adaptive_family import EVERY, AdaptiveFamily
+from np_drake.lifting.model.encoders import DelayEncoder, Phi
 from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem, advance
 from np_drake.lifting.model.lifted_model import BY_AXES, LiftedModel
 from np_drake.lifting.model.model_file import load_model
@@ -55,7 +56,8 @@ class NeuralPredictor:
     Memory: window (W, 12) of [chi, zeta], oldest first; z (K,); where A (K, K) and B (K, 6) are refit, these and
     rows (W - late, K + 6), the window as the refit reads it, so that every sample is lifted once; lowpass (6,) of the
     labels; count of samples in the window, up to W; labels, dropped: samples with and without one so far; gap: dropped
-    in a row just now; where the model has a `trust`, its memory, as trust/….
+    in a row just now; where the model has a `trust`, its memory, as trust/…; where it is a family, theta (r,) and its
+    covariance (r, r), its recursive estimate.
     Until `count` reaches W the forecast holds `lowpass`. A missing label is
     filled with the model's own prediction, a missing state with the last zeta; after W samples in a row
     without, the window starts afresh.   Source: Jin et al. 2025, eq. (nmpc).
@@ -80,6 +82,7 @@ class NeuralPredictor:
             self._C[3:] = 0.0
         refit = model.refits if options.refit is None else options.refit
         self._refit = WindowRefit(model) if refit else None
+        self._family = model.encoder if isinstance(model.encoder, AdaptiveFamily) else None
         # Constants by stride, computed when first asked for
         self._resampled_offline: dict[int, LiftedLinearSystem] = {}
 
@@ -102,7 +105,9 @@ class NeuralPredictor:
         memory = {"window": window, "z": np.zeros(s.K), "lowpass": np.zeros(6), **scalars}
         rows = np.zeros((self.model.window - self.model.late, s.K + 6))
         refit = {} if self._refit is None else {"A": s.A, "B": s.B, "rows": rows}
-        return memory | refit | self._fresh_trust()
+        family = self._family
+        adapted = {} if family is None else {"theta": family.mean.copy(), "covariance": family.covariance.copy()}
+        return memory | refit | adapted | self._fresh_trust()
 
     def update(self, memory: Memory, sample: Sample) -> Memory:
         """Return the memory after one more sample; see the class for samples with NaN."""
@@ -129,7 +134,7 @@ class NeuralPredictor:
     def along(self, chi: np.ndarray, zeta: np.ndarray) -> FlightForecasts | None:
         """Return the forecasts from the first full window on, equal to those of `update` sample by sample.
 
-        None where there is no full window.
+        None where there is no full window, and for a family, whose theta is adapted sample by sample.
 
         Args:
             chi: (n, 6) [N, N·m].
@@ -137,7 +142,7 @@ class NeuralPredictor:
         """
         first, s, samples = self.model.window - 1, self.model.system, np.hstack([chi, zeta])
         A, B, before = s.A, s.B, None
-        if len(chi) <= first:
+        if len(chi) <= first or self._family is not None:
             return None
         if isinstance(self.model.encoder, DelayEncoder):
             z = self.model.encoder.along(samples)
@@ -147,6 +152,7 @@ class NeuralPredictor:
             if self._refit is not None:
                 A, B, before = self._refit.along(samples, self.model.window)
             since = np.arange(first, len(chi))[:, None] - np.arange(self.model.late, 0, -1)
+            assert isinstance(self.model.encoder, Phi)
             z = advance(self.model.encoder(chi[first:]), A, B, zeta[since])
         if self.model.trust is not None:
             z = self.model.trust.along(z, chi, first)
@@ -205,7 +211,13 @@ class NeuralPredictor:
         return {"rows": rows, "z": advance(rows[-1, :-6], A, B, self.model.since_label(window)), "A": A, "B": B}
 
     def _lifted(self, memory: Memory, labelled: bool) -> Memory:
-        """Return z of a full window, and the memory of the trust."""
+        """Return z of a full window, and the memory of the trust, or theta and its covariance."""
+        if self._family is not None:
+            theta, covariance = memory["theta"], memory["covariance"]
+            if labelled and memory["labels"][0] % EVERY == 0:
+                theta, covariance = self._family.update(theta, covariance, memory["window"], self.step)
+            z = self._family.lift(memory["window"], theta)
+            return {"z": z, "theta": theta, "covariance": covariance}
         z, chi = self.model.lift(memory["window"]), memory["window"][-1, :6]
         if self.model.trust is None:
             return {"z": z}
@@ -220,7 +232,7 @@ class NeuralPredictor:
         if memory["count"][0] < self.model.window:
             return memory["lowpass"]
         s, window, encoder = self.system(memory), memory["window"], self.model.encoder
-        z = memory["z"] if isinstance(encoder, DelayEncoder) else encoder(window[-1, :6])
+        z = encoder(window[-1, :6]) if isinstance(encoder, Phi) else memory["z"]
         chi = s.C @ (s.A @ z + s.B @ window[-1 - self.model.late, 6:])
         if not self.model.predicts_torque:
             chi[3:] = memory["lowpass"][3:]
@@ -229,11 +241,13 @@ class NeuralPredictor:
     def system(self, memory: Memory) -> LiftedLinearSystem:
         """Return the lifted linear system in use now, at the model's step."""
         s = self.model.system
+        if self._family is not None:
+            return self._family.system(memory["theta"], s.step)
         return s if self._refit is None else LiftedLinearSystem(memory["A"], memory["B"], s.C, s.step)
 
     def _resampled(self, memory: Memory, stride: int) -> LiftedLinearSystem:
         s = self.model.system
-        if self._refit is not None:
+        if self._refit is not None or self._family is not None:
             return self.system(memory).resample(stride)
         if stride not in self._resampled_offline:
             self._resampled_offline[stride] = s.resample(stride)

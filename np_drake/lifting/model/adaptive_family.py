@@ -6,7 +6,7 @@ force that it sees now:
 
     e_h = C z_k - C z_(k|k-h),   theta ~ N(mean, covariance),   e_h(theta) linearised, var(e_h) = noise_h²
 
-(an iterated step of the extended Kalman filter, in information form). What the flight does not excite stays at the
+(a step of the extended Kalman filter). What the flight does not excite stays at the
 prior. Between updates theta returns to the prior as an Ornstein-Uhlenbeck process, so that another payload is learnt
 within its time constant.
 Source: empirical Bayes for the prior; Kalman filter for the update.
@@ -21,7 +21,6 @@ from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
 from np_drake.lifting.model.modal_axis import ModalAxis
 
 EVERY = 5  # samples between updates of theta [1]
-ITERATIONS = 1  # of the linearisation
 DIFFERENCE = 1e-4  # of theta, for derivatives, in units of its prior's deviation
 
 
@@ -135,3 +134,30 @@ class AdaptiveFamily:
                     z = z @ A.T + drive[:, i]
                 found.append((now - z @ axis.C) / deviation)
         return np.concatenate(found) if found else np.zeros(0)
+
+
+def family_tensors(family: AdaptiveFamily) -> dict[str, np.ndarray]:
+    """Return the arrays of a family by name, as a model file holds them."""
+    names = ("mean", "covariance", "lags", "noise")
+    tensors = {f"family/{name}": np.asarray(getattr(family, name), float) for name in names}
+    tensors["family/memory"] = np.array([family.memory])
+    for i, axis in enumerate(family.axes):
+        own = {field.name: getattr(axis, field.name) for field in dc.fields(axis) if field.name != "layers"}
+        own |= {f"W{k}": W for k, W in enumerate(axis.layers)}
+        tensors |= {f"axis{i}/{name}": value for name, value in own.items()}
+    return tensors
+
+
+def family_of(tensors: dict[str, np.ndarray]) -> AdaptiveFamily:
+    """Return the family in the tensors of a model file.
+
+    Raises: KeyError, ValueError: where they hold none.
+    """
+    count = len({name.partition("/")[0] for name in tensors if name.startswith("axis")})
+    axes = []
+    for i in range(count):
+        own = {n.partition("/")[2]: v for n, v in tensors.items() if n.startswith(f"axis{i}/")}
+        layers = tuple(own.pop(f"W{k}") for k in range(sum(n.startswith("W") for n in own)))
+        axes.append(ModalAxis(**own, layers=layers))
+    mean, covariance, lags, noise = (tensors[f"family/{n}"] for n in ("mean", "covariance", "lags", "noise"))
+    return AdaptiveFamily(tuple(axes), mean, covariance, lags, noise, float(tensors["family/memory"][0]))

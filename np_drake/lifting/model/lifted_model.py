@@ -5,20 +5,24 @@ from typing import Any
 
 import numpy as np
 
+from np_drake.lifting.model.adaptive_family import AdaptiveFamily
 from np_drake.lifting.model.encoders import DelayEncoder, Phi
 from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem, advance
 from np_drake.lifting.model.onsets import Onsets
 from np_drake.lifting.model.trust import Trust
 
 PAPER, DELAY_MODAL, MODE_DICTIONARY = "paper", "delay-modal", "mode-dictionary"
+NEURAL, LIFTED = "neural", "lifted"
 DMDC, DELAY_DMDC, RIDGE = "dmdc", "delay-dmdc", "ridge"
-ENCODERS: dict[str, type[Phi] | type[DelayEncoder]] = {  # of each configuration, by name
+ENCODERS: dict[str, type[Phi] | type[DelayEncoder] | type[AdaptiveFamily]] = {  # of each configuration, by name
     DELAY_MODAL: DelayEncoder,
     PAPER: Phi,
     MODE_DICTIONARY: DelayEncoder,
     DMDC: DelayEncoder,
     DELAY_DMDC: DelayEncoder,
     RIDGE: DelayEncoder,
+    LIFTED: AdaptiveFamily,
+    NEURAL: AdaptiveFamily,
 }
 BY_AXES = {"world": DELAY_MODAL, "body": MODE_DICTIONARY}  # configuration that suits wrenches in these axes
 OLD_NAMES = ("default", "dictionary")  # earlier names of the two
@@ -35,7 +39,8 @@ class LiftedModel:
 
     configuration: str  # a key of `ENCODERS`; a label only, as all that flies is in the other fields
     system: LiftedLinearSystem  # offline lifted linear system at the training step
-    encoder: Phi | DelayEncoder  # Phi of the instantaneous chi, or a linear map of the last samples
+    # Phi of the instantaneous chi, a linear map of the last samples, or a family of systems that is adapted in flight
+    encoder: Phi | DelayEncoder | AdaptiveFamily
     window: int  # samples that the encoder or the refit needs [1]
     chi_scale: np.ndarray  # (6,) scales used in training [N, N·m; m/s, rad/s]
     zeta_scale: np.ndarray  # (6,) scales used in training [N, N·m; m/s, rad/s]
@@ -75,6 +80,8 @@ class LiftedModel:
         if isinstance(self.encoder, DelayEncoder):
             z = self.encoder(window)
             return z if self.onsets is None else z + self.onsets.correction(window)
+        if isinstance(self.encoder, AdaptiveFamily):
+            return self.encoder.lift(window, self.encoder.mean)
         z, s = self.encoder(window[..., -1, :6]), self.system
         return advance(z, s.A, s.B, self.since_label(window))
 

@@ -43,7 +43,9 @@ class ModalAxis:
         }  # fmt: skip
         wrong = [name for name, shape in wanted.items() if getattr(self, name).shape != shape]
         if wrong or self.channels.shape[2:] != (12,) or self.encoder.shape[0] != K or self.encoder.shape[1] % c:
-            raise ValueError(f"ModalAxis: the arrays must agree on modes, channels and theta; {wrong or 'encoder'} do not.")
+            raise ValueError(
+                f"ModalAxis: the arrays must agree on modes, channels and theta; {wrong or 'encoder'} do not."
+            )
         width = self.encoder.shape[1] + r
         for W in self.layers:
             if W.ndim != 2 or W.shape[1] != width:

@@ -13,6 +13,7 @@ from safetensors.numpy import save
 
 from np_drake.files.atomic_file import write_bytes
 from np_drake.files.input_file import parse_json
+from np_drake.lifting.model.adaptive_family import AdaptiveFamily, family_of, family_tensors
 from np_drake.lifting.model.encoders import DelayEncoder, Phi
 from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
 from np_drake.lifting.model.lifted_model import BY_AXES, ENCODERS, OLD_NAMES, LiftedModel, require_configuration
@@ -39,6 +40,8 @@ def save_model(model: LiftedModel, path: str | Path) -> None:
     tensors = {"A": s.A, "B": s.B, "C": s.C, "chi_scale": model.chi_scale, "zeta_scale": model.zeta_scale}
     if isinstance(model.encoder, Phi):
         tensors |= {f"W{i}": W for i, W in enumerate(model.encoder.weights)}
+    elif isinstance(model.encoder, AdaptiveFamily):
+        tensors |= family_tensors(model.encoder)
     else:
         tensors["E"] = model.encoder.E
         if model.encoder.offset is not None:
@@ -169,8 +172,14 @@ def _model(tensors: dict[str, np.ndarray], header: dict[str, Any]) -> LiftedMode
     for name in ("chi_scale", "zeta_scale"):
         if tensors[name].shape != (6,) or not np.all(tensors[name] > 0):
             raise ValueError(f"{name} must be six positive numbers.")
-    is_phi = ENCODERS[configuration] is Phi
-    encoder = _phi(tensors) if is_phi else DelayEncoder(tensors["E"], window, tensors.get("offset"))
+    kind = ENCODERS[configuration]
+    encoder: Phi | DelayEncoder | AdaptiveFamily
+    if kind is Phi:
+        encoder = _phi(tensors)
+    elif kind is AdaptiveFamily:
+        encoder = family_of(tensors)
+    else:
+        encoder = DelayEncoder(tensors["E"], window, tensors.get("offset"))
     return LiftedModel(
         configuration, system, encoder, window, tensors["chi_scale"], tensors["zeta_scale"],
         truth_in(header, "predicts_torque"), summary_in(header), number_in(header, "ridge", 0.0, LARGEST_RIDGE),

@@ -61,15 +61,20 @@ class FamilyTrainer:
         self.horizons = horizon_grid(config.horizon, config.horizons)
         scale = 1.0 / np.concatenate([self.chi_scale, self.zeta_scale])
         lateral, vertical = symmetric_blocks(4, torque=False)
-        self.axes = torch.nn.ModuleList()
+        self.axes: list[AxisModule] = []
         for number, (block, frequencies) in enumerate(((lateral, config.frequencies), (vertical, ()))):
             channels = np.stack([_channels(view) for view in block.views]) * scale
             readout = np.stack([view.selected[0] for view in block.views]) * self.chi_scale
             self.axes.append(
                 AxisModule(
-                    channels, readout, delay=config.delay, frequencies=frequencies or (15.0,), decays=config.decays,
-                    size=config.size, seed=config.seed + number,
-                )  # fmt: skip
+                    channels,
+                    readout,
+                    delay=config.delay,
+                    frequencies=frequencies or (15.0,),
+                    decays=config.decays,
+                    size=config.size,
+                    seed=config.seed + number,
+                )
             )
         rng = np.random.default_rng(config.seed)
         self.theta = torch.nn.Parameter(torch.from_numpy(0.1 * rng.standard_normal((len(self.segments), config.size))))
