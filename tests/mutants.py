@@ -41,6 +41,7 @@ TEXT: dict[type, str] = {
 }
 MOST_SECONDS = 40.0  # of the tests that run on a mutant, as the suite took them
 MOST_TESTS = 200
+UNKNOWN = 10.0  # of a file whose time no run has told [s]
 HANGS = 10.0  # times as long, and a minute to begin: a mutant that hangs is noticed
 
 
@@ -187,6 +188,18 @@ def _distance(path: Path, test: str) -> int:
     return 0 if file.name == f"test_{path.name}" else 1 if room else 2
 
 
+def files_naming(path: Path) -> dict[str, float]:
+    """Return the test files of a module's name, and those that import it, for what no probe sees: compiled functions.
+
+    Args:
+        path: Of the module.
+    """
+    module, every = ".".join(path.with_suffix("").parts), sorted((ROOT / "tests").rglob("test_*.py"))
+    named = [p for p in every if p.name in (f"test_{path.name}", f"test_{path.parent.name}.py")]
+    found = [*named, *(p for p in every if module in p.read_text())]
+    return {str(p.relative_to(ROOT)): UNKNOWN for p in dict.fromkeys(found)}
+
+
 def killer_of(mutant: Mutant, tests: dict[str, float], root: Path) -> str:
     """Return the test that notices a mutant in the copy at `root`; "" where none does.
 
@@ -261,7 +274,9 @@ def main() -> int:
         def tried(number: int) -> tuple[str, float]:
             start, root = time.monotonic(), roots.get()
             try:
-                return killer_of(drawn[number], tests.get(number, {}), root), time.monotonic() - start
+                return killer_of(
+                    drawn[number], tests.get(number) or files_naming(drawn[number].path), root
+                ), time.monotonic() - start
             finally:
                 roots.put(root)
 

@@ -3,11 +3,13 @@
 import dataclasses as dc
 import json
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from np_drake.diagnosis.doctor.examine import examine
+from np_drake.diagnosis.doctor.traces import _drag
 from np_drake.effects.library import LIBRARY, effects_for, unobservable
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.logs.opening import open_flights
@@ -152,3 +154,9 @@ def real(path, mass):
     vehicle = crazyflie(mass)
     flights, sheet = open_flights(path, vehicle)
     return examine(flights, vehicle, sheets={log.name: sheet.content for log in flights})
+
+
+def test_a_drag_is_the_mean_of_its_axes_by_their_precision():
+    trace = SimpleNamespace(identifier="linear_drag", typical=[0.5], columns={})
+    found = _drag(np.array([1.0, 3.0, 9.0]), np.array([0.1, 0.2, 1.0]), [], [trace])
+    assert found == pytest.approx(0.5 * (100 * 1.0 + 25 * 3.0) / 125)
