@@ -18,7 +18,7 @@ from np_drake.diagnosis.decision.causes import joint_posterior, without_late_ons
 from np_drake.diagnosis.decision.explanations import explanations_of
 from np_drake.diagnosis.decision.infer import Inference, infer
 from np_drake.diagnosis.decision.second_answer import novelty, second_answer, without_onsets_in
-from np_drake.diagnosis.doctor.doubts import as_lines, doubts
+from np_drake.diagnosis.doctor.doubts import as_lines, doubts, require_usable
 from np_drake.diagnosis.gap.gap_reduction import measure_gap_reduction
 from np_drake.diagnosis.localisation.identifiability import (
     assess_identifiability,
@@ -68,7 +68,8 @@ def diagnose(
             `IDEAL_SENSORS`, or one's own; default: real where attitudes are noisy or rotor speed is measured.
         options: all that steers the answer; default: `Options.for_sensors` of that tolerance.
         on_progress: called with the share done [1] and the name of the step.
-    Raises: ValueError: if the logs cannot be used, or both tolerance and options are given; one line with the remedy.
+    Raises: ValueError: if the logs are not usable, as `np-drake doctor` finds it, or both tolerance and options are
+        given; one line with the remedy.
     """
     if tolerance is not None and options is not None:
         raise ValueError("diagnose: give either tolerance or options, which hold a tolerance; got both.")
@@ -94,7 +95,7 @@ def diagnose(
         "held_out": _names(judging),
     }
     names["nominal"] = vehicle
-    names["doubts"] = as_lines(doubt for e in (*fitted, *judging) for doubt in doubts(e))
+    names["doubts"] = as_lines(require_usable([doubt for e in (*fitted, *judging) for doubt in doubts(e)]))
     if not excited(excitation(fitted)):
         nothing = unexcited_diagnosis(fitted, judging)
         return Diagnosis(**names, **nothing, cannot_tell=True, wall=time.perf_counter() - start)

@@ -41,6 +41,16 @@ def as_lines(found: Iterable[Doubt]) -> tuple[str, ...]:
     return tuple(f"{', '.join(names)}: {what}" for what, names in flights.items())
 
 
+def require_usable(found: list[Doubt]) -> list[Doubt]:
+    """Return doubts, none of which makes a flight useless.
+
+    Raises: ValueError: if a law fails; the first line of `as_lines`.
+    """
+    if failing := as_lines(doubt for doubt in found if doubt.fails):
+        raise ValueError(f"diagnose: {failing[0]}. Leave out what is not usable; np-drake doctor tells more.")
+    return found
+
+
 def doubts(flight: FlightResiduals) -> list[Doubt]:
     """Return what stands against a flight with a vehicle, the residual first."""
     log = flight.log

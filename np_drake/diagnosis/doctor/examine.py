@@ -21,6 +21,7 @@ from np_drake.effects.library import LIBRARY, effects_for, unobservable
 from np_drake.effects.parameter import usual_size
 from np_drake.flight_log import FlightLog
 from np_drake.logs.hover_thrust import with_hover_thrust
+from np_drake.logs.importing.crash import FITS
 from np_drake.vehicle import Vehicle
 
 Progress = Callable[[float, str], None]
@@ -143,7 +144,7 @@ def _no_flight(f: FlightFacts) -> list[str]:
 
 def _limits(f: FlightFacts) -> list[str]:
     """Return what limits the use of a flight, one line each."""
-    found = []
+    found = [f"{f.name}: {note}" for note in f.notes if note.startswith(FITS)]
     if f.bridged > MOST_GAPS * f.rows:
         found.append(f"{f.name}: {f.bridged / f.rows:.0%} of the rows were put into gaps")
     if f.saturated is not None and f.saturated > MOST_SATURATED:
