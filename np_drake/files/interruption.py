@@ -2,8 +2,9 @@
 
 import os
 import signal
+import sys
 from types import FrameType
-from typing import NoReturn
+from typing import Any, NoReturn
 
 ENDING = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
 PATIENCE = 3  # signals after which a run ends without clearing up
@@ -28,6 +29,7 @@ def end_in_order() -> None:
     """Let signals raise in the main thread, so that temporary files and processes are cleared away."""
     _seen.clear()
     _handle(_raise)
+    sys.unraisablehook = _without_signals
 
 
 def last_signal() -> int | None:
@@ -42,6 +44,12 @@ def raise_again() -> None:
     """Raise for a signal whose exception was lost, as one raised inside a finaliser is; call it as work goes on."""
     if _seen:
         raise _exception(_seen[-1])
+
+
+def _without_signals(lost: Any) -> None:
+    """Report an exception that nothing can catch, but for that of a signal: `raise_again` raises it anew."""
+    if not isinstance(lost.exc_value, KeyboardInterrupt | Ended):
+        sys.__unraisablehook__(lost)
 
 
 def _handle(handler) -> None:
