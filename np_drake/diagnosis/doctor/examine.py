@@ -19,6 +19,7 @@ from np_drake.diagnosis.regressors import DRAG, PAYLOAD, WIND, nuisance_of, tole
 from np_drake.diagnosis.residuals import FORCE, FlightResiduals, make_flight_residuals, natural_step
 from np_drake.effects.library import LIBRARY, effects_for, unobservable
 from np_drake.effects.parameter import usual_size
+from np_drake.files.number_text import number
 from np_drake.flight_log import FlightLog
 from np_drake.logs.hover_thrust import with_hover_thrust
 from np_drake.logs.importing.crash import FITS
@@ -111,7 +112,7 @@ def _with_answers(report: LogReport, logs: Sequence[FlightLog], vehicle: Vehicle
     known["lacks"] = sorted({quantity for log in logs for quantity in log.lacks})
     gust = smallest_gust(explained.noise, moving["duration [s]"])
     found = answers(smallest_sizes(information), gust, explained.drag, vehicle, log_input=first.input, **known)
-    still = () if excited(moving) else ("the flights excite nothing: move, and turn about every axis",)
+    still = () if excited(moving) else (_still(moving),)
     return dc.replace(
         report,
         usable=not still and not any(doubt.fails for doubt in first_of_all),
@@ -130,6 +131,15 @@ def _residual_force(flights: Sequence[FlightResiduals]) -> dict[str, float]:
     y = np.concatenate([e.y[~e.outliers, FORCE] for e in flights])
     weight = flights[0].weight
     return dict(zip("xyz", (np.sqrt(np.mean(y**2, axis=0)) / weight).tolist(), strict=True))
+
+
+def _still(moving: Mapping[str, float]) -> str:
+    """Return that flights do not move, and what to fly."""
+    speed, rate = number(moving["speed [m/s]"], 2), number(moving["rate [rad/s]"], 2)
+    return (
+        f"nothing moves (speed {speed} m/s, rates {rate} rad/s): fly sprints in both horizontal directions, climbs, "
+        "and turns about every axis, for a minute"
+    )
 
 
 def _head(log: FlightLog) -> FlightLog:

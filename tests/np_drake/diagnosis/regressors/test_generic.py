@@ -175,3 +175,12 @@ def test_variants_of_a_resonance_share_one_prior(groups, name):
     assert len(resonances) > 3
     assert sum(np.exp(c.log_prior) for c in resonances) == pytest.approx(1.0)
     assert all(c.figures["frequency"] > 0 for c in resonances)
+
+
+def test_where_rotor_speed_is_measured_no_command_is_named(groups):
+    flights, commanded = groups
+    measured = [dc.replace(e, log=dc.replace(e.log, input="rotor_speed")) for e in flights]
+    said = " ".join(c.variant for c in generic_candidates(measured, priors=REAL.priors))
+    assert "an answer to the torque of the rotors with a resonance near" in said
+    assert "command" not in said
+    assert any("an answer to the commanded torque" in c.variant for c in commanded)
