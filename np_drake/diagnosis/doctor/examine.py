@@ -76,7 +76,9 @@ def examine(
         if vehicle is None:
             problems.append("no vehicle file: effects are not judged (np-drake doctor --vehicle FILE)")
         problems += as_lines(doubt for doubt in own if not doubt.fails)
-        return LogReport(facts, bool(long_enough) and not wrong, tuple(problems))
+        fastest = {key: max(f.motion[key] for f in facts) for key in ("speed [m/s]", "rate [rad/s]", "tilt [deg]")}
+        still = [] if excited(fastest | {"thrust variation [1]": 0.0}) else [_still(fastest)]
+        return LogReport(facts, bool(long_enough) and not (wrong or still), (*still, *problems))
     return _with_answers(LogReport(facts, True, tuple(problems), vehicle.name), long_enough, vehicle, tell)
 
 

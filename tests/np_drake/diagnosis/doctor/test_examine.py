@@ -159,7 +159,7 @@ def test_a_flight_that_stands_still_is_said_not_to_move_and_what_to_fly():
     t = 0.01 * np.arange(1000)
     rest, u = np.zeros((len(t), 3)), np.tile([Vehicle().mass * Vehicle().gravity, 0, 0, 0], (len(t), 1))
     q, p = np.tile([1.0, 0, 0, 0], (len(t), 1)), np.tile([0.0, 0, 1.0], (len(t), 1))
-    for log in (FlightLog(t, p, q, rest, rest, u, a=rest), FlightLog(t, p, q, rest, rest, u)):
-        dut = examine([log], Vehicle())
+    log = FlightLog(t, p, q, rest, rest, u, a=rest)
+    for dut in (examine([log], Vehicle()), examine([dc.replace(log, a=None)], Vehicle()), examine([log])):
         assert not dut.usable
         assert any("nothing moves (speed 0 m/s, rates 0 rad/s): fly sprints" in line for line in dut.problems)
