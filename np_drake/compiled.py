@@ -11,8 +11,6 @@ from typing import Any
 from numba import njit
 from numba.core import caching, event
 
-from np_drake.files.interruption import raise_again
-
 _log = logging.getLogger(__name__)
 
 
@@ -40,19 +38,7 @@ class Notice(event.Listener):
         """Do nothing."""
 
 
-class Interruptible(event.Listener):
-    """Ends a compilation at a signal whose exception was lost in a callback of the compiler."""
-
-    def on_start(self, event: Any) -> None:
-        """Raise for the signal."""
-        raise_again()
-
-    def on_end(self, event: Any) -> None:
-        """Do nothing: an exception may be on its way."""
-
-
 event.register("numba:compile", Notice())
-event.register("numba:run_pass", Interruptible())
 
 
 class _CheckedFile(caching.IndexDataCacheFile):

@@ -3,11 +3,13 @@
 import os
 import signal
 import sys
+import threading
 from types import FrameType
 from typing import Any, NoReturn
 
 ENDING = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
 PATIENCE = 3  # signals after which a run ends without clearing up
+AGAIN = 0.02  # after which a lost signal comes again [s]; own choice
 _seen: list[int] = []  # numbers of the signals of this process
 
 
@@ -47,9 +49,13 @@ def raise_again() -> None:
 
 
 def _without_signals(lost: Any) -> None:
-    """Report an exception that nothing can catch, but for that of a signal: `raise_again` raises it anew."""
-    if not isinstance(lost.exc_value, KeyboardInterrupt | Ended):
+    """Report an exception that nothing can catch; a signal that is lost in a callback or finaliser comes again."""
+    if not isinstance(lost.exc_value, KeyboardInterrupt | Ended) or not _seen:
         sys.__unraisablehook__(lost)
+        return
+    again = threading.Timer(AGAIN, os.kill, (os.getpid(), _seen.pop()))  # which counts it, once
+    again.daemon = True
+    again.start()
 
 
 def _handle(handler) -> None:

@@ -4,7 +4,6 @@ import errno
 import importlib.util
 import logging
 import pickle
-import signal
 import sys
 from types import SimpleNamespace
 
@@ -12,7 +11,6 @@ import pytest
 from numba import njit
 
 from np_drake import compiled
-from np_drake.files import interruption
 
 
 def test_it_is_compiled_where_no_folder_takes_what_was_compiled(monkeypatch):
@@ -21,12 +19,6 @@ def test_it_is_compiled_where_no_folder_takes_what_was_compiled(monkeypatch):
 
     monkeypatch.setattr(compiled, "Cache", read_only)
     assert compiled.compiled(lambda x: 2 * x)(21) == 42
-
-
-def test_a_signal_that_a_callback_lost_ends_a_compilation(monkeypatch):
-    monkeypatch.setattr(interruption, "_seen", [signal.SIGTERM])
-    with pytest.raises(interruption.Ended):
-        njit(lambda x: 3 * x)(14)
 
 
 SOURCE = "def doubled(x):\n    return 2 * x\n"
