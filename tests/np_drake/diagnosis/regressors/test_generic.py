@@ -187,3 +187,12 @@ def test_a_resonance_is_at_its_peak_as_large_as_its_drive(frequency):
     drive = REAL.priors.twist_torque / (REAL.priors.generic_size * 20.0 * 0.5)
     sizes = np.abs(columns).max(axis=0)
     np.testing.assert_allclose(sizes[:4], drive, rtol=0.03)  # of G, D G / w, and the same of G², sampled
+
+
+def test_where_rotor_speed_is_measured_no_command_is_named(groups):
+    flights, commanded = groups
+    measured = [dc.replace(e, log=dc.replace(e.log, input="rotor_speed")) for e in flights]
+    said = " ".join(c.variant for c in generic_candidates(measured, priors=REAL.priors))
+    assert "an answer to the torque of the rotors with a resonance near" in said
+    assert "command" not in said
+    assert any("an answer to the commanded torque" in c.variant for c in commanded)
