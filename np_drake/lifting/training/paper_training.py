@@ -40,6 +40,8 @@ from np_drake.lifting.training.window_fits import (
 )
 from np_drake.training_data.segments import Segment, check_segments, group_scale
 
+BLOCKS = 4  # of time; the windows of one are judged about the prior of the others [1]
+
 
 @dc.dataclass(frozen=True)
 class PaperConfig:
@@ -70,7 +72,7 @@ class PaperTrainer:
     """
 
     def __init__(self, segments: list[Segment], config: PaperConfig):
-        self.config, self.late = config, max(segment.late for segment in segments)
+        self.config, self.late = config, max((segment.late for segment in segments), default=0)
         segments = [segment.in_time for segment in check_segments(segments, 2 * config.window + self.late)]
         self.step = float(np.median([segment.step for segment in segments]))
         self.samples = sum(map(len, segments))
@@ -173,13 +175,18 @@ class PaperTrainer:
     def _fit_priors(self) -> None:
         """Fit the priors of this epoch, and how surely they hold in a window, with the present Phi."""
         with torch.no_grad():
-            self.forward_prior, self.backward_prior = self._prior(backward=False), self._prior(backward=True)
-            chi, zeta = self._pairs
-            self.ridge = most_likely_ridge(self.phi(chi), zeta, chi / self._scale(), self.C, self.forward_prior)
+            z, (chi, zeta) = self.phi(self._chi), self._pairs
+            self.forward_prior, self.backward_prior = self._prior(z), self._prior(z, backward=True)
+            others = torch.stack([self._prior(z, without=block) for block in range(BLOCKS)])
+            self.ridge = most_likely_ridge(self.phi(chi), zeta, chi / self._scale(), self.C, others[_blocks(len(chi))])
 
-    def _prior(self, *, backward: bool) -> torch.Tensor:
-        """Return [A_0 B_0]' (K + 6, K) over all windows, A stable, B without zeta along unexcited directions."""
-        X, Y = regression(self.phi(self._chi), self._zeta, backward=backward)
+    def _prior(self, z: torch.Tensor, *, backward: bool = False, without: int = -1) -> torch.Tensor:
+        """Return [A_0 B_0]' (K + 6, K) over all windows, or all without those of a block of time.
+
+        A is stable, B without zeta along unexcited directions.
+        """
+        kept = _blocks(len(z)) != without
+        X, Y = regression(z[kept], self._zeta[kept], backward=backward)
         K = Y.shape[-1]
         fit = global_fit(torch.cat([X[..., :K], X[..., K:] @ self._seen], dim=-1), Y)
         return torch.cat([stable(fit[:K]), self._seen @ fit[K:]])
@@ -226,6 +233,11 @@ def train_paper(
         checkpoint.save(trainer.state())
         on_epoch(trainer.epoch, config.epochs, loss)
     return trainer.model(), trainer.history
+
+
+def _blocks(count: int) -> np.ndarray:
+    """Return the block of time of each of so many windows, (count,)."""
+    return np.arange(count) * BLOCKS // max(count, 1)
 
 
 def _windows(segments: list[Segment], config: PaperConfig, zeta_scale: np.ndarray) -> tuple[torch.Tensor, torch.Tensor]:

@@ -47,7 +47,7 @@ def window_fit(
     Args:
         X: (b, T, K + 6) regressors.
         Y: (b, T, K) targets.
-        prior: (K + 6, K) mean of the prior.
+        prior: (K + 6, K) mean of the prior, or one for each window.
         ridge: its precision [samples of unit size].
     """
     K = Y.shape[-1]
@@ -57,7 +57,7 @@ def window_fit(
 
 
 def most_likely_ridge(
-    z: torch.Tensor, zeta: torch.Tensor, goal: torch.Tensor, C: torch.Tensor, prior: torch.Tensor
+    z: torch.Tensor, zeta: torch.Tensor, goal: torch.Tensor, C: torch.Tensor, priors: torch.Tensor
 ) -> float:
     """Return the ridge under which what follows the windows of a training is most likely [samples of unit size].
 
@@ -72,13 +72,14 @@ def most_likely_ridge(
         zeta: (n, 2 W, 6).
         goal: (n, 2 W, 6) chi / scale.
         C: (6, K) reads it out of z.
-        prior: (K + 6, K) mean of the prior.
+        priors: (n, K + 6, K) mean of the prior of each, learned on windows at other times: about a prior that knows a
+            window already, nothing would be left to learn in flight.
     """
     X, Y = regression(z, zeta)
     K, last = z.shape[-1], z.shape[1] // 2 - 1  # of the window
     evidence = []
     for ridge in RIDGES:
-        A, B = window_fit(X[:, :last], Y[:, :last], prior, ridge)
+        A, B = window_fit(X[:, :last], Y[:, :last], priors, ridge)
         state, found = z[:, last], 0.0
         for j in range(last, X.shape[1]):
             state = (state[:, None] @ A + X[:, j, None, K:] @ B)[:, 0]

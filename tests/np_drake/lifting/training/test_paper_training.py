@@ -135,7 +135,7 @@ def test_one_law_asks_for_no_refit_and_a_law_for_each_window_for_one(seed):
             chi[:, k + 1] = decay * chi[:, k] + 0.3 * zeta[:, k] + 0.02 * generator.standard_normal((40, 6))
         prior = torch.from_numpy(np.vstack([0.9 * np.eye(6), 0.3 * np.eye(6)]))
         z = torch.from_numpy(chi)
-        return most_likely_ridge(z, torch.from_numpy(zeta), z, torch.eye(6, dtype=z.dtype), prior)
+        return most_likely_ridge(z, torch.from_numpy(zeta), z, torch.eye(6, dtype=z.dtype), prior.expand(40, -1, -1))
 
     assert learned(0.0) >= 1e3  # 39 samples of about unit size move little
     assert learned(0.09) <= 1e2
