@@ -4,8 +4,7 @@ What the paper leaves open is settled as follows (docs/reference/predictor.md li
 - The window's least squares for A, B has 30 columns and 39 rows of median rank 15: it is Bayesian regression about a
   prior A_0, B_0 shared by all windows: least squares over all of them, renewed every epoch, and in flight the offline
   model. How far windows stray from it is the evidence of the windows themselves (`most_likely_ridge`).
-- B_0 is shrunk along directions of zeta that the flights do not excite, and where the motion is one line, which shows
-  no modes, the A that flies forgets departures from the mean within a window.
+- B_0 is shrunk along directions of zeta that the flights do not excite.
 - Stable: A_0 and each window's A are made stable as in flight before they are iterated.
 - Backward in time, A^-1 of a stable A grows like |lambda|^-40. A is inverted in the least-squares sense: the window
   fit of z_k on z_(k+1) and zeta_k, about a backward prior, made stable the same way.
@@ -15,7 +14,9 @@ What the paper leaves open is settled as follows (docs/reference/predictor.md li
 - A causal label lags behind its zero-phase target, and Phi, which sees one instant, cannot undo that: each label stands
   beside the zeta of its own time, in training and in flight.
 - Every window is turned by quarter turns about the vertical or mirrored: a circle in one direction locks force and
-  velocity in a relation that no other flight has.
+  velocity in a relation that no other flight has. So the mean wrench is vertical, and the A that flies forgets
+  departures from it within a window: one instant of chi does not show the phase of a swing, and a forecast that holds
+  one pumps it.
 """
 
 import dataclasses as dc
@@ -54,7 +55,7 @@ class PaperConfig:
     window: int = 40  # samples of a window [1]
     beta: tuple[float, float, float] = (1.0, 1.0, 1.0)  # weights: forward, backward, reconstruction [1]
     mu: float = 0.999  # discount of a prediction step, forward and backward [1]
-    symmetric: bool = True  # show the windows turned and mirrored (force in W, yaw near zero); False in other frames
+    symmetric: bool = True  # windows turned and mirrored, a horizontal force fades (in W, yaw near zero); else False
     epochs: int = 8  # passes over the windows [1]
     batch: int = 32  # windows of a gradient step [1]
     spacing: int = 5  # samples between the starts of windows [1]
@@ -139,7 +140,7 @@ class PaperTrainer:
         with torch.no_grad():
             z = self.phi(self._chi)
             C = self._best_readout(z).numpy() * self.chi_scale[:, None]
-            if self.excitation.one_line:
+            if self.config.symmetric:
                 A = forgetful(A, z, self.config.window)
         system = LiftedLinearSystem(A.numpy().T, B.numpy().T / self.zeta_scale, C, self.step)
         summary = {

@@ -141,7 +141,7 @@ def test_one_law_asks_for_no_refit_and_a_law_for_each_window_for_one(seed):
     assert learned(0.09) <= 1e2
 
 
-def test_after_one_circle_only_a_weight_lasts_beyond_a_window(plain):
+def test_only_a_weight_lasts_beyond_a_window(plain):
     """A horizontal force goes; a weight stays, also one that is less than that of the training."""
     config = dc.replace(CONFIG, epochs=1)
     model = train([plain.segment], config).model
