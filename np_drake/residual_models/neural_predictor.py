@@ -7,7 +7,7 @@ import numpy as np
 
 from np_drake import rigid_body
 from np_drake.lifting.model.encoders import DelayEncoder
-from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
+from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem, advance
 from np_drake.lifting.model.lifted_model import BY_AXES, LiftedModel
 from np_drake.lifting.model.model_file import load_model
 from np_drake.lifting.model.origin import rotor_lag_of
@@ -22,8 +22,6 @@ class PredictorOptions:
     torque: str = "hold"  # hold (last low-passed label) | predict
     cutoff: float = 4.0  # of the low-pass on held labels [Hz]
     refit: bool | None = None  # refit A, B on the window in flight; None: as the model asks
-    # Weight of the offline A, B in the refit; None: the model's [samples of unit size].
-    ridge: float | None = None
 
 
 @dc.dataclass
@@ -50,12 +48,14 @@ class RefitForecasts(FlightForecasts):
 class NeuralPredictor:
     """Neural Predictor, z = Phi(chi) or E window;  z+ = A z + B zeta;  chi_hat = C z.
 
+    A label that is known to be late is lifted at its own time, and z then taken to the present with the zeta since.
+
     Where the model has `onsets`, z also holds what may have begun within the window, which takes no memory.
 
     Memory: window (W, 12) of [chi, zeta], oldest first; z (K,); where A (K, K) and B (K, 6) are refit, these and
-    rows (W, K + 6), the window as the refit reads it, so that every sample is lifted once; lowpass (6,) of the labels;
-    count of samples in the window, up to W; labels, dropped: samples with and without one so far; gap: dropped in a
-    row just now; where the model has a `trust`, its memory, as trust/….
+    rows (W - late, K + 6), the window as the refit reads it, so that every sample is lifted once; lowpass (6,) of the
+    labels; count of samples in the window, up to W; labels, dropped: samples with and without one so far; gap: dropped
+    in a row just now; where the model has a `trust`, its memory, as trust/….
     Until `count` reaches W the forecast holds `lowpass`. A missing label is
     filled with the model's own prediction, a missing state with the last zeta; after W samples in a row
     without, the window starts afresh.   Source: Jin et al. 2025, eq. (nmpc).
@@ -79,7 +79,7 @@ class NeuralPredictor:
         if options.torque == "hold":
             self._C[3:] = 0.0
         refit = model.refits if options.refit is None else options.refit
-        self._refit = WindowRefit(model, options.ridge or model.ridge) if refit else None
+        self._refit = WindowRefit(model) if refit else None
         # Constants by stride, computed when first asked for
         self._resampled_offline: dict[int, LiftedLinearSystem] = {}
 
@@ -100,7 +100,7 @@ class NeuralPredictor:
         scalars = {name: np.zeros(1) for name in ("count", "labels", "dropped", "gap")}
         window = np.zeros((self.model.window, 12))
         memory = {"window": window, "z": np.zeros(s.K), "lowpass": np.zeros(6), **scalars}
-        rows = np.zeros((self.model.window, s.K + 6))
+        rows = np.zeros((self.model.window - self.model.late, s.K + 6))
         refit = {} if self._refit is None else {"A": s.A, "B": s.B, "rows": rows}
         return memory | refit | self._fresh_trust()
 
@@ -119,7 +119,7 @@ class NeuralPredictor:
         new["window"] = np.concatenate([memory["window"][1:], row[None]])
         full = new["count"][0] == self.model.window
         if self._refit is not None:
-            return new | self._refitted(memory["rows"], row, full)
+            return new | self._refitted(memory["rows"], new["window"], full)
         if full:
             new |= self._lifted(new, labelled)
         elif self.model.trust is not None and labelled:
@@ -136,6 +136,7 @@ class NeuralPredictor:
             zeta: (n, 6) [m/s, rad/s], without gaps.
         """
         first, s, samples = self.model.window - 1, self.model.system, np.hstack([chi, zeta])
+        A, B, before = s.A, s.B, None
         if len(chi) <= first:
             return None
         if isinstance(self.model.encoder, DelayEncoder):
@@ -143,15 +144,17 @@ class NeuralPredictor:
             if self.model.onsets is not None:
                 z = z + self.model.onsets.along(samples)
         else:
-            z = self.model.encoder(chi[first:])
+            if self._refit is not None:
+                A, B, before = self._refit.along(samples, self.model.window)
+            since = np.arange(first, len(chi))[:, None] - np.arange(self.model.late, 0, -1)
+            z = advance(self.model.encoder(chi[first:]), A, B, zeta[since])
         if self.model.trust is not None:
             z = self.model.trust.along(z, chi, first)
         offset = np.zeros((len(z), 6))
         if self.options.torque == "hold":
             offset[:, 3:] = self._lowpassed(chi)[first:, 3:]
-        if self._refit is None:
-            return FlightForecasts(first, s.A, s.B, self._C, z, offset)
-        A, B, before = self._refit.along(samples, self.model.window)
+        if before is None:
+            return FlightForecasts(first, A, B, self._C, z, offset)
         return RefitForecasts(first, A, B, self._C, z, offset, before)
 
     def forecast(self, memory: Memory, *, horizon: int, stride: int) -> WrenchForecast:
@@ -192,14 +195,14 @@ class NeuralPredictor:
     def _fresh_trust(self) -> Memory:
         return {} if self.model.trust is None else _named(self.model.trust.initial_memory())
 
-    def _refitted(self, rows: np.ndarray, row: np.ndarray, full: bool) -> Memory:
-        """Return the rows (W, K + 6) with one more sample (12,); of a full window also z, A and B."""
+    def _refitted(self, rows: np.ndarray, window: np.ndarray, full: bool) -> Memory:
+        """Return the rows with the newest sample of the window (W, 12); of a full window also z, A and B."""
         assert self._refit is not None
-        rows = np.concatenate([rows[1:], self._refit.rows(row)[None]])
+        rows = np.concatenate([rows[1:], self._refit.rows(window[-1 - self.model.late :])])
         if not full:
             return {"rows": rows}
         A, B = self._refit.solve(rows)
-        return {"rows": rows, "z": rows[-1, :-6], "A": A, "B": B}
+        return {"rows": rows, "z": advance(rows[-1, :-6], A, B, self.model.since_label(window)), "A": A, "B": B}
 
     def _lifted(self, memory: Memory, labelled: bool) -> Memory:
         """Return z of a full window, and the memory of the trust."""
@@ -216,8 +219,9 @@ class NeuralPredictor:
         """Return what the model expected for this sample before it came, (6,)."""
         if memory["count"][0] < self.model.window:
             return memory["lowpass"]
-        s = self.system(memory)
-        chi = s.C @ (s.A @ memory["z"] + s.B @ memory["window"][-1, 6:])
+        s, window, encoder = self.system(memory), memory["window"], self.model.encoder
+        z = memory["z"] if isinstance(encoder, DelayEncoder) else encoder(window[-1, :6])
+        chi = s.C @ (s.A @ z + s.B @ window[-1 - self.model.late, 6:])
         if not self.model.predicts_torque:
             chi[3:] = memory["lowpass"][3:]
         return chi

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from np_drake.flight_log import FlightLog
 from np_drake.labels import LabelConfig, default_labels
-from np_drake.lifting.model.lifted_model import BY_AXES
+from np_drake.lifting.model.lifted_model import BY_AXES, PAPER
 from np_drake.lifting.model.origin import origin_of, with_origin, with_rotor_lag
 from np_drake.lifting.training.train import Config, TrainingResult, train
 from np_drake.training_data.actuator_timing import learned_rotor_lag
@@ -37,7 +37,7 @@ def train_on_flights(
     result = train(segments, config, checkpoint=checkpoint, on_epoch=on_epoch)
     vehicle = flights[0].vehicle
     model = with_origin(result.model, origin_of(flights[0].frame, vehicle, label or default_labels(vehicle)))
-    if model.configuration in BY_AXES.values():
+    if model.configuration in (*BY_AXES.values(), PAPER):
         logs = [(f.data, f.vehicle) for f in flights if isinstance(f.data, FlightLog)]
         model = with_rotor_lag(model, learned_rotor_lag(logs))
     return dc.replace(result, model=model)

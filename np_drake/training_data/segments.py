@@ -54,12 +54,14 @@ class Segment:
     chi: (n, 6) labels as the encoder will see them in flight [N, N·m].   zeta: (n, 6) [m/s, rad/s].
     target: (n, 6) what is to be predicted, where that is better known afterwards (a zero-phase smoothed
     label): the lifted linear system then learns to undo delay and noise of the label. Default: chi.
+    late: samples by which the labels of force lag behind the wrench.
     """
 
     chi: np.ndarray
     zeta: np.ndarray
     step: float
     target: np.ndarray | None = None
+    late: int = 0
 
     def __len__(self) -> int:
         return len(self.chi)
@@ -68,6 +70,12 @@ class Segment:
     def goal(self) -> np.ndarray:
         """Target (n, 6) where there is one, else chi [N, N·m]."""
         return self.chi if self.target is None else self.target
+
+    @property
+    def in_time(self) -> "Segment":
+        """Samples with each label beside the motion and the target of its own time."""
+        n = len(self) - self.late
+        return Segment(self.chi[self.late :], self.zeta[:n], self.step, self.goal[:n])
 
 
 def check_segments(segments: list[Segment], shortest: int) -> list[Segment]:
@@ -102,7 +110,7 @@ def _checked(segment: Segment, number: int) -> Segment:
             raise ValueError(f"Segment {number}: {name} must be finite; row {row} is not. Cut the log there.")
     if not segment.step > 0:
         raise ValueError(f"Segment {number}: step must be positive [s]; got {segment.step}.")
-    return Segment(arrays["chi"], arrays["zeta"], float(segment.step), arrays["target"])
+    return Segment(arrays["chi"], arrays["zeta"], float(segment.step), arrays["target"], segment.late)
 
 
 def group_scale(values: list[np.ndarray], *, centred: bool) -> np.ndarray:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from np_drake.flight_log import FlightLog
-from np_drake.labels import LabelConfig, ReadsLabels, labelled
+from np_drake.labels import LabelConfig, ReadsLabels, default_labels, labelled
 from np_drake.residual_model import KnowsDelay
 from np_drake.training_data.accelerations import with_accelerations, wrench_sequence
 from np_drake.training_data.actuator_timing import delayed
@@ -98,7 +98,8 @@ def training_segments(
     log = _usable(flight)
     causal = wrench_sequence(log, vehicle, config, step=step)
     smooth = wrench_sequence(log, vehicle, config, step=step, zero_phase=True)
-    return _pieces(causal.chi, causal.zeta, smooth.chi, step)
+    late = round((config or default_labels(vehicle)).force_delay / step)
+    return [dc.replace(piece, late=late) for piece in _pieces(causal.chi, causal.zeta, smooth.chi, step)]
 
 
 def flown_segments(

@@ -95,6 +95,14 @@ def test_smooth_labels_have_no_delay():
     assert lag[1] > 599
 
 
+@pytest.mark.parametrize("order", [1, 2, 3, 4])
+def test_a_slow_force_comes_late_by_the_delay_of_the_low_pass(order):
+    vehicle, log, _ = flight(chi=np.zeros(6), n=1000)
+    log.a[:, 0] += log.t / vehicle.mass  # a ramp of 1 N/s
+    config = lb.LabelConfig(order=order)
+    assert log.t[-1] - lb.labels(log, vehicle, config)[-1, 0] == pytest.approx(config.force_delay, rel=0.02)  # [s]
+
+
 def test_after_a_dropped_sample_the_filter_carries_on():
     vehicle, log, chi = flight()
     log.a[100:110] = np.nan

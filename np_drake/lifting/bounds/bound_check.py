@@ -70,6 +70,7 @@ def check_flight(
     """
     alpha = largest_changes(model, chi, zeta, horizon) if alpha is None else alpha
     dut = TheoremBound(model, *alpha, horizon=horizon, refit=refit, gamma=gamma)
+    model = dut.model
     samples = np.hstack([chi, zeta])
     origins = np.arange(dut.samples - 1, len(samples) - horizon, spacing)
     if len(origins) == 0:

@@ -108,14 +108,15 @@ class TheoremBound:
             raise ValueError(f"bound: horizon must be at least 1 [steps]; got {horizon}.")
         if model.onsets is not None:
             raise ValueError("bound: the encoder must be linear in its window. Train with onset_odds = 0.")
-        self.model, self.horizon = model, horizon
+        # A forecast from the time of the label: a late one is not taken to the present
+        self.model, self.horizon = dc.replace(model, late=0), horizon
         self.change = Change(_over_steps(alpha_chi, horizon), _over_steps(alpha_zeta, horizon))
-        self.reach = encoder_reach(model, self.change)
+        self.reach = encoder_reach(self.model, self.change)
         self._gamma = float(model.summary.get("gamma", np.inf) if gamma is None else gamma)
         self._scale = chi_scale(model)
         self._rows = slice(6 if model.predicts_torque else 3)
-        refit = isinstance(model.encoder, Phi) and model.ridge > 0 if refit is None else refit
-        self._refit = WindowRefit(model, model.ridge) if refit else None
+        refit = model.refits if refit is None else refit
+        self._refit = WindowRefit(model) if refit else None
         self._offline = None if refit else self._norms(model.system)
 
     @property

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from np_drake.lifting.model.encoders import DelayEncoder, Phi
-from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
+from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem, advance
 from np_drake.lifting.model.onsets import Onsets
 from np_drake.lifting.model.trust import Trust
 
@@ -28,6 +28,7 @@ OLD_NAMES = ("default", "dictionary")  # earlier names of the two
 class LiftedModel:
     """Trained predictor as held by a model file, with all matrices in physical units.
 
+    late: samples by which the labels that Phi sees lag behind the wrench; z is taken to the present by the zeta since.
     trust: correction of z in flight by the outcome of earlier forecasts; None for none.   onsets: addition to a delay
     encoder's z where a motion began within the window; None for none.
     """
@@ -40,7 +41,8 @@ class LiftedModel:
     zeta_scale: np.ndarray  # (6,) scales used in training [N, N·m; m/s, rad/s]
     predicts_torque: bool  # whether rows 3:6 of C were trained
     summary: dict[str, Any] = dc.field(default_factory=dict)  # key figures of the training, for people
-    ridge: float = 0.0  # weight of `system` in the refit of a window [samples of unit size]; 0 for no refit
+    ridge: float = 0.0  # precision of `system` as the prior of a refit [samples of unit size]; 0 for no refit
+    late: int = 0
     trust: Trust | None = None
     onsets: Onsets | None = None
 
@@ -52,13 +54,15 @@ class LiftedModel:
         if self.encoder.K != self.system.K:
             sizes = f"{self.encoder.K} and {self.system.K}"
             raise ValueError(f"LiftedModel: encoder and system must agree on K; got {sizes}.")
+        if not 0 <= self.late < self.window:
+            raise ValueError(f"LiftedModel: late must be 0 to less than the window; got {self.late}.")
         if self.onsets is not None and (self.onsets.K, self.onsets.delay) != (self.system.K, self.window):
             sizes = f"K = {self.onsets.K}, {self.onsets.delay} samples"
             raise ValueError(f"LiftedModel: onsets must have the model's K and window; got {sizes}.")
 
     @property
     def refits(self) -> bool:
-        """Whether A and B are refit on the window in flight (encoder Phi and positive ridge)."""
+        """Whether A and B are refit on the window in flight."""
         return isinstance(self.encoder, Phi) and self.ridge > 0
 
     @property
@@ -71,7 +75,13 @@ class LiftedModel:
         if isinstance(self.encoder, DelayEncoder):
             z = self.encoder(window)
             return z if self.onsets is None else z + self.onsets.correction(window)
-        return self.encoder(window[..., -1, :6])
+        z, s = self.encoder(window[..., -1, :6]), self.system
+        return advance(z, s.A, s.B, self.since_label(window))
+
+    def since_label(self, window: np.ndarray) -> np.ndarray:
+        """Return the zeta (..., late, 6) from the time of the newest label on, of samples (..., n, 12)."""
+        n = window.shape[-2]
+        return window[..., n - 1 - self.late : n - 1, 6:]
 
 
 def require_configuration(name: str) -> None:

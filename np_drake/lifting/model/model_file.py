@@ -51,6 +51,8 @@ def save_model(model: LiftedModel, path: str | Path) -> None:
         "configuration": model.configuration, "step": s.step, "window": model.window,
         "predicts_torque": model.predicts_torque, "ridge": model.ridge, "summary": model.summary,
     }  # fmt: skip
+    if model.late:
+        header["late"] = model.late
     write_model(tensors, SCHEMA, header, path)
 
 
@@ -172,7 +174,7 @@ def _model(tensors: dict[str, np.ndarray], header: dict[str, Any]) -> LiftedMode
     return LiftedModel(
         configuration, system, encoder, window, tensors["chi_scale"], tensors["zeta_scale"],
         truth_in(header, "predicts_torque"), summary_in(header), number_in(header, "ridge", 0.0, LARGEST_RIDGE),
-        _trust(tensors, system.K), _onsets(tensors),
+        int(number_in({"late": 0} | header, "late", 0, LONGEST_WINDOW)), _trust(tensors, system.K), _onsets(tensors),
     )  # fmt: skip
 
 

@@ -1,4 +1,4 @@
-"""Refit of A and B on the last samples in flight: ridge toward the offline prior, projected stable."""
+"""Refit of A and B on the last samples in flight: Bayesian regression about the offline matrices, projected stable."""
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -13,43 +13,48 @@ CHUNK = 2000  # windows at a time, for memory [1]
 
 
 class WindowRefit:
-    """Ridge regression of A and B on one window, toward the offline A_0 and B_0.
+    """Posterior mean of A and B after one window, with the offline A_0 and B_0 as the mean of the prior.
 
-    Minimises |z_(k+1) - A z_k - B zeta_k|² + ridge |[A B] - [A_0 B_0]|². Forty samples cannot determine thirty columns
-    (median rank 15 on real flights): the prior decides along the directions that they do not determine. Zeta is scaled
-    as in training. The normal matrix is at least `ridge` times the identity, so its Cholesky factor is well
-    conditioned. Source: Jin et al. 2025, Algorithm 1; the ridge is an own choice.
+    The window is Y = X Theta + E with rows [z, zeta / scale] in X, the next z in Y, Theta = [A B]'. The prior is matrix
+    normal, Theta ~ N(Theta_0, Sigma / p), with the covariance Sigma across z that the noise E has. So the mean is
+
+        Theta = Theta_0 + (X'X + p)^-1 X'(Y - X Theta_0).
+
+    p, the model's `ridge`, is learned from the training flights (`most_likely_ridge`). Directions that the window
+    does not excite stay at the prior: forty samples cannot determine thirty columns (median rank 15 on real flights).
+    Each label stands beside the zeta of its own time, `late` samples before it.
+    Source: Jin et al. 2025, Algorithm 1; the prior is an own choice.
 
     Args:
-        model: with the encoder Phi.
-        ridge: weight of the offline matrices [samples of unit size].
+        model: with the encoder Phi and a ridge.
     """
 
-    def __init__(self, model: LiftedModel, ridge: float):
-        if not ridge > 0:
-            raise ValueError(f"WindowRefit: ridge must be positive; got {ridge}.")
+    def __init__(self, model: LiftedModel):
         if not isinstance(model.encoder, Phi):
             raise ValueError("WindowRefit: the encoder must be Phi; a delay encoder flies with its offline A, B.")
-        self._phi, self._ridge = model.encoder, ridge
+        if not model.ridge > 0:
+            raise ValueError(f"WindowRefit: ridge must be positive; got {model.ridge}.")
+        self._phi, self._ridge, self._late = model.encoder, model.ridge, model.late
         self._scale = model.zeta_scale
         self._prior = np.hstack([model.system.A, model.system.B * self._scale]).T
-        self._pull = ridge * self._prior.T
+        self._pull = model.ridge * self._prior.T
 
     def __call__(self, window: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return stable A (K, K) and B (K, 6) in physical units from samples [chi, zeta] (W, 12), oldest first."""
         return self.solve(self.rows(window))
 
     def rows(self, samples: np.ndarray) -> np.ndarray:
-        """Return the rows [z, zeta / scale] (..., K + 6) of the least squares from samples [chi, zeta] (..., 12)."""
-        return np.concatenate([self._phi(samples[..., :6]), samples[..., 6:] / self._scale], axis=-1)
+        """Return the rows [z, zeta / scale] (n - late, K + 6) of the regression from samples [chi, zeta] (n, 12)."""
+        z = self._phi(samples[self._late :, :6])
+        return np.concatenate([z, samples[: len(z), 6:] / self._scale], axis=-1)
 
     def solve(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return A and B from the `rows` (W, K + 6) of a window.
+        """Return A and B from the `rows` (W - late, K + 6) of a window.
 
         A flight keeps the rows, so that each sample is lifted once. The normal matrix is formed anew at every sample:
         one product of 2 us, which adding one row and removing one would not beat, and it accumulates no rounding error.
         """
-        # Ridge toward the prior: (X'X + ridge 1) [A B]' = X'Y + ridge [A_0 B_0]', by Cholesky
+        # (X'X + p) [A B]' = X'Y + p [A_0 B_0]', by Cholesky
         X, K = rows[:-1], self._phi.K
         normal = X.T @ X
         normal.flat[:: len(normal) + 1] += self._ridge
@@ -67,15 +72,15 @@ class WindowRefit:
         Returns: A (o, K, K), B (o, K, 6), equal to the results one by one; (o,) spectral radius of A before it was made
         stable [1].
         """
-        rows = self.rows(samples)
-        X = sliding_window_view(rows[:-1], W - 1, axis=0)
-        Y = sliding_window_view(rows[1:, : self._phi.K], W - 1, axis=0)
+        rows, steps = self.rows(samples), W - self._late - 1
+        X = sliding_window_view(rows[:-1], steps, axis=0)
+        Y = sliding_window_view(rows[1:, : self._phi.K], steps, axis=0)
         parts = [self._fit(X[i : i + CHUNK], Y[i : i + CHUNK]) for i in range(0, len(X), CHUNK)]
         A, B, before = (np.concatenate(column) for column in zip(*parts, strict=True))
         return A, B, before
 
     def _fit(self, XT: np.ndarray, YT: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Compute `along` from regressors (o, K+6, W-1) and targets (o, K, W-1)."""
+        """Compute `along` from regressors (o, K+6, steps) and targets (o, K, steps)."""
         XT, K = np.ascontiguousarray(XT), YT.shape[1]
         X = XT.swapaxes(1, 2)
         normal = XT @ X

@@ -82,6 +82,6 @@ def fingerprint(config: Any, segments: list[Segment]) -> str:
     head = f"{version('np_drake')} {type(config).__name__} {dc.asdict(config)}"
     digest = hashlib.sha256(head.encode())
     for segment in segments:
-        for array in (segment.chi, segment.zeta, segment.goal, np.array([segment.step])):
+        for array in (segment.chi, segment.zeta, segment.goal, np.array([segment.step, segment.late])):
             digest.update(np.ascontiguousarray(array, float).tobytes())
     return digest.hexdigest()

@@ -1,16 +1,22 @@
 """Training of the `paper` configuration: Algorithm 1, made well-posed.
 
-What the paper leaves open is settled as follows:
-- The window's least squares for A, B has 30 columns and 39 rows of median rank 15: it is a ridge toward a prior A_0,
-  B_0 shared by all windows: least squares over all of them, renewed every epoch, and in flight the offline model. B
-  is not shrunk along unexcited directions (the paper has no such step); the summary names them.
-- Stable: A_0 and each window's A are scaled into |eig| <= RADIUS before they are iterated.
+What the paper leaves open is settled as follows (docs/reference/predictor.md lists it with reasons and effects):
+- The window's least squares for A, B has 30 columns and 39 rows of median rank 15: it is Bayesian regression about a
+  prior A_0, B_0 shared by all windows: least squares over all of them, renewed every epoch, and in flight the offline
+  model. How far windows stray from it is the evidence of the windows themselves (`most_likely_ridge`).
+- B_0 is shrunk along directions of zeta that the flights do not excite.
+- Stable: A_0 and each window's A are made stable as in flight before they are iterated.
 - Backward in time, A^-1 of a stable A grows like |lambda|^-40. A is inverted in the least-squares sense: the window
-  fit of z_k on z_(k+1) and zeta_k, ridge toward a backward prior, made stable the same way.
+  fit of z_k on z_(k+1) and zeta_k, about a backward prior, made stable the same way.
 - mu carries the trajectory index in the paper, so that late trajectories count less; here it discounts the
   prediction step: mean over j of mu^j |z_j - z_hat_j|².
 - chi enters Phi over one scale for force and one for torque; gamma is the Lipschitz constant there.
-Targets other than the labels are not used: Phi sees one instant and cannot undo a delay.
+- A causal label lags behind its zero-phase target, and Phi, which sees one instant, cannot undo that: each label stands
+  beside the zeta of its own time, in training and in flight.
+- Every window is turned by quarter turns about the vertical or mirrored: a circle in one direction locks force and
+  velocity in a relation that no other flight has. So the mean wrench is vertical, and the A that flies forgets
+  departures from it within a window: one instant of chi does not show the phase of a swing, and a forecast that holds
+  one pumps it.
 """
 
 import dataclasses as dc
@@ -19,14 +25,23 @@ import numpy as np
 import torch
 from torch import nn
 
+from np_drake.lifting.model.channel_views import turns
 from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
 from np_drake.lifting.model.lifted_model import PAPER, LiftedModel
-from np_drake.lifting.model.stabilized import stabilized
-from np_drake.lifting.model.window_refit import RADIUS
 from np_drake.lifting.training.checkpoint import Checkpoint, OnEpoch
 from np_drake.lifting.training.excitation import measure_excitation
 from np_drake.lifting.training.phi_module import PhiModule
+from np_drake.lifting.training.window_fits import (
+    forgetful,
+    global_fit,
+    most_likely_ridge,
+    regression,
+    stable,
+    window_fit,
+)
 from np_drake.training_data.segments import Segment, check_segments, group_scale
+
+BLOCKS = 4  # of time; the windows of one are judged about the prior of the others [1]
 
 
 @dc.dataclass(frozen=True)
@@ -40,7 +55,7 @@ class PaperConfig:
     window: int = 40  # samples of a window [1]
     beta: tuple[float, float, float] = (1.0, 1.0, 1.0)  # weights: forward, backward, reconstruction [1]
     mu: float = 0.999  # discount of a prediction step, forward and backward [1]
-    ridge: float = 3.0  # weight of the prior in a window's fit [samples of unit size]
+    symmetric: bool = True  # windows turned and mirrored, a horizontal force fades (in W, yaw near zero); else False
     epochs: int = 8  # passes over the windows [1]
     batch: int = 32  # windows of a gradient step [1]
     spacing: int = 5  # samples between the starts of windows [1]
@@ -58,14 +73,20 @@ class PaperTrainer:
     """
 
     def __init__(self, segments: list[Segment], config: PaperConfig):
-        segments = check_segments(segments, config.window)
-        self.config = config
+        self.config, self.late = config, max((segment.late for segment in segments), default=0)
+        segments = [segment.in_time for segment in check_segments(segments, 2 * config.window + self.late)]
         self.step = float(np.median([segment.step for segment in segments]))
         self.samples = sum(map(len, segments))
         self.chi_scale = group_scale([segment.chi for segment in segments], centred=False)
         self.zeta_scale = group_scale([segment.zeta for segment in segments], centred=False)
-        self.excitation = measure_excitation([segment.zeta for segment in segments], step=self.step)
+        zeta = [segment.zeta for segment in segments]
+        if config.symmetric:
+            zeta = [image for piece in zeta for image in turns(piece)]
+        self.excitation = measure_excitation(zeta, step=self.step)
+        self._seen = torch.from_numpy(self.excitation.shrink.T * self.zeta_scale[:, None] / self.zeta_scale)
         self._chi, self._zeta = _windows(segments, config, self.zeta_scale)
+        pairs = dc.replace(config, window=2 * config.window, spacing=config.window)
+        self._pairs = _windows(segments, pairs, self.zeta_scale)  # a window and the one that follows it
         self.phi = PhiModule(
             width=config.width, layers=config.layers, K=config.size, gamma=config.gamma,
             scale=self.chi_scale, seed=config.seed,
@@ -115,17 +136,20 @@ class PaperTrainer:
     def model(self) -> LiftedModel:
         """Return the trained model, with C as the least-squares readout of the final Phi, as L_recons asks for."""
         self._fit_priors()
+        A, B = self.forward_prior[: self.config.size], self.forward_prior[self.config.size :]
         with torch.no_grad():
-            C = self._best_readout(self.phi(self._chi)).numpy() * self.chi_scale[:, None]
-        K, prior = self.config.size, self.forward_prior.numpy()
-        system = LiftedLinearSystem(stabilized(prior[:K].T, RADIUS), prior[K:].T / self.zeta_scale, C, self.step)
+            z = self.phi(self._chi)
+            C = self._best_readout(z).numpy() * self.chi_scale[:, None]
+            if self.config.symmetric:
+                A = forgetful(A, z, self.config.window)
+        system = LiftedLinearSystem(A.numpy().T, B.numpy().T / self.zeta_scale, C, self.step)
         summary = {
             "samples": self.samples, "epochs": self.epoch, "loss": self.history[-1] if self.history else None,
             "gamma": self.config.gamma, "excitation": self.excitation.text,
         }  # fmt: skip
         return LiftedModel(
-            PAPER, system, self.phi.export(), self.config.window, self.chi_scale, self.zeta_scale, True, summary,
-            ridge=self.config.ridge,
+            PAPER, system, self.phi.export(), self.config.window + self.late, self.chi_scale, self.zeta_scale, True,
+            summary, ridge=self.ridge, late=self.late,
         )  # fmt: skip
 
     def state(self) -> dict[str, np.ndarray]:
@@ -150,11 +174,23 @@ class PaperTrainer:
             self.optimiser.state[parameter] = {"step": count, **moments}
 
     def _fit_priors(self) -> None:
-        """Fit the priors of this epoch by least squares over all windows with the present Phi."""
+        """Fit the priors of this epoch, and how surely they hold in a window, with the present Phi."""
         with torch.no_grad():
-            z = self.phi(self._chi)
-            self.forward_prior = _global_fit(*_regression(z, self._zeta))
-            self.backward_prior = _global_fit(*_regression(z, self._zeta, backward=True))
+            z, (chi, zeta) = self.phi(self._chi), self._pairs
+            self.forward_prior, self.backward_prior = self._prior(z), self._prior(z, backward=True)
+            others = torch.stack([self._prior(z, without=block) for block in range(BLOCKS)])
+            self.ridge = most_likely_ridge(self.phi(chi), zeta, chi / self._scale(), self.C, others[_blocks(len(chi))])
+
+    def _prior(self, z: torch.Tensor, *, backward: bool = False, without: int = -1) -> torch.Tensor:
+        """Return [A_0 B_0]' (K + 6, K) over all windows, or all without those of a block of time.
+
+        A is stable, B without zeta along unexcited directions.
+        """
+        kept = _blocks(len(z)) != without
+        X, Y = regression(z[kept], self._zeta[kept], backward=backward)
+        K = Y.shape[-1]
+        fit = global_fit(torch.cat([X[..., :K], X[..., K:] @ self._seen], dim=-1), Y)
+        return torch.cat([stable(fit[:K]), self._seen @ fit[K:]])
 
     def _scale(self) -> torch.Tensor:
         return torch.from_numpy(self.chi_scale)
@@ -168,8 +204,8 @@ class PaperTrainer:
 
     def _rollout_error(self, z, zeta, prior, *, backward: bool) -> torch.Tensor:
         """Return the discounted mean square of the multi-step error in z, with each window's own A and B."""
-        X, Y = _regression(z, zeta, backward=backward)
-        A, B = _window_fit(X, Y, prior, self.config.ridge)
+        X, Y = regression(z, zeta, backward=backward)
+        A, B = window_fit(X, Y, prior, self.ridge)
         drive = X[..., z.shape[-1] :] @ B
         course = z.flip(1) if backward else z
         drive = drive.flip(1) if backward else drive
@@ -200,43 +236,18 @@ def train_paper(
     return trainer.model(), trainer.history
 
 
+def _blocks(count: int) -> np.ndarray:
+    """Return the block of time of each of so many windows, (count,)."""
+    return np.arange(count) * BLOCKS // max(count, 1)
+
+
 def _windows(segments: list[Segment], config: PaperConfig, zeta_scale: np.ndarray) -> tuple[torch.Tensor, torch.Tensor]:
     """Return chi in physical units and scaled zeta of all windows, (b, W, 6) each."""
     starts = [(segment, k) for segment in segments for k in range(0, len(segment) - config.window + 1, config.spacing)]
     starts = starts[:: max(1, -(-len(starts) // config.max_windows))]
     chi = np.stack([segment.chi[k : k + config.window] for segment, k in starts])
     zeta = np.stack([segment.zeta[k : k + config.window] for segment, k in starts])
+    if config.symmetric:
+        image = np.array(turns(np.eye(6)))[np.random.default_rng(config.seed).integers(8, size=len(starts))]
+        chi, zeta = chi @ image, zeta @ image
     return torch.from_numpy(chi), torch.from_numpy(zeta / zeta_scale)
-
-
-def _regression(z: torch.Tensor, zeta: torch.Tensor, *, backward: bool = False) -> tuple[torch.Tensor, torch.Tensor]:
-    """Return regressors [z, zeta] (b, W-1, K+6) and targets (b, W-1, K).
-
-    They are z_(k+1) from z_k, or z_k from z_(k+1).
-    """
-    before, after = (z[:, 1:], z[:, :-1]) if backward else (z[:, :-1], z[:, 1:])
-    return torch.cat([before, zeta[:, :-1]], dim=-1), after
-
-
-def _global_fit(X: torch.Tensor, Y: torch.Tensor) -> torch.Tensor:
-    """Return the ridge fit over all windows, at which the priors start, (K+6, K)."""
-    X, Y = X.reshape(-1, X.shape[-1]), Y.reshape(-1, Y.shape[-1])
-    normal = X.T @ X
-    normal += (1e-4 * normal.diagonal().mean() + 1e-12) * torch.eye(len(normal), dtype=X.dtype)
-    return torch.linalg.solve(normal, X.T @ Y)
-
-
-def _stable(A: torch.Tensor) -> torch.Tensor:
-    """Scale (..., K, K) as a whole into |eig| <= RADIUS; the factor is taken as a constant in gradients."""
-    radius = torch.linalg.eigvals(A.detach()).abs().amax(dim=-1)
-    return A * torch.clamp(RADIUS / radius, max=1.0)[..., None, None]
-
-
-def _window_fit(X, Y, prior, ridge: float) -> tuple[torch.Tensor, torch.Tensor]:
-    """Return A^T (b, K, K), stable, and B^T (b, 6, K) of each window; prior (K+6, K) = [A_0 B_0]^T."""
-    K = Y.shape[-1]
-    prior = torch.cat([_stable(prior[:K]), prior[K:]])
-    # Ridge toward the prior, for all windows at once, by Cholesky
-    normal = X.mT @ X + ridge * torch.eye(X.shape[-1], dtype=X.dtype)
-    solution = prior + torch.cholesky_solve(X.mT @ (Y - X @ prior), torch.linalg.cholesky(normal))
-    return _stable(solution[:, :K]), solution[:, K:]

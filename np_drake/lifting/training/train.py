@@ -144,6 +144,8 @@ def make_config(configuration: str, *, frame: str = "world", epochs: int | None 
     unknown = set(settings) - names
     if unknown:
         raise ValueError(f"train: {configuration} has no setting {', '.join(sorted(unknown))}.")
+    if frame != "world" and "symmetric" in names:
+        settings = {"symmetric": False} | settings
     if epochs is not None:
         settings |= dict.fromkeys(names & {"epochs", "iterations"}, epochs)
     return dc.replace(config, **settings)

@@ -185,10 +185,22 @@ def test_what_flies_is_the_batch_solution_of_the_last_window():
 
 def test_the_refit_follows_a_changed_law():
     wrong = dc.replace(paper_model(), system=LiftedLinearSystem(0.5 * A, 0 * B, np.eye(6), STEP))
-    samples, dut = sequence(60), NeuralPredictor(wrong, PredictorOptions("predict", ridge=1e-6))
+    samples, dut = sequence(60), NeuralPredictor(dc.replace(wrong, ridge=1e-6), PREDICT)
     np.testing.assert_allclose(fed(dut, samples)["A"], A, atol=5e-3)  # the ridge still pulls
     fixed = NeuralPredictor(wrong, PredictorOptions("predict", refit=False))
     np.testing.assert_array_equal(fixed.system(fed(fixed, samples)).A, 0.5 * A)
+
+
+@pytest.mark.parametrize("late", [1, 3])
+@pytest.mark.parametrize("refit", [True, False])
+def test_a_label_that_is_late_gives_the_wrench_of_now(late, refit):
+    """Labels of an exact lifted linear system come late, one of them not at all."""
+    model = dc.replace(paper_model(), window=40 + late, late=late)
+    now = sequence(60)
+    late_ones = [dc.replace(s, chi=now[max(k - late, 0)].chi) for k, s in enumerate(now)]
+    late_ones[55] = dc.replace(late_ones[55], chi=GAP)
+    dut = NeuralPredictor(model, PredictorOptions("predict", refit=refit))
+    np.testing.assert_allclose(dut.chi_hat(fed(dut, late_ones)), now[-1].chi, atol=1e-9)
 
 
 def test_a_model_file_flies(tmp_path):
@@ -204,7 +216,7 @@ def test_impossible_options_are_refused():
     with pytest.raises(ValueError, match="trained without"):
         NeuralPredictor(last_sample_model(torque=False), PREDICT)
     with pytest.raises(ValueError, match="must be Phi"):
-        NeuralPredictor(last_sample_model(), PredictorOptions(refit=True, ridge=1.0))
+        NeuralPredictor(last_sample_model(), PredictorOptions(refit=True))
 
 
 def test_what_began_within_a_window_is_seen_as_sample_by_sample():

@@ -13,12 +13,12 @@ from np_drake.skill.window_stability import window_stability
 W = 12  # samples of the window
 
 
-def model() -> LiftedModel:
+def model(late: int = 0) -> LiftedModel:
     generator = np.random.default_rng(0)
     phi = Phi((generator.standard_normal((12, 6)), 0.3 * generator.standard_normal((8, 12))), np.ones(6))
     A = np.linalg.qr(generator.standard_normal((8, 8)))[0] * 0.98
     system = LiftedLinearSystem(A, generator.standard_normal((8, 6)), generator.standard_normal((6, 8)), 0.02)
-    return LiftedModel(PAPER, system, phi, W, np.ones(6), np.ones(6), True, ridge=0.1)
+    return LiftedModel(PAPER, system, phi, W, np.ones(6), np.ones(6), True, ridge=0.1, late=late)
 
 
 @pytest.fixture(scope="module")
@@ -30,8 +30,9 @@ def flight():
 
 @pytest.mark.parametrize("torque", ["hold", "predict"])
 @pytest.mark.parametrize("known", [False, True])
-def test_the_flight_at_once_is_the_flight_sample_by_sample(flight, torque, known):
-    dut = NeuralPredictor(model(), PredictorOptions(torque=torque))
+@pytest.mark.parametrize("late, refit", [(0, True), (2, True), (2, False)])
+def test_the_flight_at_once_is_the_flight_sample_by_sample(flight, torque, known, late, refit):
+    dut = NeuralPredictor(model(late), PredictorOptions(torque=torque, refit=refit))
     origins, horizons = np.arange(W - 1, 50), [0, 1, 7]
     at_once = model_predictions(dut, *flight, origins, horizons, zeta_known=known)
     one_by_one = model_predictions(dut, *flight, origins, horizons, zeta_known=known, at_once=False)

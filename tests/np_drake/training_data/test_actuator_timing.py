@@ -7,7 +7,11 @@ import pytest
 
 from np_drake import labels, rigid_body
 from np_drake.flight_log import FlightLog
+from np_drake.lifting.model.origin import rotor_lag_of
+from np_drake.lifting.training.train import make_config
+from np_drake.residual_models.predictor_training import train_on_flights
 from np_drake.training_data.actuator_timing import delayed, learned_rotor_lag, learned_timing
+from np_drake.training_data.training_segments import Flight
 from np_drake.vehicle import Vehicle
 
 STEP = 0.02  # [s]
@@ -32,6 +36,13 @@ def flight(lag: float, *, noise: float = 0.0, n: int = 1500) -> FlightLog:
 @pytest.mark.parametrize("noise", [0.0, 0.1])
 def test_the_lag_of_the_rotors_is_found(lag, noise):
     assert learned_rotor_lag([(flight(lag, noise=noise), Vehicle())]) == pytest.approx(lag, abs=0.003)  # [s]
+
+
+@pytest.mark.parametrize("configuration", ["delay-modal", "paper"])
+def test_a_predictor_carries_the_lag_of_the_rotors_it_was_trained_on(configuration):
+    config = make_config(configuration, epochs=1)
+    model = train_on_flights([Flight(flight(0.03, noise=0.1), Vehicle())], config, step=STEP).model
+    assert rotor_lag_of(model) == pytest.approx(0.03, abs=0.003)  # [s]
 
 
 def test_rotors_without_lag_show_none():

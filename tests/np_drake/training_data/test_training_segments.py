@@ -16,7 +16,18 @@ def test_a_log_gives_causal_labels_and_zero_phase_targets(flight):
     np.testing.assert_array_equal(dut.chi, labels.labels(flight, Vehicle())[::2])
     np.testing.assert_array_equal(dut.goal, labels.smooth_labels(flight, Vehicle())[::2])
     np.testing.assert_array_equal(dut.zeta, flight.x[::2, 7:13])
-    assert dut.step == 0.02
+    assert (dut.step, dut.late) == (0.02, 2)  # 40 ms through 4 Hz
+
+
+def test_a_segment_in_time_has_each_label_beside_its_own_motion(flight):
+    (late,) = training_segments(flight, Vehicle(), step=0.02)
+    dut = late.in_time
+    np.testing.assert_array_equal(dut.chi, late.chi[2:])
+    np.testing.assert_array_equal(dut.zeta, late.zeta[:-2])
+    np.testing.assert_array_equal(dut.goal, late.goal[:-2])
+    assert dut.late == 0
+    (raw,) = training_segments(flight, Vehicle(), labels.LabelConfig(np.inf, np.inf), step=0.02)
+    assert raw.late == 0
 
 
 def test_a_log_without_accelerations_is_differentiated(flight):
@@ -38,7 +49,7 @@ def test_an_array_keeps_its_own_step_and_its_wrench():
     (dut,) = training_segments(array, Vehicle(), step=0.02)
     np.testing.assert_array_equal(dut.chi, chi)
     np.testing.assert_array_equal(dut.goal, chi)
-    assert dut.step == 0.0025
+    assert (dut.step, dut.late) == (0.0025, 0)
 
 
 def test_a_step_below_the_logs_is_refused(flight):

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+import scipy.linalg
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -38,6 +39,28 @@ def test_a_long_step_is_many_short_ones_under_held_zeta(seed, stride):
     coarse = dut.resample(stride)
     assert coarse.step == pytest.approx(stride * dut.step)
     np.testing.assert_allclose(coarse.rollout(z, zeta), fine, rtol=1e-9, atol=1e-9)  # sums of at most 48 terms
+
+
+@given(seeds, st.integers(1, 8), st.floats(0.002, 0.1))
+def test_the_continuous_system_under_held_zeta_is_the_discrete_one(seed, K, step):
+    """With modes up to 2 Hz, far below half the sampling rate, and some that do not decay."""
+    generator = np.random.default_rng(seed)
+    s = np.diag(generator.choice([0.0, 1.0, 5.0], K) * -1.0)
+    turn = generator.standard_normal((K, K))
+    A_c = s + 2 * np.pi * (turn - turn.T) / max(np.linalg.norm(turn - turn.T, 2), 1e-9)
+    B_c = generator.standard_normal((K, 6))
+    augmented = scipy.linalg.expm(step * np.block([[A_c, B_c], [np.zeros((6, K + 6))]]))
+    dut = LiftedLinearSystem(augmented[:K, :K], augmented[:K, K:], np.zeros((6, K)), step)
+    found_A, found_B = dut.continuous()
+    np.testing.assert_allclose(found_A, A_c, atol=1e-7)
+    np.testing.assert_allclose(found_B, B_c, atol=1e-7)
+
+
+@pytest.mark.parametrize("eigenvalue", [0.0, -0.5])
+def test_what_no_continuous_system_does_has_none(eigenvalue):
+    dut = LiftedLinearSystem(np.diag([0.9, eigenvalue]), np.zeros((2, 6)), np.zeros((6, 2)), 0.02)
+    with pytest.raises(ValueError, match="no eigenvalue at zero or on the negative real axis"):
+        dut.continuous()
 
 
 @pytest.mark.parametrize("stride", [0, -1, 1.5])

@@ -28,7 +28,7 @@ def model(configuration: str) -> LiftedModel:
         else DelayEncoder(generator.standard_normal((4, 60)), 5)
     )
     system = LiftedLinearSystem(A, B, C, 0.02)
-    return LiftedModel(configuration, system, encoder, 5, scale, scale, True, {"samples": 7}, ridge=0.5)
+    return LiftedModel(configuration, system, encoder, 5, scale, scale, True, {"samples": 7}, 0.5, late=2)
 
 
 def rewrite(path: Path, change) -> None:
@@ -59,7 +59,7 @@ def test_what_is_read_is_what_was_written(configuration, tmp_path):
     saved = model(configuration)
     save_model(saved, tmp_path / "m.safetensors")
     read = load_model(tmp_path / "m.safetensors", configuration)
-    for name in ("configuration", "window", "predicts_torque", "summary", "ridge", "step"):
+    for name in ("configuration", "window", "predicts_torque", "summary", "ridge", "late", "step"):
         assert getattr(read, name) == getattr(saved, name)
     for name in "ABC":
         np.testing.assert_array_equal(getattr(read.system, name), getattr(saved.system, name))
@@ -198,7 +198,9 @@ def test_a_header_of_nonsense_is_refused_in_one_line(path, header):
 
 
 @pytest.mark.parametrize("junk", [None, [], "x", float("inf"), float("nan"), -1, 1e300, [1], {"a": 1}, True])
-@pytest.mark.parametrize("field", ["window", "step", "summary", "origin", "rotor_lag", "ridge", "configuration"])
+@pytest.mark.parametrize(
+    "field", ["window", "step", "summary", "origin", "rotor_lag", "ridge", "late", "configuration"]
+)
 def test_no_value_of_the_header_is_more_than_a_refusal(path, field, junk):
     def change(tensors, header, metadata):
         where = header["summary"] if field in ("origin", "rotor_lag") else header
@@ -220,6 +222,7 @@ def test_no_value_of_the_header_is_more_than_a_refusal(path, field, junk):
         ("ridge", -1.0, "ridge must be a number from 0 to"),
         ("ridge", "much", "ridge must be a number"),
         ("ridge", float("nan"), "ridge must be a number"),
+        ("late", 5, "late must be 0 to less than the window"),
         ("predicts_torque", "no", "predicts_torque must be true or false; got 'no'"),
         ("predicts_torque", 0, "predicts_torque must be true or false"),
         ("step", 0.0, "step must be a number"),
