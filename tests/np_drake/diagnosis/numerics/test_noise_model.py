@@ -74,5 +74,6 @@ def test_white_noise_by_scale_alone_has_the_power_of_the_residuals():
     found = scale_only(residuals, 0.02)
     power = np.mean(np.concatenate(residuals) ** 2, axis=0)
     np.testing.assert_allclose(found.innovation, power)
+    np.testing.assert_array_equal(found.mixing[2], 0.0)  # a channel that the logs lack
     white = np.concatenate([found.whiten(r) for r in residuals])
     np.testing.assert_allclose(np.mean(white**2, axis=0), [1.0, 1.0, 0.0], rtol=0.02)  # the first row is the past
