@@ -181,13 +181,6 @@ def _environment(root: Path) -> dict[str, str]:
     return os.environ | {"PYTHONPATH": f"{root}{os.pathsep}{root / 'tests'}", "MPLBACKEND": "Agg"}
 
 
-def _distance(path: Path, test: str) -> int:
-    """Return how near a test lies to a source file: 0 in the test of its name, 1 in its room, 2 elsewhere."""
-    file = Path(test.partition("::")[0])
-    room = file.parent == Path("tests") / path.parent or file.name == f"test_{path.parent.name}.py"
-    return 0 if file.name == f"test_{path.name}" else 1 if room else 2
-
-
 def files_naming(path: Path, *, importing: bool) -> dict[str, float]:
     """Return the test files of a module's name, with `importing` those too that import it.
 
@@ -208,18 +201,6 @@ def _distance(path: Path, test: str) -> int:
     file = Path(test.partition("::")[0])
     room = file.parent == Path("tests") / path.parent or file.name == f"test_{path.parent.name}.py"
     return 0 if file.name == f"test_{path.name}" else 1 if room else 2
-
-
-def files_naming(path: Path) -> dict[str, float]:
-    """Return the test files of a module's name, and those that import it, for what no probe sees: compiled functions.
-
-    Args:
-        path: Of the module.
-    """
-    module, every = ".".join(path.with_suffix("").parts), sorted((ROOT / "tests").rglob("test_*.py"))
-    named = [p for p in every if p.name in (f"test_{path.name}", f"test_{path.parent.name}.py")]
-    found = [*named, *(p for p in every if module in p.read_text())]
-    return {str(p.relative_to(ROOT)): UNKNOWN for p in dict.fromkeys(found)}
 
 
 def killer_of(mutant: Mutant, tests: dict[str, float], root: Path) -> str:
@@ -297,15 +278,15 @@ def main() -> int:
         def tried(number: int) -> tuple[str, float]:
             start, root = time.monotonic(), roots.get()
             try:
-                return killer_of(
-                    drawn[number], tests.get(number) or files_naming(drawn[number].path), root
-                ), time.monotonic() - start
+                reaching = tests.get(number, {})
+                reaching = {**reaching, **files_naming(drawn[number].path, importing=not reaching)}
+                return killer_of(drawn[number], reaching, root), time.monotonic() - start
             finally:
                 roots.put(root)
 
-        for i, (mutant, (killer, spent)) in enumerate(
-            zip(drawn, pool.map(tried, range(len(drawn))), strict=True), start=1
-        ):
+        some = [int(k) - 1 for k in options.numbers.split(",")] if options.numbers else [*range(len(drawn))]
+        for i, (killer, spent) in zip(some, pool.map(tried, some), strict=True):
+            mutant = drawn[i]
             alive += [] if killer else [mutant]
             said = f"killed by {killer}" if killer else "SURVIVES"
             print(f"{i + 1:3d}/{len(drawn)}  {spent:4.0f} s  {said}  {mutant}", flush=True)
