@@ -279,8 +279,9 @@ def main() -> int:
             start, root = time.monotonic(), roots.get()
             try:
                 reaching = tests.get(number, {})
-                reaching = {**reaching, **files_naming(drawn[number].path, importing=not reaching)}
-                return killer_of(drawn[number], reaching, root), time.monotonic() - start
+                whole = files_naming(drawn[number].path, importing=not reaching)
+                apart = {name: t for name, t in reaching.items() if name.partition("::")[0] not in whole}
+                return killer_of(drawn[number], whole | apart, root), time.monotonic() - start
             finally:
                 roots.put(root)
 
