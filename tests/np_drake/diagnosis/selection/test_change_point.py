@@ -231,12 +231,3 @@ def test_it_is_sought_if_one_from_the_start_explains_more_than_its_cost(seen, no
     assert max(scores) > max(w.evidence + w.prior for w in weights)
     found = late_payloads(problem, switched_candidates(problem))
     assert found[0].onset["1"] == pytest.approx(1.5, abs=0.05)
-
-
-def test_beside_fewer_members_a_scan_is_that_of_fewer_members(seen, noise):
-    flights = [seen(MassError(0.2), name="one", seed=1, noise=1.0, onset={"mass_error": 5.3})]
-    candidates = [c for e in (MassError, LinearDrag, CenterOfMassOffset) for c in effect_candidates(e, flights, {})]
-    problem = RegressionProblem(flights, noise, candidates[2:], candidates[:2], temperature=1.0, options=REAL)
-    fewer, direct = OnsetScan(problem, [0, 1]).given([0]), OnsetScan(problem, [0])
-    for candidate in candidates:
-        assert fewer.best(candidate).gain == pytest.approx(direct.best(candidate).gain, rel=1e-6, abs=1e-9)
