@@ -39,8 +39,9 @@ TEXT: dict[type, str] = {
     **{ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!="},
     **{ast.And: "and", ast.Or: "or"},
 }
-MOST_SECONDS = 40.0  # of the tests that run on a mutant, as the suite took them
+MOST_SECONDS = 100.0  # of the tests that run on a mutant, as the suite took them
 MOST_TESTS = 200
+UNKNOWN = 10.0  # of a file whose time no run has told [s]
 HANGS = 10.0  # times as long, and a minute to begin: a mutant that hangs is noticed
 
 
@@ -180,6 +181,21 @@ def _environment(root: Path) -> dict[str, str]:
     return os.environ | {"PYTHONPATH": f"{root}{os.pathsep}{root / 'tests'}", "MPLBACKEND": "Agg"}
 
 
+def files_naming(path: Path, *, importing: bool) -> dict[str, float]:
+    """Return the test files of a module's name, with `importing` those too that import it.
+
+    A probe does not see calls of compiled functions, and those that a cache answers.
+
+    Args:
+        path: Of the module.
+        importing: Whether files that import it count.
+    """
+    module, every = ".".join(path.with_suffix("").parts), sorted((ROOT / "tests").rglob("test_*.py"))
+    named = [p for p in every if p.name in (f"test_{path.name}", f"test_{path.parent.name}.py")]
+    found = [*named, *(p for p in every if importing and module in p.read_text())]
+    return {str(p.relative_to(ROOT)): UNKNOWN for p in dict.fromkeys(found)}
+
+
 def _distance(path: Path, test: str) -> int:
     """Return how near a test lies to a source file: 0 in the test of its name, 1 in its room, 2 elsewhere."""
     file = Path(test.partition("::")[0])
@@ -235,6 +251,7 @@ def main() -> int:
     parser.add_argument("--only", action="append", default=[], help="files or folders to draw from; repeatable")
     parser.add_argument("--line", help="only mutants of this line: PATH:LINE")
     parser.add_argument("--jobs", type=int, default=1, help="mutants at once")
+    parser.add_argument("--numbers", help="of the draw, from 1 on, with commas: only these are tried")
     parser.add_argument("--notes", type=Path, help="folder of the suite's run, kept for another run of this draw")
     parser.add_argument("--asked", type=float, default=0.9, help="least share killed")
     options = parser.parse_args()
@@ -261,18 +278,21 @@ def main() -> int:
         def tried(number: int) -> tuple[str, float]:
             start, root = time.monotonic(), roots.get()
             try:
-                return killer_of(drawn[number], tests.get(number, {}), root), time.monotonic() - start
+                reaching = tests.get(number, {})
+                whole = files_naming(drawn[number].path, importing=not reaching)
+                apart = {name: t for name, t in reaching.items() if name.partition("::")[0] not in whole}
+                return killer_of(drawn[number], whole | apart, root), time.monotonic() - start
             finally:
                 roots.put(root)
 
-        for i, (mutant, (killer, spent)) in enumerate(
-            zip(drawn, pool.map(tried, range(len(drawn))), strict=True), start=1
-        ):
+        some = [int(k) - 1 for k in options.numbers.split(",")] if options.numbers else [*range(len(drawn))]
+        for i, (killer, spent) in zip(some, pool.map(tried, some), strict=True):
+            mutant = drawn[i]
             alive += [] if killer else [mutant]
             said = f"killed by {killer}" if killer else "SURVIVES"
-            print(f"{i:3d}/{len(drawn)}  {spent:4.0f} s  {said}  {mutant}", flush=True)
-    killed = 1 - len(alive) / max(1, len(drawn))
-    print(f"{len(drawn) - len(alive)} of {len(drawn)} killed; survivors:", *(alive or ["none"]), sep="\n  ")
+            print(f"{i + 1:3d}/{len(drawn)}  {spent:4.0f} s  {said}  {mutant}", flush=True)
+    killed = 1 - len(alive) / max(1, len(some))
+    print(f"{len(some) - len(alive)} of {len(some)} killed; survivors:", *(alive or ["none"]), sep="\n  ")
     return int(killed < options.asked)
 
 

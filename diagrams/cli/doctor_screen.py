@@ -26,7 +26,9 @@ def screen(report: LogReport) -> list[str]:
     room = WIDTH - len(title)
     body = [f"{title}{verdict:>{room}}"] if room > len(verdict) + 1 else [title, f"{verdict:>{WIDTH}}"]
     for problem in report.problems[:MOST_PROBLEMS]:
-        body += _labelled("!", problem)
+        body += _labelled("!", problem, whole=True)
+    if len(report.problems) > MOST_PROBLEMS:
+        body += _labelled("!", f"{len(report.problems) - MOST_PROBLEMS} more (--json has all)")
     if len(report.flights) == 1:
         body += _facts(first)
     body += _labelled("noise", _noise(first))
@@ -39,12 +41,12 @@ def screen(report: LogReport) -> list[str]:
     return [*body[:1], *lines, *body[1:], *_effects(report)]
 
 
-def _labelled(label: str, text: str) -> list[str]:
-    """Return a text behind its label, in `MOST_LINES` at most."""
+def _labelled(label: str, text: str, *, whole: bool = False) -> list[str]:
+    """Return a text behind its label, in `MOST_LINES` at most, or whole."""
     if not text:
         return []
     lines = wrapped(text, WIDTH - LABEL)
-    if len(lines) > MOST_LINES:
+    if len(lines) > MOST_LINES and not whole:
         lines = [*lines[: MOST_LINES - 1], wrapped(lines[MOST_LINES - 1], WIDTH - LABEL - 2)[0] + " …"]
     shown = [line if len(line) <= WIDTH - LABEL else f"{line[: WIDTH - LABEL - 1]}…" for line in lines]  # a path
     return [f"  {label if i == 0 else '':<{LABEL - 2}}{line}" for i, line in enumerate(shown)]

@@ -73,6 +73,7 @@ def next_flight(
                         explanations,
                         in_simulator,
                         controller=controller,
+                        limits=limits,
                         tell=lambda share: advance(share, ""),
                     )
                 told[name] = found.predicted(motions[name], limits)

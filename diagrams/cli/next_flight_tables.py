@@ -9,7 +9,7 @@ from diagrams.cli.output import Table
 from diagrams.gap.limits_check import Flown
 from np_drake.effects.explanation import STANDS, Explanation
 from np_drake.effects.library import effect_of
-from np_drake.files.number_text import NOTHING, number, percent, probability
+from np_drake.files.number_text import NOTHING, number, of_at_least, percent, probability
 from np_drake.flight_design.prediction import Prediction
 
 HARDLY = 1.0  # distance of a pair below which it is hardly told apart [nat]
@@ -68,8 +68,8 @@ def finding(
         others = ", and tells the others" if len(explanations) > 2 else ""
         apart = number(float(best.distances[best.weakest]), 2)
         return f"Fly the {name}: it hardly tells {a.label} from {b.label}, {apart} nat{others}.{_instead([a, b])}"
-    chance = probability(best.outlook.worst)
-    return f"Fly the {name}: whichever explanation is true, it alone is left with a probability of {chance} or more."
+    chance = of_at_least(best.outlook.worst)
+    return f"Fly the {name}: whichever explanation is true, it alone is left with a probability {chance}."
 
 
 def _instead(explanations: Sequence[Explanation]) -> str:
@@ -93,7 +93,7 @@ def verdict(flown: Sequence[Flown], usage: Mapping[str, float]) -> str:
     worst = max(flown, key=lambda f: f.worst)
     return (
         f"Limits: kept in the simulator under each of {len(flown)} explanations that stand; most used: "
-        f"{_most(worst.usage)}, under {worst.explanation.label}."
+        f"{_most(worst.usage)}, under {worst.explanation.brief}."
     )
 
 

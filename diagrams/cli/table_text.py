@@ -1,13 +1,11 @@
 """Tables and sentences of a terminal: columns that fit its width, lines that break between words alone."""
 
-import re
 import textwrap
 from collections.abc import Sequence
 
-from np_drake.files.number_text import NBSP, NOTHING, number
+from np_drake.files.number_text import NBSP, NOTHING, kept_together, number
 
 GAP = 2  # blanks between two columns
-_UNIT = re.compile(r"(?<=[\d.]) (?=(?:%|[cmµk]?(?:N|m|s|g|V|A|rad|Hz)|deg|nat)(?:[·/²³]\S*)?(?:[\s,;:.)]|$))")
 
 
 def wrapped(text: str, width: int, *, indent: str = "") -> list[str]:
@@ -20,9 +18,8 @@ def wrapped(text: str, width: int, *, indent: str = "") -> list[str]:
     """
     lines: list[str] = []
     for part in text.split("\n"):
-        kept = _UNIT.sub(NBSP, part)
         lines += textwrap.wrap(
-            kept, width, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False
+            kept_together(part), width, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False
         ) or [""]
     return [line.replace(NBSP, " ") for line in lines]
 
@@ -102,4 +99,4 @@ def _shrunk(natural: Sequence[int], least: Sequence[int], room: int) -> list[int
 
 
 def _longest_word(text: str) -> int:
-    return max(map(len, _UNIT.sub(NBSP, text).replace("\n", " ").split(" ")), default=0)
+    return max(map(len, kept_together(text).replace("\n", " ").split(" ")), default=0)

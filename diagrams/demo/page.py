@@ -5,14 +5,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from jinja2 import Environment, StrictUndefined
-
 from diagrams.demo.figures import LABELS
 from diagrams.demo.story import HELD_OUT, SIMULATORS, Demo
 from diagrams.tracking.tracking import TRACKS
 from np_drake.diagnosis.report import words
 from np_drake.diagnosis.report.headline import named_causes
-from np_drake.diagnosis.report.page import embedded, style
+from np_drake.diagnosis.report.page import embedded, style, template_of
 from np_drake.diagnosis.result import UNKNOWN, Estimate
 from np_drake.files.atomic_file import write_text
 
@@ -30,7 +28,7 @@ def write_index(demo: Demo, pictures: Mapping[str, bytes], links: Mapping[str, s
         folder: takes the page.
     Raises: OSError: if it cannot be written.
     """
-    template = Environment(autoescape=True, undefined=StrictUndefined).from_string(TEMPLATE.read_text("utf-8"))
+    template = template_of(TEMPLATE.read_text("utf-8"))
     shown = {name: embedded(picture) for name, picture in pictures.items()}
     write_text(folder / FILE, template.render(**content(demo), figures=shown, links=links, style=style()))
     return folder / FILE

@@ -132,6 +132,7 @@ def keep_limits(
     fly_one: Callable[[FadedMultisine, Explanation], Flown],
     *,
     controller: str,
+    limits: Limits,
     tell: Callable[[float], None] | None = None,
 ) -> tuple[FadedMultisine, list[Flown]]:
     """Fly a motion under every explanation, made smaller until every flight keeps the limits.
@@ -141,10 +142,11 @@ def keep_limits(
         explanations: that stand.
         fly_one: flies a motion under an explanation.
         controller: kind that flies, for the message.
+        limits: that are kept, for the message.
         tell: called with the share done [1].
     Raises: CannotFly: if even the smallest motion tried breaks a limit.
     """
-    _require_flyable(motion, explanations, fly_one, controller)
+    _require_flyable(motion, explanations, fly_one, controller, limits)
     order = list(range(len(explanations)))
     for attempt in range(TRIES):
         flown: dict[int, Flown] = {}
@@ -160,7 +162,7 @@ def keep_limits(
         order = [k, *(i for i in order if i != k)]  # the next try begins where this one failed
         if attempt + 1 < TRIES:
             motion = motion.scaled(max(0.5, ROOM / worst.worst))
-    raise _breaks(worst, controller)
+    raise _breaks(worst, controller, limits)
 
 
 def _require_flyable(
@@ -168,6 +170,7 @@ def _require_flyable(
     explanations: Sequence[Explanation],
     fly_one: Callable[[FadedMultisine, Explanation], Flown],
     controller: str,
+    limits: Limits,
 ) -> None:
     """Check by a few seconds of the smallest motion that would be tried that it keeps the limits.
 
@@ -177,14 +180,24 @@ def _require_flyable(
     for explanation in explanations:
         flown = fly_one(least, explanation)
         if flown.worst > 1.0:
-            raise _breaks(flown, controller)
+            raise _breaks(flown, controller, limits)
 
 
-def _breaks(flown: Flown, controller: str) -> CannotFly:
+def _breaks(flown: Flown, controller: str, limits: Limits) -> CannotFly:
     """Return the error of a flight that breaks a limit however small its motion is."""
     most = max(flown.usage, key=lambda name: flown.usage[name], default="")
     why = flown.lost.rstrip(".") or f"{most} is {number(flown.usage[most])} of its limit"
-    remedy = "Name another --controller, give --no-fly" if flown.lost else "Name another --controller, or wider limits"
+    remedy = "Name another --controller" + (", give --no-fly" if flown.lost else _wider(most, limits))
     return CannotFly(
-        f"limits: no motion keeps them with controller {controller}: {why} under {flown.explanation.label}. {remedy}."
+        f"limits: no motion keeps them with controller {controller}: {why} under {flown.explanation.brief}. {remedy}."
     )
+
+
+def _wider(name: str, limits: Limits) -> str:
+    """Return which option widens a limit, and its present value; empty where none does, as of the thrust."""
+    now = {
+        "room": f"--box (now {' '.join(number(side) for side in limits.box)} m)",
+        "speed": f"--speed (now {number(limits.speed)} m/s)",
+        "tilt": f"--tilt (now {number(limits.tilt)} rad)",
+    }
+    return f", or widen {now[name]}" if name in now else ""

@@ -3,13 +3,11 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from jinja2 import Environment, StrictUndefined
-
 from diagrams.loop import flight_figures
 from diagrams.loop.controllers import LEARNED
 from diagrams.loop.flight_result import FlightResult
 from np_drake.diagnosis.report import words
-from np_drake.diagnosis.report.page import embedded, style
+from np_drake.diagnosis.report.page import embedded, style, template_of
 from np_drake.files.atomic_file import write_bytes, write_text
 from np_drake.files.figure_file import png
 
@@ -57,14 +55,14 @@ def write_comparison(flights: Sequence[FlightResult], folder: Path, *, lost: Seq
     first = flights[0]
     picture = png(flight_figures.overlay(flights, f"{first.config.name} · seed {first.seed}"))
     write_bytes(folder / f"{first.config.name}_comparison.png", picture)
-    template = Environment(autoescape=True, undefined=StrictUndefined).from_string(TEMPLATE.read_text("utf-8"))
+    template = template_of(TEMPLATE.read_text("utf-8"))
     page = folder / f"{first.config.name}_comparison.html"
     content = {
         "style": style(),
         "name": first.config.name,
         "vehicle": first.config.vehicle.name,
         "seed": first.seed,
-        "headline": sentence(flights).rstrip(".").replace(" cm", f"{words.NBSP}cm"),
+        "headline": sentence(flights).rstrip("."),
         "conditions": " ".join(filter(None, [conditions(first), models(flights)])),
         "rows": [_row(flight) for flight in flights],
         "lost": lost,

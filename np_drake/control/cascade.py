@@ -49,9 +49,6 @@ def cascade(
         step: since the last call [s].
     Source: the usual cascade on differential flatness; gains are an own choice.
 
-    Args:
-        x: (13,) state.   target: (16,) p, v, a in W, w, dw/dt in B, heading.
-        integral: (6,) of the errors of position and attitude [m·s, rad·s].   step: since the last call [s].
     Returns:
         u (4,) [N, N·m] after saturation, and the new integral.
     """

@@ -34,6 +34,7 @@ from np_drake.diagnosis.report.coverage import coverage
 from np_drake.diagnosis.residuals import FlightResiduals, make_flight_residuals, natural_step, require_flights
 from np_drake.diagnosis.result import UNKNOWN, Diagnosis, Replay
 from np_drake.flight_log import FlightLog
+from np_drake.logs.gaps import said_of_bridged
 from np_drake.logs.hover_thrust import with_hover_thrust
 from np_drake.logs.throttle_input import with_one_exponent
 from np_drake.vehicle import Vehicle
@@ -104,7 +105,10 @@ def diagnose(
     first = infer(fitted, judging, options)
     novel = novelty(first)
     tell(0.6, "how far")
-    answer = dc.replace(_answer(first, names, replay), new_on_held_out=novel, wall=time.perf_counter() - start)
+    answer = _answer(first, names, replay)
+    filled = said_of_bridged([*train, *held_out])
+    wall = time.perf_counter() - start
+    answer = dc.replace(answer, new_on_held_out=novel, warnings=(*answer.warnings, *filled), wall=wall)
     if not (novel and adaptive_split):
         return answer
 

@@ -2,11 +2,14 @@
 
 import os
 import signal
+import sys
+import threading
 from types import FrameType
-from typing import NoReturn
+from typing import Any, NoReturn
 
 ENDING = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
 PATIENCE = 3  # signals after which a run ends without clearing up
+AGAIN = 0.02  # after which a lost signal comes again [s]; own choice
 _seen: list[int] = []  # numbers of the signals of this process
 
 
@@ -28,6 +31,7 @@ def end_in_order() -> None:
     """Let signals raise in the main thread, so that temporary files and processes are cleared away."""
     _seen.clear()
     _handle(_raise)
+    sys.unraisablehook = _without_signals
 
 
 def last_signal() -> int | None:
@@ -42,6 +46,16 @@ def raise_again() -> None:
     """Raise for a signal whose exception was lost, as one raised inside a finaliser is; call it as work goes on."""
     if _seen:
         raise _exception(_seen[-1])
+
+
+def _without_signals(lost: Any) -> None:
+    """Report an exception that nothing can catch; a signal that is lost in a callback or finaliser comes again."""
+    if not isinstance(lost.exc_value, KeyboardInterrupt | Ended) or not _seen:
+        sys.__unraisablehook__(lost)
+        return
+    again = threading.Timer(AGAIN, os.kill, (os.getpid(), _seen.pop()))  # which counts it, once
+    again.daemon = True
+    again.start()
 
 
 def _handle(handler) -> None:

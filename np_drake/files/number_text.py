@@ -1,10 +1,12 @@
 """Numbers and units as text, alike on the screen, in reports and in tables."""
 
 import math
+import re
 import sys
 
 NOTHING = "–"
 NBSP = "\u00a0"  # a number and its unit stay on one line
+_UNIT = re.compile(r"(?<=[\d.]) (?=(?:%|[cmµk]?(?:N|m|s|g|V|A|rad|Hz)|deg|nat)(?:[·/²³]\S*)?(?:[\s,;:.)]|$))")
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 _THOUSANDTHS = {"N", "N·m", "N·s/m", "N·m·s/m", "N·s²/m²", "s", "rad/s"}  # units with the prefixes m and µ
@@ -68,9 +70,9 @@ def percent(share: float | None) -> str:
     if share is None or not math.isfinite(share):
         return NOTHING
     if 0.9995 <= share < 1:
-        return f"> 99.9{NBSP}%"
+        return f">{NBSP}99.9{NBSP}%"
     if 0 < share < 0.001:
-        return f"< 0.1{NBSP}%"
+        return f"<{NBSP}0.1{NBSP}%"
     near = 0 < share < 0.0095 or 0.985 < share < 1
     return f"{fixed(100 * share, 1 if near else 0)}{NBSP}%"
 
@@ -78,6 +80,17 @@ def percent(share: float | None) -> str:
 def probability(value: float) -> str:
     """Return a probability in per cent, never 0 % or 100 %."""
     return percent(min(max(value, 1e-9), 1 - 1e-9)) if math.isfinite(value) else NOTHING
+
+
+def of_at_least(value: float) -> str:
+    """Return a least probability as text behind 'a probability': 'of 98 % or more', or 'above 99.9 %'."""
+    text = probability(value)
+    return f"above {text[2:]}" if text.startswith(">") else f"of {text} or more"
+
+
+def kept_together(text: str) -> str:
+    """Return a text in which no line breaks between a number and its unit."""
+    return _UNIT.sub(NBSP, text)
 
 
 def measure(value: float | None, unit: str, digits: int = 2) -> str:

@@ -48,6 +48,11 @@ class Limits:
         """Half of the room that Bo may use, (3,) [m]."""
         return 0.5 * (self.upper - self.lower)
 
+    @property
+    def box(self) -> np.ndarray:
+        """Room (3,) along x, y, z that these limits are for [m]."""
+        return np.array([*(self.upper - self.lower)[:2] + 2 * WALL, self.upper[2] + WALL])
+
     def usage(self, t: np.ndarray, flat: np.ndarray) -> dict[str, float]:
         """Return the share of each limit that a motion uses, by name; at most 1 where it is kept [1].
 

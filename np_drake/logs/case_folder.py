@@ -79,6 +79,11 @@ def _parts(found: Opened) -> list[FlightLog]:
     kept = [log for log in parts if log.t[-1] - log.t[0] >= SHORTEST] or parts
     note = [f"{len(parts) - len(kept)} parts shorter than {SHORTEST:g} s left out"] * (len(kept) < len(parts))
     return [
-        dc.replace(log, name=f"{path.name} part {i}", notes=[*log.notes, *note] if i == 1 else [])
+        dc.replace(log, name=f"{path.name} part {i}", notes=[*log.notes, *note] if i == 1 else _own(log, kept[0]))
         for i, log in enumerate(kept, start=1)
     ]
+
+
+def _own(log: FlightLog, first: FlightLog) -> list[str]:
+    """Return the notes of a part that are not those of the whole file."""
+    return [note for note in log.notes if note not in first.notes]

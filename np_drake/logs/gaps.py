@@ -1,10 +1,13 @@
 """Gaps and bad rows of a log: short gaps are bridged, long ones split it, a few bad rows are mended if asked."""
 
 import itertools
+from collections.abc import Sequence
 
 import numpy as np
 
 from np_drake import attitude
+from np_drake.files.number_text import percent
+from np_drake.flight_log import FlightLog
 from np_drake.logs.checks import GAP, LEAST_ROWS, NORM_TOLERANCE, is_figure, quaternion_norm
 from np_drake.logs.columns import COLUMNS, FIELDS, Table
 
@@ -184,3 +187,16 @@ def _refuse_long_run(table: Table, name: str, good: np.ndarray) -> None:
             column=name,
             row=int(start[worst]),
         )
+
+
+def said_of_bridged(logs: Sequence[FlightLog]) -> list[str]:
+    """Return one line on the rows that readers put into short gaps of flights; none where there are none."""
+    counts = [int(log.bridged.sum()) for log in logs if log.bridged is not None]
+    if not any(counts):
+        return []
+    share = sum(counts) / sum(map(len, logs))
+    flights = f"{sum(map(bool, counts))} of {len(logs)} flights"
+    return [
+        f"{sum(counts)} rows ({percent(share)}) in gaps of up to {LONGEST:g} s of {flights} were filled in; they do "
+        "not count in the answer, and below 10 % nothing needs to be done."
+    ]

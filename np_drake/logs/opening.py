@@ -4,11 +4,15 @@ import dataclasses as dc
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
+
 from np_drake.flight_log import FlightLog
+from np_drake.logs.checks import LEAST_ROWS
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats import log_file, neurobem
 from np_drake.logs.formats.format import Progress, first_bytes, no_progress
 from np_drake.logs.import_sheet import Sheet
+from np_drake.logs.importing.crash import FITS, WRECK, end_of_flight, fits_until
 from np_drake.logs.importing.import_log import import_log
 from np_drake.logs.importing.log_map import LogMap, MapFile
 from np_drake.logs.input_choice import chosen_input, with_vehicle_input
@@ -74,11 +78,38 @@ def read_as_logged(
     if map is None and neurobem.is_array(path):
         raise LogError(f"{path}: an array has no commands to diagnose; give the flight's CSV.")
     if map is None and neurobem.is_neurobem(path):
-        return Opened(path, neurobem.read(path, repair=repair), vehicle=neurobem.published_vehicle())
+        flights = _flown(neurobem.read(path, repair=repair), path)
+        return Opened(path, flights, vehicle=neurobem.published_vehicle())
     if map is None and log_file.is_flight_log(path):
-        return Opened(path, log_file.read(path, repair=repair))
+        return Opened(path, _flown(log_file.read(path, repair=repair), path))
     found = import_log(path, map, on_progress=on_progress)
+    found.flights[-1].notes.extend(line for line in found.said if line.startswith(FITS))
     return Opened(path, list(found.flights), found.sheet)
+
+
+def _flown(flights: Sequence[FlightLog], path: Path) -> list[FlightLog]:
+    """Return flights up to where one ends badly, with a note; what is nothing but a wreck is left out.
+
+    Raises: LogError: where nothing else is left.
+    """
+    kept: list[FlightLog] = []
+    for log in flights:
+        end, why = end_of_flight(log.t, log.p, log.v, log.q, _lift(log))
+        if end < LEAST_ROWS:
+            continue
+        kept.append(log.rows(0, end) if why else log)
+        if why:
+            kept[-1].notes.append(fits_until(log.t[end - 1] - log.t[0], why))
+    if not kept:
+        raise LogError(f"{path}: {WRECK}")
+    return kept
+
+
+def _lift(log: FlightLog) -> np.ndarray:
+    """Return what stands for the lift of the rotors (n,), in any unit."""
+    if log.rotor is not None:
+        return np.sum(log.rotor**2, axis=1)
+    return log.u[:, 0] if log.throttle is None else log.throttle.mean(axis=1)
 
 
 def with_vehicle(

@@ -19,8 +19,10 @@ from np_drake.diagnosis.regressors import DRAG, PAYLOAD, WIND, nuisance_of, tole
 from np_drake.diagnosis.residuals import FORCE, FlightResiduals, make_flight_residuals, natural_step
 from np_drake.effects.library import LIBRARY, effects_for, unobservable
 from np_drake.effects.parameter import usual_size
+from np_drake.files.number_text import number
 from np_drake.flight_log import FlightLog
 from np_drake.logs.hover_thrust import with_hover_thrust
+from np_drake.logs.importing.crash import FITS
 from np_drake.vehicle import Vehicle
 
 Progress = Callable[[float, str], None]
@@ -74,7 +76,9 @@ def examine(
         if vehicle is None:
             problems.append("no vehicle file: effects are not judged (np-drake doctor --vehicle FILE)")
         problems += as_lines(doubt for doubt in own if not doubt.fails)
-        return LogReport(facts, bool(long_enough) and not wrong, tuple(problems))
+        fastest = {key: max(f.motion[key] for f in facts) for key in ("speed [m/s]", "rate [rad/s]", "tilt [deg]")}
+        still = [] if excited(fastest | {"thrust variation [1]": 0.0}) else [_still(fastest)]
+        return LogReport(facts, bool(long_enough) and not (wrong or still), (*still, *problems))
     return _with_answers(LogReport(facts, True, tuple(problems), vehicle.name), long_enough, vehicle, tell)
 
 
@@ -110,7 +114,7 @@ def _with_answers(report: LogReport, logs: Sequence[FlightLog], vehicle: Vehicle
     known["lacks"] = sorted({quantity for log in logs for quantity in log.lacks})
     gust = smallest_gust(explained.noise, moving["duration [s]"])
     found = answers(smallest_sizes(information), gust, explained.drag, vehicle, log_input=first.input, **known)
-    still = () if excited(moving) else ("the flights excite nothing: move, and turn about every axis",)
+    still = () if excited(moving) else (_still(moving),)
     return dc.replace(
         report,
         usable=not still and not any(doubt.fails for doubt in first_of_all),
@@ -131,6 +135,15 @@ def _residual_force(flights: Sequence[FlightResiduals]) -> dict[str, float]:
     return dict(zip("xyz", (np.sqrt(np.mean(y**2, axis=0)) / weight).tolist(), strict=True))
 
 
+def _still(moving: Mapping[str, float]) -> str:
+    """Return that flights do not move, and what to fly."""
+    speed, rate = number(moving["speed [m/s]"], 2), number(moving["rate [rad/s]"], 2)
+    return (
+        f"nothing moves (speed {speed} m/s, rates {rate} rad/s): fly sprints in both horizontal directions, climbs, "
+        "and turns about every axis, for a minute"
+    )
+
+
 def _head(log: FlightLog) -> FlightLog:
     rows = int((log.t <= log.t[0] + MOST_SECONDS).sum())
     return log if rows == len(log) else log.rows(0, rows)
@@ -143,7 +156,7 @@ def _no_flight(f: FlightFacts) -> list[str]:
 
 def _limits(f: FlightFacts) -> list[str]:
     """Return what limits the use of a flight, one line each."""
-    found = []
+    found = [f"{f.name}: {note}" for note in f.notes if note.startswith(FITS)]
     if f.bridged > MOST_GAPS * f.rows:
         found.append(f"{f.name}: {f.bridged / f.rows:.0%} of the rows were put into gaps")
     if f.saturated is not None and f.saturated > MOST_SATURATED:

@@ -99,6 +99,8 @@ class Information:
             return False
         a, b = self._at[id(trace)], self._at[id(other)]
         own, cross, theirs = (self._matrix[np.ix_(i, j)] for i, j in ((a, a), (a, b), (b, b)))
+        if not np.trace(theirs) > 0:  # of a flight in which it leaves nothing
+            return False
         ridge = SINGULAR * np.trace(theirs) * np.eye(len(b))
         left = np.diag(own - cross @ np.linalg.solve(theirs + ridge, cross.T))
         return bool(np.all(left < NESTED * np.diag(own)))

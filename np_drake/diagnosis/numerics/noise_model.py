@@ -16,6 +16,7 @@ import numpy as np
 from numpy.lib.stride_tricks import as_strided
 
 from np_drake.diagnosis.options import Tolerance
+from np_drake.files.stored_number import stored_numbers
 
 BLOCK = 32  # output rows that are filtered at a time
 
@@ -221,8 +222,15 @@ class Readings:
         Raises: ValueError: if a number cannot be that of a noise model or a tolerance.
         """
         found = content["noise"]
-        phi, mixing, rms, innovation = (np.array(found[name], float) for name in ("phi", "mixing", "rms", "innovation"))
-        step, tolerance = float(found["step"]), {name: float(value) for name, value in content["tolerance"].items()}
+        phi, mixing, rms, innovation, stored = (
+            stored_numbers(found[name], f"readings: {name} of the noise")
+            for name in ("phi", "mixing", "rms", "innovation", "step")
+        )
+        step = float(stored)
+        tolerance = {
+            name: float(stored_numbers(value, f"readings: tolerance of {name}"))
+            for name, value in content["tolerance"].items()
+        }
         c = len(rms) if rms.ndim == 1 else 0
         if phi.ndim != 2 or not 0 < phi.shape[1] <= MOST_LAGS or innovation.shape != (c,) or mixing.shape != (c, c):
             raise ValueError(

@@ -23,6 +23,10 @@ RESONANCES = (0.4, 0.6, 0.8, 1.05, 1.4, 1.8, 2.4, 3.2, 4.2)  # [Hz]
 DAMPING = 0.1  # damping of the resonances in the grids [1]
 TWISTS = tuple(0.7 * 1.3**k for k in range(9))  # frequencies of resonances between command and torque [Hz]
 CENTRES = 10  # number of centres of the position group
+WORDS = {  # by what a log holds: what drives the twist, the thrust, and another axis
+    "command": ("the commanded torque", "its command", "the command"),
+    "rotor_speed": ("the torque of the rotors", "the square of rotor speed", "that"),
+}
 Pushes = Callable[[FlightState], np.ndarray]  # (m, 6, k) force and torque in B in units of their prior
 
 
@@ -34,6 +38,7 @@ def generic_candidates(flights: Sequence[FlightResiduals], priors: Priors) -> li
         priors: priors of parameters, swings and onsets.
     """
     states = {e.name: flight_state(e) for e in flights}
+    torque, thrust, other = WORDS["rotor_speed" if flights[0].log.input == "rotor_speed" else "command"]
     found = [
         _candidate(flights, states, priors, name, text, pushes)
         for name, text, pushes in (
@@ -41,15 +46,15 @@ def generic_candidates(flights: Sequence[FlightResiduals], priors: Priors) -> li
             ("side force", "a force across velocity and body rate", _side_force),
             ("velocity", "a force and torque that go with velocity", _velocity),
             ("cross flow", "a force that goes with the product of two velocities", _cross_flow),
-            ("thrust curve", "thrust that is no straight line of its command", _thrust_curve),
-            ("command", "torque that goes with the command of another axis", _coupling),
+            ("thrust curve", f"thrust that is no straight line of {thrust}", _thrust_curve),
+            ("command", f"torque that goes with {other} of another axis", _coupling),
             ("height", "a force that goes with height", _height),
             ("place", "a force tied to a place", _place(states)),
         )
     ]
     for name, driven, frequencies, pushes in (
         ("resonance", "the motion", RESONANCES, _resonance),
-        ("twist", "the commanded torque", TWISTS, partial(_twist, priors=priors)),
+        ("twist", torque, TWISTS, partial(_twist, priors=priors)),
     ):
         prior = -math.log(len(frequencies))
         for f in frequencies:

@@ -94,7 +94,7 @@ def _less(here: Mapping, there: Mapping, quantity: str, flights: int) -> str:
     subject = "The held-out flight reaches" if flights == 1 else "The held-out flights reach"
     if quantity == "duration":
         subject = "The held-out flight lasts" if flights == 1 else "The held-out flights last"
-    what = " of commanded torque" if quantity == "torque" else ""
+    what = " of torque" if quantity == "torque" else ""
     return f"{subject} {measure(*here[quantity])}{what}, training {measure(*there[quantity])}"
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from np_drake.diagnosis.report.words import bare_name, capital, described, flights, listed, measure, phrase
 from np_drake.diagnosis.result import UNKNOWN, Cause, Diagnosis, Finding, GapReduction
-from np_drake.files.number_text import NBSP, number, percent, probability
+from np_drake.files.number_text import NBSP, number, of_at_least, percent, probability
 
 PLAIN_GAP = 1.4  # residual over noise above which a simulator does not agree with the logs [1]; own choice
 LEAST_GAP = 1.05  # residual over noise below which a share of the gap has no meaning [1]; own choice
@@ -86,8 +86,9 @@ def lead(diagnosis: Diagnosis) -> str:
         return "The training flights excite too little to tell one effect from another."
     causes, gap = named_causes(diagnosis), has_gap(reduction)
     if causes and gap:
-        least = probability(min(cause.probability for cause in causes))
-        said.append(f"probability {least}" if len(causes) == 1 else f"each has a probability of {least} or more")
+        least = min(cause.probability for cause in causes)
+        one = f"probability {probability(least)}"
+        said.append(one if len(causes) == 1 else f"each has a probability {of_at_least(least)}")
     elif causes:
         them = listed([bare_name(c.identifier) for c in causes])
         said.append(f"training names {them}, which these flights do not need")

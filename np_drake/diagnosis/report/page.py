@@ -9,7 +9,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from jinja2 import Environment, StrictUndefined
+from jinja2 import Environment, StrictUndefined, Template
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
@@ -26,6 +26,7 @@ from np_drake.diagnosis.report.summary import next_steps
 from np_drake.diagnosis.result import Diagnosis, Finding, Localisation, ReplayGap, as_json
 from np_drake.files.atomic_file import require_writable, write_bytes, write_json, write_text
 from np_drake.files.figure_file import png
+from np_drake.files.number_text import kept_together
 
 TEMPLATE, STYLE = "report.html.j2", "style.css"
 PAGE, DATA = "report.html", "diagnosis.json"
@@ -47,11 +48,22 @@ def render(
         seed: seed of the diagnosis, which the page states.
         beside: texts of links by the names of files in the same folder.
     """
-    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    environment.filters["longest_word"] = longest_word
-    template = environment.from_string(_text(TEMPLATE))
+    template = template_of(_text(TEMPLATE))
     pictures = {name: embedded(png) for name, png in figures.items()}
     return template.render(**content(diagnosis, seed), figures=pictures, beside=beside, style=style())
+
+
+def template_of(text: str) -> Template:
+    """Return the template of a page; in what it puts in, a number stays with its unit."""
+    environment = Environment(
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        finalize=lambda value: kept_together(value) if type(value) is str else value,
+    )
+    environment.filters["longest_word"] = longest_word
+    return environment.from_string(text)
 
 
 def longest_word(text: str) -> int:

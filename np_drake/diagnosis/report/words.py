@@ -2,6 +2,7 @@
 
 import math
 import re
+import string
 from collections.abc import Sequence
 
 from np_drake.diagnosis.result import UNKNOWN, Cause, Estimate, Finding
@@ -91,7 +92,8 @@ def phrase(cause: Cause) -> str:
     name, parameters = name_of(cause.identifier), cause.parameters
     values = {n: estimate(p, unit_of(cause, p), brief=True)[0] for n, p in parameters.items()}
     (unit, *others) = {p.unit for p in parameters.values()} or {""}
-    if (own := effect_of(cause.identifier).phrase) and values:
+    own = effect_of(cause.identifier).phrase
+    if own and {field for _, field, _, _ in string.Formatter().parse(own) if field} <= set(values):
         return own.format(**values)
     if len(values) == 1:
         return f"{name} of {next(iter(values.values()))}"

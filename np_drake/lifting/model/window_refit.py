@@ -20,7 +20,7 @@ class WindowRefit:
 
         Theta = Theta_0 + (X'X + p)^-1 X'(Y - X Theta_0).
 
-    p, the model's `ridge`, is learned from the training flights (`PaperTrainer.strength`). Directions that the window
+    p, the model's `ridge`, is learned from the training flights (`most_likely_ridge`). Directions that the window
     does not excite stay at the prior: forty samples cannot determine thirty columns (median rank 15 on real flights).
     Each label stands beside the zeta of its own time, `late` samples before it.
     Source: Jin et al. 2025, Algorithm 1; the prior is an own choice.

@@ -26,7 +26,8 @@ class Excitation:
     """Excitation of each direction of zeta in a flight.
 
     noise: (6,) motion too small to learn from: averaged noise of zeta and 1 % of the group's motion [m/s,
-    rad/s].   line_share: its share of the motion's power [1].
+    rad/s].   line_share: its share of the motion's power [1]; near 1 for a single circle, which cannot show modes at
+    other frequencies.
     """
 
     noise: np.ndarray
@@ -43,11 +44,6 @@ class Excitation:
         return N @ (V.T * self.gain) @ V @ np.linalg.inv(N)
 
     @property
-    def one_line(self) -> bool:
-        """Whether the motion is all but one line, a single circle, which cannot show modes at other frequencies."""
-        return self.line_share > 0.8
-
-    @property
     def excited(self) -> np.ndarray:
         """Whether each direction is trusted at least half, (6,)."""
         return self.gain >= 0.5
@@ -61,7 +57,7 @@ class Excitation:
         ]
         line = f"{self.excited.sum()} of 6 directions of zeta excited"
         line += f"; B shrunk along {', '.join(weak)}" if weak else ""
-        if self.one_line:
+        if self.line_share > 0.8:
             line += f"; {100 * self.line_share:.0f} % of the motion is one line at {self.line_frequency:.2f} Hz"
         return line + "."
 

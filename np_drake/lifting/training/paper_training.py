@@ -3,7 +3,7 @@
 What the paper leaves open is settled as follows (docs/reference/predictor.md lists it with reasons and effects):
 - The window's least squares for A, B has 30 columns and 39 rows of median rank 15: it is Bayesian regression about a
   prior A_0, B_0 shared by all windows: least squares over all of them, renewed every epoch, and in flight the offline
-  model. How far windows stray from it is the evidence of the windows themselves (`PaperTrainer.strength`).
+  model. How far windows stray from it is the evidence of the windows themselves (`most_likely_ridge`).
 - B_0 is shrunk along directions of zeta that the flights do not excite.
 - Stable: A_0 and each window's A are made stable as in flight before they are iterated.
 - Backward in time, A^-1 of a stable A grows like |lambda|^-40. A is inverted in the least-squares sense: the window
@@ -14,7 +14,9 @@ What the paper leaves open is settled as follows (docs/reference/predictor.md li
 - A causal label lags behind its zero-phase target, and Phi, which sees one instant, cannot undo that: each label stands
   beside the zeta of its own time, in training and in flight.
 - Every window is turned by quarter turns about the vertical or mirrored: a circle in one direction locks force and
-  velocity in a relation that no other flight has.
+  velocity in a relation that no other flight has. So the mean wrench is vertical, and the A that flies forgets
+  departures from it within a window: one instant of chi does not show the phase of a swing, and a forecast that holds
+  one pumps it.
 """
 
 import dataclasses as dc
@@ -26,15 +28,20 @@ from torch import nn
 from np_drake.lifting.model.channel_views import turns
 from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
 from np_drake.lifting.model.lifted_model import PAPER, LiftedModel
-from np_drake.lifting.model.stabilized import stabilized_all
-from np_drake.lifting.model.window_refit import RADIUS
 from np_drake.lifting.training.checkpoint import Checkpoint, OnEpoch
 from np_drake.lifting.training.excitation import measure_excitation
 from np_drake.lifting.training.phi_module import PhiModule
+from np_drake.lifting.training.window_fits import (
+    forgetful,
+    global_fit,
+    most_likely_ridge,
+    regression,
+    stable,
+    window_fit,
+)
 from np_drake.training_data.segments import Segment, check_segments, group_scale
 
-STRENGTHS = tuple(10.0**k for k in range(9))  # ridges that are tried, up to no refit at all [samples of unit size]
-SINGULAR = 1e-12 * torch.eye(6, dtype=torch.float64)  # for labels that are exact [1]
+BLOCKS = 4  # of time; the windows of one are judged about the prior of the others [1]
 
 
 @dc.dataclass(frozen=True)
@@ -48,7 +55,7 @@ class PaperConfig:
     window: int = 40  # samples of a window [1]
     beta: tuple[float, float, float] = (1.0, 1.0, 1.0)  # weights: forward, backward, reconstruction [1]
     mu: float = 0.999  # discount of a prediction step, forward and backward [1]
-    symmetric: bool = True  # show the windows turned and mirrored (force in W, yaw near zero); False in other frames
+    symmetric: bool = True  # windows turned and mirrored, a horizontal force fades (in W, yaw near zero); else False
     epochs: int = 8  # passes over the windows [1]
     batch: int = 32  # windows of a gradient step [1]
     spacing: int = 5  # samples between the starts of windows [1]
@@ -66,7 +73,7 @@ class PaperTrainer:
     """
 
     def __init__(self, segments: list[Segment], config: PaperConfig):
-        self.config, self.late = config, max(segment.late for segment in segments)
+        self.config, self.late = config, max((segment.late for segment in segments), default=0)
         segments = [segment.in_time for segment in check_segments(segments, 2 * config.window + self.late)]
         self.step = float(np.median([segment.step for segment in segments]))
         self.samples = sum(map(len, segments))
@@ -133,8 +140,8 @@ class PaperTrainer:
         with torch.no_grad():
             z = self.phi(self._chi)
             C = self._best_readout(z).numpy() * self.chi_scale[:, None]
-            if self.excitation.one_line:
-                A = _forgetful(A, z, self.config.window)
+            if self.config.symmetric:
+                A = forgetful(A, z, self.config.window)
         system = LiftedLinearSystem(A.numpy().T, B.numpy().T / self.zeta_scale, C, self.step)
         summary = {
             "samples": self.samples, "epochs": self.epoch, "loss": self.history[-1] if self.history else None,
@@ -167,39 +174,23 @@ class PaperTrainer:
             self.optimiser.state[parameter] = {"step": count, **moments}
 
     def _fit_priors(self) -> None:
-        """Fit the priors of this epoch by least squares over all windows with the present Phi."""
+        """Fit the priors of this epoch, and how surely they hold in a window, with the present Phi."""
         with torch.no_grad():
-            self.forward_prior, self.backward_prior = self._prior(backward=False), self._prior(backward=True)
-        self.ridge = self.strength()
+            z, (chi, zeta) = self.phi(self._chi), self._pairs
+            self.forward_prior, self.backward_prior = self._prior(z), self._prior(z, backward=True)
+            others = torch.stack([self._prior(z, without=block) for block in range(BLOCKS)])
+            self.ridge = most_likely_ridge(self.phi(chi), zeta, chi / self._scale(), self.C, others[_blocks(len(chi))])
 
-    def _prior(self, *, backward: bool) -> torch.Tensor:
-        """Return [A_0 B_0]' (K + 6, K) over all windows, A stable, B without zeta along unexcited directions."""
-        X, Y = _regression(self.phi(self._chi), self._zeta, backward=backward)
-        K = Y.shape[-1]
-        fit = _global_fit(torch.cat([X[..., :K], X[..., K:] @ self._seen], dim=-1), Y)
-        return torch.cat([_stable(fit[:K]), self._seen @ fit[K:]])
+    def _prior(self, z: torch.Tensor, *, backward: bool = False, without: int = -1) -> torch.Tensor:
+        """Return [A_0 B_0]' (K + 6, K) over all windows, or all without those of a block of time.
 
-    def strength(self) -> float:
-        """Return the ridge under which what follows the windows of the training is most likely [samples of unit size].
-
-        A window's own A, B, fitted under the ridge, forecast the next window from its first sample on. Of the error of
-        chi / scale at every step ahead, normal with a covariance of its own, the log likelihood at its maximum is
-        -n/2 log|covariance| + const; summed over the steps, it is the evidence of the ridge.
+        A is stable, B without zeta along unexcited directions.
         """
-        with torch.no_grad():
-            z, goal = self.phi(self._pairs[0]), self._pairs[0] / self._scale()
-            X, Y = _regression(z, self._pairs[1])
-            W, K = self.config.window, z.shape[-1]
-            evidence = []
-            for ridge in STRENGTHS:
-                A, B = _window_fit(X[:, : W - 1], Y[:, : W - 1], self.forward_prior, ridge)
-                state, found = z[:, W - 1], 0.0
-                for j in range(W - 1, X.shape[1]):
-                    state = (state[:, None] @ A + X[:, j, None, K:] @ B)[:, 0]
-                    error = state @ self.C.T - goal[:, j + 1]
-                    found -= 0.5 * len(error) * torch.logdet(error.T @ error / len(error) + SINGULAR).item()
-                evidence.append(found)
-        return STRENGTHS[int(np.argmax(evidence))]
+        kept = _blocks(len(z)) != without
+        X, Y = regression(z[kept], self._zeta[kept], backward=backward)
+        K = Y.shape[-1]
+        fit = global_fit(torch.cat([X[..., :K], X[..., K:] @ self._seen], dim=-1), Y)
+        return torch.cat([stable(fit[:K]), self._seen @ fit[K:]])
 
     def _scale(self) -> torch.Tensor:
         return torch.from_numpy(self.chi_scale)
@@ -213,8 +204,8 @@ class PaperTrainer:
 
     def _rollout_error(self, z, zeta, prior, *, backward: bool) -> torch.Tensor:
         """Return the discounted mean square of the multi-step error in z, with each window's own A and B."""
-        X, Y = _regression(z, zeta, backward=backward)
-        A, B = _window_fit(X, Y, prior, self.ridge)
+        X, Y = regression(z, zeta, backward=backward)
+        A, B = window_fit(X, Y, prior, self.ridge)
         drive = X[..., z.shape[-1] :] @ B
         course = z.flip(1) if backward else z
         drive = drive.flip(1) if backward else drive
@@ -245,6 +236,11 @@ def train_paper(
     return trainer.model(), trainer.history
 
 
+def _blocks(count: int) -> np.ndarray:
+    """Return the block of time of each of so many windows, (count,)."""
+    return np.arange(count) * BLOCKS // max(count, 1)
+
+
 def _windows(segments: list[Segment], config: PaperConfig, zeta_scale: np.ndarray) -> tuple[torch.Tensor, torch.Tensor]:
     """Return chi in physical units and scaled zeta of all windows, (b, W, 6) each."""
     starts = [(segment, k) for segment in segments for k in range(0, len(segment) - config.window + 1, config.spacing)]
@@ -255,46 +251,3 @@ def _windows(segments: list[Segment], config: PaperConfig, zeta_scale: np.ndarra
         image = np.array(turns(np.eye(6)))[np.random.default_rng(config.seed).integers(8, size=len(starts))]
         chi, zeta = chi @ image, zeta @ image
     return torch.from_numpy(chi), torch.from_numpy(zeta / zeta_scale)
-
-
-def _regression(z: torch.Tensor, zeta: torch.Tensor, *, backward: bool = False) -> tuple[torch.Tensor, torch.Tensor]:
-    """Return regressors [z, zeta] (b, W-1, K+6) and targets (b, W-1, K).
-
-    They are z_(k+1) from z_k, or z_k from z_(k+1).
-    """
-    before, after = (z[:, 1:], z[:, :-1]) if backward else (z[:, :-1], z[:, 1:])
-    return torch.cat([before, zeta[:, :-1]], dim=-1), after
-
-
-def _global_fit(X: torch.Tensor, Y: torch.Tensor) -> torch.Tensor:
-    """Return the ridge fit over all windows, at which the priors start, (K+6, K)."""
-    X, Y = X.reshape(-1, X.shape[-1]), Y.reshape(-1, Y.shape[-1])
-    normal = X.T @ X
-    normal += (1e-4 * normal.diagonal().mean() + 1e-12) * torch.eye(len(normal), dtype=X.dtype)
-    return torch.linalg.solve(normal, X.T @ Y)
-
-
-def _forgetful(A: torch.Tensor, z: torch.Tensor, window: int) -> torch.Tensor:
-    """Return A^T (K, K) of modes that decay within a window, but for the mean of z (..., K), which it keeps.
-
-    z stands about its mean m for m (l'z) + (z - m), with l the least squares of l'z = 1.
-    """
-    Z = z.reshape(-1, z.shape[-1])
-    mean, level = Z.mean(dim=0), _global_fit(Z, torch.ones(len(Z), 1, dtype=Z.dtype))[:, 0]
-    decaying = _stable(A, np.exp(-1.0 / window))
-    return _stable(decaying + torch.outer(level / (level @ mean), mean - mean @ decaying))
-
-
-def _stable(A: torch.Tensor, radius: float = RADIUS) -> torch.Tensor:
-    """Make (..., K, K) stable as `stabilized` does in flight; what that adds is taken as a constant in gradients."""
-    given = A.detach().numpy()
-    stable = stabilized_all(given.reshape(-1, *given.shape[-2:]), radius)[0].reshape(given.shape)
-    return A + torch.from_numpy(stable - given)
-
-
-def _window_fit(X, Y, prior, ridge: float) -> tuple[torch.Tensor, torch.Tensor]:
-    """Return A^T (b, K, K), stable, and B^T (b, 6, K) of each window about the prior (K+6, K), see `WindowRefit`."""
-    K = Y.shape[-1]
-    normal = X.mT @ X + ridge * torch.eye(X.shape[-1], dtype=X.dtype)
-    solution = prior + torch.cholesky_solve(X.mT @ (Y - X @ prior), torch.linalg.cholesky(normal))
-    return _stable(solution[:, :K]), solution[:, K:]

@@ -10,7 +10,7 @@ from np_drake.logs.formats import csv_file, parquet_file
 from np_drake.logs.formats.format import first_bytes
 from np_drake.logs.formats.table import first_line
 from np_drake.logs.formats.table_text import is_comma_separated, split_header
-from np_drake.logs.gaps import LONGEST, bridge_gaps, split_at_gaps
+from np_drake.logs.gaps import bridge_gaps, split_at_gaps
 from np_drake.logs.gaps import repair as repair_table
 from np_drake.logs.import_sheet import read_sheet
 from np_drake.logs.input_choice import WORDS, inputs_of
@@ -65,7 +65,6 @@ def read(path: str | Path, *, repair: bool = False) -> list[FlightLog]:
         log = columns.assemble(part, fields, name)
         if bridged.any():
             log.bridged = bridged
-            log.notes.append(f"{bridged.sum()} rows put into gaps of up to {LONGEST:g} s; they add nothing")
         log.notes[:0] = notes + split
         log.timing, log.layout = sheet.timing, sheet.rotors
         known = inputs_of(log)

@@ -1,6 +1,6 @@
 """Whether a log holds a flight: plausible ranges, and the part in which the vehicle is in the air."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
@@ -88,12 +88,13 @@ def require_ranges(values: Mapping[str, np.ndarray], log_map: LogMap, path: str)
         )
 
 
-def require_a_flight(log_map: LogMap, path: str) -> None:
+def require_a_flight(log_map: LogMap, path: str, inputs: Callable[[], str] = str) -> None:
     """Check that the map names what a flight log needs, before anything is read.
 
     Args:
         log_map: of the log.
         path: of the log.
+        inputs: returns which of its columns may be an input, for the message.
     Raises: LogError: if it does not.
     """
     if not log_map.attitude:
@@ -103,4 +104,5 @@ def require_a_flight(log_map: LogMap, path: str) -> None:
     if not (log_map.thrust or log_map.rotor_speed or log_map.throttle):
         raise LogError(
             f"{path}: the map must name columns of thrust, rotor_speed or throttle; a flight log needs one of them."
+            + inputs()
         )

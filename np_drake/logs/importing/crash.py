@@ -3,7 +3,7 @@
 import numpy as np
 
 from np_drake import attitude
-from np_drake.logs.importing.airborne import MOVED, RUNNING
+from np_drake.logs.importing.airborne import MOVED, RUNNING, usual_lift
 from np_drake.logs.importing.convert import GRAVITY
 from np_drake.logs.windows import stretches
 from np_drake.training_data.accelerations import LIFT_BAND, lift_over_weight
@@ -14,7 +14,35 @@ LYING = 0.7  # share of the thrust axis that is vertical below which nothing hov
 ABOVE = 0.3  # height over the ground of a flight [m]; own choice
 # Acceleration over g of an impact, and time over which it acts [1, s]; own choice: a landing is softer.
 IMPACT, BLOW = 3.0, 0.1
+FITS = "fits "  # beginning of a note that not all of a log is taken
+WRECK = "must hold a flight; the vehicle lies still and tilted."  # what is said of a log of nothing else
 CARRIED, FALLS = 0.3, 0.3  # lift over the weight in a fall [1], and its least duration [s]; own choice
+
+
+def end_of_flight(t: np.ndarray, p: np.ndarray, v: np.ndarray, q: np.ndarray, lift: np.ndarray) -> tuple[int, str]:
+    """Return the row at which a flight ends that ends badly, and why; all rows and nothing where it does not.
+
+    Args:
+        t: (n,) [s].
+        p: (n, 3) position in W [m].
+        v: (n, 3) velocity in W [m/s].
+        q: (n, 4) attitude, body to W.
+        lift: (n,) of the rotors in any unit; NaN where the log does not tell it.
+    """
+    crash, fall = before_the_crash(t, p, v, q), before_the_fall(t, v, q, lift)
+    if min(crash, fall) == len(t):
+        return len(t), ""
+    return (crash, "the vehicle crashes") if crash <= fall else (fall, "the rotors carry it no longer though they run")
+
+
+def fits_until(time: float, why: str = "") -> str:
+    """Return the note of a log whose end is left out.
+
+    Args:
+        time: until which it is taken [s].
+        why: what happens there.
+    """
+    return f"{FITS}until {time:.1f} s{f', where {why}' * bool(why)}; what follows is left out"
 
 
 def before_the_fall(t: np.ndarray, v: np.ndarray, q: np.ndarray, lift: np.ndarray) -> int:
@@ -27,13 +55,15 @@ def before_the_fall(t: np.ndarray, v: np.ndarray, q: np.ndarray, lift: np.ndarra
         lift: (n,) of the rotors in any unit.
     """
     carried = lift_over_weight(t, v, q, GRAVITY)
-    flying = carried > 1 - CARRIED
-    flying &= lift > RUNNING * np.percentile(lift, 95)  # on the ground, the ground carries
-    usual = float(np.median(lift[flying])) if flying.any() else np.inf
-    falls = (carried < CARRIED) & (lift > RUNNING * usual)
-    for start, stop in stretches(falls):
-        if t[stop - 1] - t[start] >= FALLS:
-            return max(int(np.searchsorted(t, t[start] - 0.5 / LIFT_BAND)), 0)
+    flying = carried > 1 - CARRIED  # or on the ground, which carries
+    for start, stop in stretches(carried < CARRIED):
+        # The rotors of a vehicle that falls may run faster than in flight: what came before tells the usual lift.
+        if not np.any(flying[:start]) or np.median(carried[:start]) < 1 - CARRIED:
+            continue
+        runs = lift[start:stop] > RUNNING * usual_lift(lift[:start][flying[:start]])
+        for first, last in start + stretches(runs) - [0, 1]:
+            if t[last] - t[first] >= FALLS:
+                return max(int(np.searchsorted(t, t[first] - 0.5 / LIFT_BAND)), 0)
     return len(t)
 
 

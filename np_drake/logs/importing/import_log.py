@@ -18,6 +18,7 @@ from np_drake.logs.importing.breaks import find_breaks, split, within
 from np_drake.logs.importing.clock_parts import clock_parts, without_merged_rows
 from np_drake.logs.importing.conventions import Change, fitting_time_unit
 from np_drake.logs.importing.interpolation import Signals
+from np_drake.logs.importing.lacking import input_line, lacking
 from np_drake.logs.importing.log_map import UNITS, LogMap, MapFile
 from np_drake.logs.importing.output_unit import in_the_likely_unit
 from np_drake.logs.importing.parts import imported_parts
@@ -25,6 +26,7 @@ from np_drake.logs.importing.sheet_content import sheet_content
 from np_drake.logs.importing.signals import gather, require_stated_units, with_map_time
 from np_drake.logs.importing.telemetry import usable_inputs
 
+GIVE_MAP = "Give a map (--map FILE, docs/reference/log-map.md)"
 SHORTEST = 1.0  # log whose unit of time is found by its rate alone [s]; own choice
 ENDINGS = re.compile(r"(\.(csv|tsv|txt|parquet|ulg|bin|log|mcap|db3|bag))?(\.gz)?$", re.IGNORECASE)
 
@@ -76,7 +78,7 @@ def import_log(
         ).check()
     except ValueError as error:
         raise LogError(f"{path}: {error}") from None
-    require_a_flight(log_map, str(path))
+    require_a_flight(log_map, str(path), partial(input_line, known, Path(path), contents))
     recording = known.read(Path(path), by_stream(contents, log_map.names(), str(path)), on_progress)
     require_stated_units(recording, log_map)
     signals, clock, said, notes, origin = _parts(recording, log_map, str(path))
@@ -115,10 +117,14 @@ def _map_for(path: Path, log_map: LogMap | MapFile | None) -> tuple[Format, Cont
     except ValueError as error:
         raise error if isinstance(error, LogError) else LogError(f"{path}: {error}") from None
     if found is None:
+        if lacks := lacking(contents):
+            raise LogError(
+                f"{path}: the names of its columns must tell what they hold; none tells {lacks}. {GIVE_MAP}."
+            )
         names = ", ".join(f"{s}/{c}" for s, columns in contents.items() for c in columns[:4])
         raise LogError(
-            f"{path}: the names of this log ({known.title}) do not tell what its columns hold; give a map (--map FILE, "
-            f"docs/reference/log-map.md). It has {names[:200]} …"
+            f"{path}: the names of this log ({known.title}) do not tell what its columns hold. {GIVE_MAP}. It has "
+            f"{names[:200]} …"
         )
     return known, contents, found.check(), motors
 

@@ -13,7 +13,7 @@ from np_drake.logs.importing.airborne import require_ranges, standing
 from np_drake.logs.importing.alignment import COMMANDS, Aligned, align, command_meaning, with_whole_motion
 from np_drake.logs.importing.conventions import Verdict
 from np_drake.logs.importing.convert import convert_quantity
-from np_drake.logs.importing.crash import before_the_crash, before_the_fall
+from np_drake.logs.importing.crash import WRECK, end_of_flight, fits_until
 from np_drake.logs.importing.interpolation import FASTER, Signals
 from np_drake.logs.importing.log_map import LogMap
 from np_drake.logs.importing.telemetry import collective, is_slow
@@ -71,14 +71,11 @@ def import_part(
     if carried:
         require_ranges(aligned.values, log_map, path)
         x, lift = aligned.values, lift_of(aligned.values)
-        crash = before_the_crash(aligned.t, x["position"], x["velocity"], x["attitude"])
-        fall = before_the_fall(aligned.t, x["velocity"], x["attitude"], lift)
-        end = min(crash, fall)
+        end, why = end_of_flight(aligned.t, x["position"], x["velocity"], x["attitude"], lift)
         if end < LEAST_ROWS:
-            raise LogError(f"{path}: must hold a flight; the vehicle lies still and tilted.")
-        if end < len(aligned.t):
-            why = "the vehicle crashes" if crash <= fall else "the rotors carry it no longer though they run"
-            said.append(f"fits until {aligned.t[end - 1] - origin:.1f} s, where {why}; the rest is left out")
+            raise LogError(f"{path}: {WRECK}")
+        if why:
+            said.append(fits_until(aligned.t[end - 1] - origin, why))
         aligned = aligned.until(end)
         ground = standing(aligned.t, aligned.values["position"], lift[:end], usual)
     flights = _flights(_with_collective(aligned, signals, log_map), ground, log_map)

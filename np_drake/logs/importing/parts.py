@@ -8,6 +8,7 @@ from np_drake.logs.importing.airborne import usual_lift
 from np_drake.logs.importing.breaks import within
 from np_drake.logs.importing.consistency import WINDOW
 from np_drake.logs.importing.conventions import DOUBTED, Change, Verdict, WrongConventions
+from np_drake.logs.importing.crash import FITS, fits_until
 from np_drake.logs.importing.interpolation import Signals
 from np_drake.logs.importing.log_map import LogMap
 from np_drake.logs.importing.part import Part, flies, import_part, lift_of
@@ -57,9 +58,9 @@ def imported_parts(
             said.append(f"{span} {wrong}; left out")
     if failure is not None and not done:
         raise failure
-    if max(done) < len(parts) - 1 and not any(line.startswith("fits ") for line in said):
+    if max(done) < len(parts) - 1 and not any(line.startswith(FITS) for line in said):
         end = done[max(done)].aligned.t[-1] - origin
-        said.append(f"fits until {end:.1f} s; what follows is left out")
+        said.append(fits_until(end))
     if not moving[by_length[0]]:
         said.insert(0, "no flight: position stays, or the rotors stand; nothing can be identified")
     return log_map, [done[k] for k in sorted(done)], said
@@ -80,7 +81,7 @@ def _fitting(
         if own.holds and kinds <= tested:
             since = f"from {start - origin:.1f} " if start > signals["attitude"].t[0] + WINDOW else ""
             whole = ", ".join(verdict.failed[:3]) or "its quantities"
-            said = [f"fits {since}until {stop - origin:.1f} s; beyond, {whole} do not agree: left out"]
+            said = [f"{FITS}{since}until {stop - origin:.1f} s; beyond, {whole} do not agree: left out"]
             signals, verdict = part, own
     log_map, verdict = agreed(verdict, signals, log_map, path, clock=clock, adopt=adopt)
     return log_map, (signals, log_map, verdict), said

@@ -92,6 +92,13 @@ def test_no_line_is_wider_than_the_screen(report, facts):
         assert len(screen(dut)) <= 55
 
 
+def test_a_problem_is_printed_whole_and_further_ones_are_counted(report):
+    order = "the rotor columns are in the order 2, 1, 4, 3: " + 6 * "reason by reason, " + "the end."
+    text = " ".join(" ".join(screen(dc.replace(report, problems=(order, *"abcde")))).split())
+    assert order in text.replace(" ! ", " ")
+    assert "! 2 more (--json has all)" in text
+
+
 def test_the_screen_says_what_is_told_what_not_and_why(report):
     text = " ".join(" ".join(screen(report)).split())
     assert "SOMETHING SWINGS, as 4.7 g on 0.50 m" in text

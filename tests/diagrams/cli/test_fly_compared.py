@@ -49,7 +49,7 @@ def test_several_controllers_give_one_table_one_figure_and_one_page(compared):
     assert names == {*each, "circle_comparison.png", "circle_comparison.html"}
     page = (folder / "o" / "circle_comparison.html").read_text()
     assert set(re.findall(r'href="([^"]+)"', page)) == each
-    assert "300 g on 0.8 m of cable, wind 1, 0, 0 m/s" in page
+    assert "300\u00a0g on 0.8\u00a0m of cable, wind 1, 0, 0\u00a0m/s" in page
     config = json.loads((folder / "j.json").read_text())["config"]
     assert {name: one["controller"]["kind"] for name, one in config.items()} == {n: n for n in ("cascade", "nominal")}
 

@@ -50,7 +50,7 @@ def flown(config, tmp_path_factory):
     """Return a multisine, and its flights under nothing and under drag."""
     dut = simulator_of(config, tmp_path_factory.mktemp("flown"), NOTHING, DRAG)
     motion = random_multisine(dut.limits, SECONDS, seed=0)
-    return motion, dut, keep_limits(motion, (NOTHING, DRAG), dut, controller="hold")
+    return motion, dut, keep_limits(motion, (NOTHING, DRAG), dut, controller="hold", limits=dut.limits)
 
 
 def test_every_flight_keeps_the_limits_and_its_log_names_what_acted(flown):
@@ -76,15 +76,39 @@ def test_a_motion_beyond_a_limit_is_made_smaller(flown):
     def fly_one(tried, explanation):
         return Flown(explanation, tried.usage(dut.limits), np.ones(1))
 
-    smaller, flights = keep_limits(wide, (DRAG,), fly_one, controller="hold")
+    smaller, flights = keep_limits(wide, (DRAG,), fly_one, controller="hold", limits=dut.limits)
     assert max(wide.usage(dut.limits).values()) > 1.0
     assert 0.5 < flights[0].worst <= 1.0
     assert smaller.usage(dut.limits)["room"] < wide.usage(dut.limits)["room"]
 
 
-def test_a_vehicle_that_is_lost_is_told(flown):
-    with pytest.raises(ValueError, match="controller hold: gone under linear_drag"):
-        keep_limits(flown[0], (DRAG,), lambda *a: Flown(DRAG, {}, np.zeros(1), "gone"), controller="hold")
+def refusal(motion, **flown) -> str:
+    """Return what is said where a flight is beyond a limit however small it is."""
+    many = dc.replace(DRAG, named=("linear_drag", "mass_error", "motor_lag", "thrust_scale", "weak_rotor"))
+    with pytest.raises(ValueError) as error:
+        keep_limits(motion, (many,), lambda *a: Flown(many, **flown), controller="hold", limits=limits_of(DRAG))
+    return str(error.value)
+
+
+def test_a_vehicle_that_is_lost_is_told_under_three_effects_at_most(flown):
+    said = refusal(flown[0], usage={}, posterior=np.zeros(1), lost="gone")
+    assert "controller hold: gone under linear_drag, mass_error, motor_lag and 2 more. " in said
+    assert said.endswith("Name another --controller, give --no-fly.")
+
+
+@pytest.mark.parametrize(
+    "limit, remedy",
+    [
+        ("room", ", or widen --box (now 4.00 4.00 2.50 m)."),
+        ("speed", ", or widen --speed (now 3.00 m/s)."),
+        ("tilt", ", or widen --tilt (now 0.500 rad)."),
+        ("thrust", "."),
+    ],
+)
+def test_a_refusal_names_the_limit_to_widen_and_its_value(flown, limit, remedy):
+    said = refusal(flown[0], usage={limit: 2.0}, posterior=np.zeros(1))
+    assert f"{limit} is 2.00 of its limit" in said
+    assert said.endswith(f"Name another --controller{remedy}")
 
 
 def test_the_swing_of_a_payload_is_looked_at(config, tmp_path):

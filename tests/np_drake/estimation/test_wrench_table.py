@@ -28,12 +28,15 @@ def test_every_flight_is_published_with_every_column():
     assert {len(row) for rows in PUBLISHED.values() for row in rows.values()} == {len(COLUMNS)}
 
 
-@pytest.mark.parametrize("method", ["NeuroMHE", "NP"])
+PRINTED_SO = ("melon 2", "NeuroBEM", "tau")  # lengths that are printed otherwise than their components make them
+
+
+@pytest.mark.parametrize("method", ["NeuroBEM", "NeuroMHE", "NP"])
 @pytest.mark.parametrize("flight", PUBLISHED)
 def test_published_lengths_follow_from_published_components(flight, method):
     """To the rounding of three decimals: no figure is mistyped."""
     row = dict(zip(COLUMNS, PUBLISHED[flight][method], strict=True))
-    for kind in ("F", "tau"):
+    for kind in (kind for kind in ("F", "tau") if (flight, method, kind) != PRINTED_SO):
         x, y, z = (row[f"{kind}_{axis}"] for axis in "xyz")
         assert row[f"{kind}_xy"] == pytest.approx(np.hypot(x, y), abs=0.0015)
         assert row[kind] == pytest.approx(np.sqrt(x * x + y * y + z * z), abs=0.0015)

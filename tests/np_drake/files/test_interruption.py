@@ -1,7 +1,10 @@
 """A signal ends a run though its exception may be lost on the way."""
 
+import ctypes
 import os
 import signal
+import sys
+import time
 
 import pytest
 
@@ -12,6 +15,7 @@ from np_drake.files import interruption as dut
 def in_order(monkeypatch):
     """Signals that raise, and the handlers of before at the end."""
     before = {number: signal.getsignal(number) for number in dut.ENDING}
+    monkeypatch.setattr(sys, "unraisablehook", sys.unraisablehook)
     for number in dut.ENDING:
         signal.signal(number, signal.SIG_DFL)
     dut.end_in_order()
@@ -29,6 +33,30 @@ def test_a_signal_whose_exception_is_lost_is_raised_again(in_order, number, kind
     assert dut.last_signal() == number
     with pytest.raises(kind):
         dut.raise_again()
+
+
+def test_a_signal_inside_a_callback_is_raised_after_it_without_a_word(in_order, capfd):
+    @ctypes.CFUNCTYPE(None)
+    def callback():
+        os.kill(os.getpid(), signal.SIGTERM)
+
+    def work():
+        callback()
+        time.sleep(5.0)
+
+    with pytest.raises(dut.Ended):
+        work()
+    assert capfd.readouterr().err == ""
+    assert dut._seen == [signal.SIGTERM]
+
+
+def test_any_other_exception_inside_a_callback_is_reported(in_order, capfd):
+    @ctypes.CFUNCTYPE(None)
+    def callback():
+        raise ArithmeticError("of its own")
+
+    callback()
+    assert "of its own" in capfd.readouterr().err
 
 
 def test_a_signal_that_a_shell_ignores_stays_ignored(in_order):

@@ -5,6 +5,7 @@ import sys
 import numpy as np
 import pytest
 
+from np_drake.diagnosis.report.headline import headline
 from np_drake.diagnosis.result import (
     Cause,
     ChannelGap,
@@ -68,8 +69,10 @@ def test_a_log_without_rows_prints_and_shows():
     assert set(empty.columns()) == set(LOG.columns())
 
 
-def test_a_diagnosis_says_verdict_and_residual_and_shows_its_causes():
-    assert repr(FOUND) == "Diagnosis(paper: suspended_payload; residual 7.1 to 0.98 times the noise)"
+def test_a_diagnosis_says_its_headline_and_shows_its_causes():
+    said = "A suspended payload of 260\u00a0g explains 99.0\u00a0% of the gap on the held-out flight"
+    assert headline(FOUND) == said
+    assert repr(FOUND) == f"Diagnosis(paper: {said})"
     page = FOUND._repr_html_().replace("\N{NO-BREAK SPACE}", " ")
     assert "mass 0.260 ± 0.012 kg" in page
     assert "&gt; 99.9 %" in page

@@ -1,5 +1,7 @@
 """Laws of gaps: short ones are bridged and add nothing, long ones split a flight into parts."""
 
+import dataclasses as dc
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -8,7 +10,7 @@ from hypothesis import strategies as st
 from np_drake.logs.columns import Table, present_fields
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.csv_file import write_csv
-from np_drake.logs.gaps import LONGEST, bridge_gaps, split_at_gaps, without_long_gaps
+from np_drake.logs.gaps import LONGEST, bridge_gaps, said_of_bridged, split_at_gaps, without_long_gaps
 from np_drake.logs.opening import open_flights
 
 
@@ -33,7 +35,13 @@ def test_three_lost_rows_are_bridged_marked_and_said_once(tmp_path):
     np.testing.assert_allclose(dut.t, T, atol=1e-12)
     np.testing.assert_array_equal(np.flatnonzero(dut.bridged), [200, 201, 202])
     np.testing.assert_allclose(dut.p[200:203, 0], np.cos(T[200:203]), atol=2e-4)
-    assert [note for note in dut.notes if "gaps" in note] == ["3 rows put into gaps of up to 0.1 s; they add nothing"]
+    assert dut.notes == []
+    whole = dc.replace(dut, bridged=None)
+    assert said_of_bridged([whole]) == []
+    (line,) = said_of_bridged([dut, whole, dut])
+    assert line.startswith(
+        "6 rows (0.3\u00a0%) in gaps of up to 0.1 s of 2 of 3 flights were filled in; they do not count"
+    )
 
 
 def test_a_command_is_held_across_a_gap(tmp_path):

@@ -343,3 +343,10 @@ def test_another_file_is_refused_in_one_line(tmp_path, content):
 def test_impossible_numbers_are_refused(wrong, model):
     with pytest.raises(ValueError, match="PayloadFilterModel"):
         dc.replace(model(), **wrong)
+
+
+def test_it_counts_the_samples_whose_noise_it_has_seen(model, flown):
+    """The first only starts it, and a second difference takes two more."""
+    predictor, samples = PayloadFilter(model()), flown(seconds=1.0).samples
+    for count in (1, 3, 4, 10, 40):
+        assert run(predictor, samples[:count])["seen"][0] == max(1, count - 2)

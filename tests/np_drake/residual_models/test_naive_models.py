@@ -106,3 +106,19 @@ def test_oracle_sees_the_lag_of_a_thrust_step():
     chi = model.wrench_along(np.tile(LEVEL, (11, 1)), u, 0.04, rotor_thrust=np.full(4, 5.0), swing_state=None)
     assert chi[0, 2] < -1.0
     assert chi[-1, 2] == pytest.approx(0.0, abs=0.01)  # [N]
+
+
+def test_both_poles_of_the_observers_error_are_those_of_its_bandwidth():
+    """A constant force from rest: the error of its estimate follows D_(n+2) = 2 p D_(n+1) - p² D_n."""
+    vehicle, step, bandwidth, force = Vehicle(), 0.02, 3.0, 1.5
+    dut = DisturbanceObserver(vehicle, step=step, force_bandwidth=bandwidth)
+    memory, x, errors = dut.initial_memory(), np.zeros(13), []
+    x[3] = 1.0
+    hover = np.array([vehicle.mass * vehicle.gravity, 0.0, 0.0, 0.0])
+    for _ in range(12):
+        memory = dut.update(memory, Sample(x.copy(), hover, np.zeros(6)))
+        errors.append(force - memory["chi"][0])
+        x[7] += step * force / vehicle.mass
+    D, p = np.array(errors), np.exp(-2 * np.pi * bandwidth * step)
+    np.testing.assert_allclose(D[2:], 2 * p * D[1:-1] - p**2 * D[:-2], atol=1e-12)
+    assert D[1] == pytest.approx(force * (1 - (1 - p) ** 2))

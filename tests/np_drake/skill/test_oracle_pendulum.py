@@ -1,3 +1,5 @@
+import dataclasses as dc
+
 import numpy as np
 import pytest
 
@@ -81,3 +83,12 @@ def test_a_sample_of_nan_leaves_a_usable_memory(flown):
     flight.x[1], flight.u[1], flight.chi[1] = np.nan, np.nan, np.nan
     memory = dut.update(memory, flight.sample(1))
     assert np.isfinite(dut.forecast(memory, horizon=5, stride=1).offset).all()
+
+
+def test_a_flight_that_does_not_move_tells_no_drag(flown):
+    log, path = flown.conical_flight(VEHICLE, PAYLOAD, angle=0.4)
+    flight = sampled_flight(log, VEHICLE, step=0.02)
+    dut = oracle_pendulum(flight, VEHICLE, PAYLOAD, path)
+    x = flight.x.copy()
+    x[:, 7:10] = 0.0
+    assert remaining_drag([(dc.replace(flight, x=x), dut)]) == 0.0

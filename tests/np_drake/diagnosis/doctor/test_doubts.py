@@ -8,6 +8,7 @@ import pytest
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.diagnosis.doctor.doubts import doubts, law_doubts
 from np_drake.diagnosis.doctor.examine import examine
+from np_drake.diagnosis.report.summary import warnings
 from np_drake.diagnosis.residuals import make_flight_residuals
 from np_drake.vehicle import Vehicle
 
@@ -78,7 +79,8 @@ def test_torque_that_does_not_turn_the_vehicle_makes_it_useless(log):
 
 def test_a_diagnosis_says_the_doubts_of_its_flights_before_the_answer(fly, log):
     heavy, other = dc.replace(Vehicle(), mass=1.45 * Vehicle().mass), dc.replace(fly(seed=2, noise=1.0), name="other")
-    dut = diagnose(heavy, [log], [other])
+    dut = diagnose(heavy, [dc.replace(log, bridged=np.arange(len(log)) % 100 == 50)], [other])
+    assert "in gaps of up to 0.1 s of 1 of 2 flights were filled in" in warnings(dut)[-1]
     (line,) = (line for line in dut.doubts if "of the weight along body z" in line)
     assert line.startswith(f"{log.name}: ") or line.startswith(f"{log.name}, other: ")
     assert dut.as_json()["doubts"] == list(dut.doubts)

@@ -3,13 +3,16 @@
 import dataclasses as dc
 import json
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from np_drake.diagnosis.doctor.examine import examine
+from np_drake.diagnosis.doctor.traces import _drag
 from np_drake.effects.library import LIBRARY, effects_for, unobservable
 from np_drake.effects.suspended_payload import SuspendedPayload
+from np_drake.flight_log import FlightLog
 from np_drake.logs.opening import open_flights
 from np_drake.rotor_input import rotor_speed, with_rotor_input
 from np_drake.vehicle import Vehicle
@@ -62,7 +65,7 @@ def test_a_moving_flight_tells_drag_and_mass_beside_nothing_that_swings(report):
 def test_a_hovering_flight_is_not_usable_and_says_so(fly):
     dut = examine([fly(vigour=0.0, noise=1.0)], Vehicle())
     assert not dut.usable
-    assert "excite nothing" in dut.problems[0]
+    assert "nothing moves (speed 0.0" in dut.problems[0]
     assert {a.verdict for a in dut.of("linear_drag")} == {"no"}
 
 
@@ -152,3 +155,19 @@ def real(path, mass):
     vehicle = crazyflie(mass)
     flights, sheet = open_flights(path, vehicle)
     return examine(flights, vehicle, sheets={log.name: sheet.content for log in flights})
+
+
+def test_a_drag_is_the_mean_of_its_axes_by_their_precision():
+    trace = SimpleNamespace(identifier="linear_drag", typical=[0.5], columns={})
+    found = _drag(np.array([1.0, 3.0, 9.0]), np.array([0.1, 0.2, 1.0]), [], [trace])
+    assert found == pytest.approx(0.5 * (100 * 1.0 + 25 * 3.0) / 125)
+
+
+def test_a_flight_that_stands_still_is_said_not_to_move_and_what_to_fly():
+    t = 0.01 * np.arange(1000)
+    rest, u = np.zeros((len(t), 3)), np.tile([Vehicle().mass * Vehicle().gravity, 0, 0, 0], (len(t), 1))
+    q, p = np.tile([1.0, 0, 0, 0], (len(t), 1)), np.tile([0.0, 0, 1.0], (len(t), 1))
+    log = FlightLog(t, p, q, rest, rest, u, a=rest)
+    for dut in (examine([log], Vehicle()), examine([dc.replace(log, a=None)], Vehicle()), examine([log])):
+        assert not dut.usable
+        assert any("nothing moves (speed 0 m/s, rates 0 rad/s): fly sprints" in line for line in dut.problems)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from np_drake.diagnosis.numerics import NoiseModel
+from np_drake.diagnosis.numerics.noise_fit import scale_only
 
 M, C, P = 40, 5, 3
 ABSENT = 2  # channel that the logs lack
@@ -65,3 +66,14 @@ def test_the_spectrum_integrates_to_the_variance_of_the_process():
     frequency = np.linspace(0.0, 25.0, 20001)
     power = np.trapezoid(model.spectrum(frequency)[0], frequency)
     assert power == pytest.approx(variance / (1 - a**2), rel=1e-4)
+
+
+def test_white_noise_by_scale_alone_has_the_power_of_the_residuals():
+    rng = np.random.default_rng(5)
+    residuals = [rng.standard_normal((n, 3)) * [0.5, 2.0, 0.0] for n in (300, 500)]
+    found = scale_only(residuals, 0.02)
+    power = np.mean(np.concatenate(residuals) ** 2, axis=0)
+    np.testing.assert_allclose(found.innovation, power)
+    np.testing.assert_array_equal(found.mixing[2], 0.0)  # a channel that the logs lack
+    white = np.concatenate([found.whiten(r) for r in residuals])
+    np.testing.assert_allclose(np.mean(white**2, axis=0), [1.0, 1.0, 0.0], rtol=0.02)  # the first row is the past

@@ -1,6 +1,7 @@
 """Laws of generic structure as regressors."""
 
 import dataclasses as dc
+from types import SimpleNamespace
 from typing import ClassVar
 
 import numpy as np
@@ -9,7 +10,7 @@ from scipy import signal
 
 from np_drake import attitude
 from np_drake.diagnosis.options import Options
-from np_drake.diagnosis.regressors.generic import PREFIX, generic_candidates
+from np_drake.diagnosis.regressors.generic import PREFIX, _twist, generic_candidates
 from np_drake.diagnosis.regressors.library import library_candidates
 from np_drake.diagnosis.regressors.regression_problem import RegressionProblem
 from np_drake.diagnosis.selection.map_model import search
@@ -175,3 +176,23 @@ def test_variants_of_a_resonance_share_one_prior(groups, name):
     assert len(resonances) > 3
     assert sum(np.exp(c.log_prior) for c in resonances) == pytest.approx(1.0)
     assert all(c.figures["frequency"] > 0 for c in resonances)
+
+
+@pytest.mark.parametrize("frequency", [1.0, 3.0])
+def test_a_resonance_is_at_its_peak_as_large_as_its_drive(frequency):
+    t = 0.005 * np.arange(8000)
+    u = np.column_stack([0 * t, np.sin(2 * np.pi * frequency * t), 0 * t, 0 * t])
+    state = SimpleNamespace(step=0.005, u=u, weight=20.0, torque_unit=0.5)
+    columns = _twist(frequency, priors=REAL.priors)(state)[4000:, 3]
+    drive = REAL.priors.twist_torque / (REAL.priors.generic_size * 20.0 * 0.5)
+    sizes = np.abs(columns).max(axis=0)
+    np.testing.assert_allclose(sizes[:4], drive, rtol=0.03)  # of G, D G / w, and the same of G², sampled
+
+
+def test_where_rotor_speed_is_measured_no_command_is_named(groups):
+    flights, commanded = groups
+    measured = [dc.replace(e, log=dc.replace(e.log, input="rotor_speed")) for e in flights]
+    said = " ".join(c.variant for c in generic_candidates(measured, priors=REAL.priors))
+    assert "an answer to the torque of the rotors with a resonance near" in said
+    assert "command" not in said
+    assert any("an answer to the commanded torque" in c.variant for c in commanded)

@@ -74,8 +74,8 @@ def test_a_share_is_never_rounded_to_certainty(share, text):
 
 
 def test_nothing_inferred_is_certain():
-    assert dut.probability(1.0) == "> 99.9\u00a0%"
-    assert dut.probability(0.0) == "< 0.1\u00a0%"
+    assert dut.probability(1.0) == ">\u00a099.9\u00a0%"
+    assert dut.probability(0.0) == "<\u00a00.1\u00a0%"
     assert dut.percent_interval((0.93, 1.02)) == "93 to 100\u00a0%"
 
 

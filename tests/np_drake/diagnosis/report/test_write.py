@@ -184,8 +184,11 @@ FRAMES = """<!DOCTYPE html><body>{frames}<script>onload = () => setTimeout(() =>
 document.body.innerText = [...document.querySelectorAll("iframe")].map((f) => {{
 const page = f.contentDocument;
 page.querySelectorAll("details").forEach((d) => (d.open = true));
-const right = [...page.querySelectorAll("table, img, h1, p")].map((e) => e.getBoundingClientRect().right);
-return "wide:" + Math.max(page.documentElement.scrollWidth, ...right); }}).join(" "); }}, 300);</script></body>"""
+const right = [...page.querySelectorAll("table, .scroll, h1, p")].map((e) => e.getBoundingClientRect().right);
+const least = Math.min(...[...page.querySelectorAll("img")].map((e) => e.getBoundingClientRect().width));
+const sign = f.contentWindow.getComputedStyle(page.querySelector("figure .scroll"), "::before").content;
+const wide = Math.max(page.documentElement.scrollWidth, ...right);
+return "wide:" + wide + " least:" + least + " sign:" + sign; }}).join(" "); }}, 300);</script></body>"""
 
 
 def test_nothing_is_wider_than_a_phone_a_tablet_or_a_screen(folder, tmp_path):
@@ -203,6 +206,9 @@ def test_nothing_is_wider_than_a_phone_a_tablet_or_a_screen(folder, tmp_path):
     found = [float(width) for width in re.findall(r"wide:([\d.]+)", shown)]
     assert len(found) == len(WIDTHS)
     assert [width <= most + 1 for width, most in zip(found, WIDTHS, strict=True)] == [True] * 3, found
+    figures = [float(width) for width in re.findall(r"least:([\d.]+)", shown)]
+    assert min(figures) >= 600, "text of a figure is too small to read"
+    assert ["scroll" in sign for sign in re.findall(r"sign:(\S+)", shown)] == [True, False, False]
 
 
 def test_the_page_has_a_dark_mode(folder):

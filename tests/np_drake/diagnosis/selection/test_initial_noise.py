@@ -54,3 +54,14 @@ def test_flights_without_outliers_are_left_as_they_are(seen):
     conditioned = condition(flights, IDEAL)
     assert not conditioned.flights[0].outliers.any()
     np.testing.assert_array_equal(conditioned.channels[0], flight.y)
+
+
+def test_the_power_of_errors_of_measured_rotor_speed_is_added(seen, residual):
+    flights = [seen(name=str(i), seed=i, seconds=4.0) for i in (1, 2)]
+    quiet = noise_of(flights, 2 * residual, 2 * residual, IDEAL)
+    for flight, size in zip(flights, (3.0, 4.0), strict=True):
+        vars(flight)["rotor_noise"] = np.where(np.arange(15) == 2, size, 0.0)  # of the lift
+    loud = noise_of(flights, 2 * residual, 2 * residual, IDEAL)
+    added = loud.innovation - quiet.innovation
+    assert added[2] == pytest.approx((9.0 + 16.0) / 2, rel=0.05)
+    np.testing.assert_allclose(np.delete(added, 2), 0.0, atol=1e-9)

@@ -11,7 +11,7 @@ from np_drake.diagnosis.forward_model.payload_state import Term
 from np_drake.diagnosis.forward_model.prediction import predicted_residual
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.residuals.flight_residuals import FORCE, VELOCITY
-from np_drake.diagnosis.wind.whittle_test import _markov, slow_force, slow_power
+from np_drake.diagnosis.wind.whittle_test import SlowForce, _markov, slow_force, slow_power
 from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.rigid_body import Q
@@ -132,3 +132,8 @@ def test_an_attitude_read_askew_is_no_slow_force_where_the_vehicle_yaws(seen):
     assert slow_power([yawing], {"1": askew}) < 1e-6 * size
     assert slow_power([yawing], {"1": wind}) < 0.1 * size
     assert slow_power([yawing], {"1": wind * np.sin(1.5 * yawing.t)[:, None]}) > 0.1 * size
+
+
+@pytest.mark.parametrize(("evidence", "probability"), [(4.0, 0.5), (4.0 + np.log(3.0), 0.75), (4.0 - np.log(9.0), 0.1)])
+def test_the_probability_of_a_slow_force_is_that_of_its_odds(evidence, probability):
+    assert SlowForce(evidence, 1.0).probability(4.0) == pytest.approx(probability)

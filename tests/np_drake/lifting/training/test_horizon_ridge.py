@@ -70,3 +70,14 @@ def test_the_grid_begins_now_and_ends_at_the_longest_horizon():
     grid = horizon_grid(400, 18)
     assert list(grid[[0, 1, -1]]) == [0, 1, 400]
     assert np.all(np.diff(grid) > 0)
+
+
+@pytest.mark.parametrize(("most", "stride"), [(588, 1), (300, 2), (100, 6), (7, 84)])
+def test_origins_are_thinned_evenly_to_the_most_that_are_allowed(most, stride):
+    samples = oscillation(3)
+    found = flight_moments(
+        samples, samples[:, :6], taps=TAPS, horizons=HORIZONS, max_origins=most, symmetry=0.0
+    )  # fmt: skip
+    origins = np.arange(TAPS.delay - 1, len(samples) - HORIZONS[-1], stride)
+    assert len(origins) <= most
+    np.testing.assert_allclose(found.square, np.mean(samples[origins[:, None] + HORIZONS, :6] ** 2, axis=0))

@@ -11,8 +11,9 @@ from np_drake.lifting.model.lifted_model import PAPER
 from np_drake.lifting.model.stabilized import stabilized
 from np_drake.lifting.model.window_refit import RADIUS
 from np_drake.lifting.training.checkpoint import Checkpoint
-from np_drake.lifting.training.paper_training import PaperConfig, PaperTrainer, _stable, _window_fit
+from np_drake.lifting.training.paper_training import PaperConfig, PaperTrainer
 from np_drake.lifting.training.train import train
+from np_drake.lifting.training.window_fits import most_likely_ridge, stable, window_fit
 from np_drake.training_data.segments import Segment
 
 CONFIG = PaperConfig(epochs=2, spacing=20)
@@ -62,7 +63,7 @@ def test_a_window_fit_is_ridge_regression_toward_the_prior():
     X = torch.randn(3, 39, 10, generator=generator, dtype=torch.float64)
     Y = torch.randn(3, 39, 4, generator=generator, dtype=torch.float64)
     prior = 0.1 * torch.randn(10, 4, generator=generator, dtype=torch.float64)
-    A, B = _window_fit(X, Y, prior, 2.0)
+    A, B = window_fit(X, Y, prior, 2.0)
     for i in range(3):
         stacked = np.vstack([X[i], np.sqrt(2.0) * np.eye(10)])
         target = np.vstack([Y[i], np.sqrt(2.0) * prior])
@@ -72,7 +73,7 @@ def test_a_window_fit_is_ridge_regression_toward_the_prior():
 
 def test_an_unstable_window_is_made_stable_as_in_flight():
     unstable = 1.1 * np.random.default_rng(0).standard_normal((3, 6, 6))
-    found = _stable(torch.from_numpy(unstable)).numpy()
+    found = stable(torch.from_numpy(unstable)).numpy()
     np.testing.assert_allclose(found, [stabilized(A, RADIUS) for A in unstable], atol=1e-12)
 
 
@@ -127,21 +128,20 @@ def test_one_law_asks_for_no_refit_and_a_law_for_each_window_for_one(seed):
     """With z = chi, and a decay that is the same in all windows or one of each."""
 
     def learned(spread: float) -> float:
-        generator, dut = np.random.default_rng(seed), bare_trainer()
+        generator = np.random.default_rng(seed)
         decay = 0.9 + spread * generator.uniform(-1, 1, (40, 1))
         zeta, chi = generator.standard_normal((40, 80, 6)), np.zeros((40, 80, 6))
         for k in range(79):
             chi[:, k + 1] = decay * chi[:, k] + 0.3 * zeta[:, k] + 0.02 * generator.standard_normal((40, 6))
-        dut.phi, dut.C, dut.chi_scale = lambda chi: chi, torch.eye(6, dtype=torch.float64), np.ones(6)
-        dut._pairs = torch.from_numpy(chi), torch.from_numpy(zeta)
-        dut.forward_prior = torch.from_numpy(np.vstack([0.9 * np.eye(6), 0.3 * np.eye(6)]))
-        return dut.strength()
+        prior = torch.from_numpy(np.vstack([0.9 * np.eye(6), 0.3 * np.eye(6)]))
+        z = torch.from_numpy(chi)
+        return most_likely_ridge(z, torch.from_numpy(zeta), z, torch.eye(6, dtype=z.dtype), prior.expand(40, -1, -1))
 
     assert learned(0.0) >= 1e3  # 39 samples of about unit size move little
     assert learned(0.09) <= 1e2
 
 
-def test_after_one_circle_only_a_weight_lasts_beyond_a_window(plain):
+def test_only_a_weight_lasts_beyond_a_window(plain):
     """A horizontal force goes; a weight stays, also one that is less than that of the training."""
     config = dc.replace(CONFIG, epochs=1)
     model = train([plain.segment], config).model
