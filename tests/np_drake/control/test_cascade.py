@@ -60,3 +60,7 @@ def test_rotors_get_no_more_than_they_can_give():
     rotors = VEHICLE.unmixer @ u
     assert rotors.min() >= -1e-9
     assert rotors.max() <= VEHICLE.max_rotor_thrust + 1e-9
+
+
+def test_rotors_do_not_pull_downwards():
+    assert step(a=[0, 0, -30.0])[0][0] == 0.0
