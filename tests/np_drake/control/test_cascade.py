@@ -62,5 +62,7 @@ def test_rotors_get_no_more_than_they_can_give():
     assert rotors.max() <= VEHICLE.max_rotor_thrust + 1e-9
 
 
-def test_rotors_do_not_pull_downwards():
-    assert step(a=[0, 0, -30.0])[0][0] == 0.0
+def test_upside_down_it_asks_for_no_thrust():
+    fallen = REST.copy()
+    fallen[3:7] = [0.0, 1.0, 0.0, 0.0]
+    assert step(x=fallen)[0][0] == 0.0
