@@ -60,9 +60,3 @@ def test_rotors_get_no_more_than_they_can_give():
     rotors = VEHICLE.unmixer @ u
     assert rotors.min() >= -1e-9
     assert rotors.max() <= VEHICLE.max_rotor_thrust + 1e-9
-
-
-def test_upside_down_it_asks_for_no_thrust():
-    fallen = REST.copy()
-    fallen[3:7] = [0.0, 1.0, 0.0, 0.0]
-    assert step(x=fallen)[0][0] == 0.0
