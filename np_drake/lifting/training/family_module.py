@@ -10,7 +10,7 @@ ARRAYS = ("frequency", "damping", "decay", "inputs", "encoder")
 
 
 class AxisModule(nn.Module):
-    """Differentiable `ModalAxis` in double precision.
+    """Differentiable `ModalAxis` in single precision.
 
     Args:
         channels: (V, c, 12) what a view takes of a sample, scaled.
@@ -33,7 +33,7 @@ class AxisModule(nn.Module):
 
         def slopes(first: np.ndarray, spread: float) -> nn.Parameter:
             drawn = spread * rng.standard_normal((*first.shape, size))
-            return nn.Parameter(torch.from_numpy(np.concatenate([first[..., None], drawn], axis=-1)))
+            return nn.Parameter(torch.from_numpy(np.concatenate([first[..., None], drawn], axis=-1)).float())
 
         # A new pair has lost a third of its swing after one period, a start from which it may lose more or none.
         self.frequency = slopes(np.log(frequencies), 0.05)
@@ -43,8 +43,6 @@ class AxisModule(nn.Module):
         self.encoder = slopes(np.zeros((K, delay * c)), 0.0)
         self.layers = nn.ParameterList()
         self.channels, self.readout = channels, readout
-        C = np.concatenate([np.tile([1.0, 0.0], p), np.ones(q)])
-        self.register_buffer("C", torch.from_numpy(C))
 
     def add_network(self, width: int, seed: int) -> None:
         """Put a network of two hidden layers on top, whose output is zero at first.
@@ -56,9 +54,9 @@ class AxisModule(nn.Module):
         K, n = self.encoder.shape[:2]
         generator = torch.Generator().manual_seed(seed)
         for out, into in ((width, n + self.encoder.shape[2] - 1), (width, width)):
-            W = torch.randn(out, into, generator=generator, dtype=torch.float64) / into**0.5
+            W = torch.randn(out, into, generator=generator, dtype=torch.float32) / into**0.5
             self.layers.append(nn.Parameter(W))
-        self.layers.append(nn.Parameter(torch.zeros(K, width, dtype=torch.float64)))
+        self.layers.append(nn.Parameter(torch.zeros(K, width, dtype=torch.float32)))
 
     def lift(self, w: torch.Tensor, theta: torch.Tensor) -> torch.Tensor:
         """Return z (b, K) of windows (b, D c) and theta (b, r)."""
@@ -75,7 +73,7 @@ class AxisModule(nn.Module):
     def forecast(self, z: torch.Tensor, u: torch.Tensor, theta: torch.Tensor, horizons: np.ndarray, step: float):
         """Return the scaled force (b, H) at the horizons, from z (b, K) and the coming inputs (b, N, c - 1).
 
-        C A^h z + sum over j < h of C A^(h-1-j) B u_j in closed form, as A is modal.
+        z+ = A z + B u step by step; A is modal, so that a step is a few products.
 
         Args:
             z: (b, K).
@@ -85,22 +83,20 @@ class AxisModule(nn.Module):
             step: [s].
         """
         at = torch.cat([torch.ones_like(theta[:, :1]), theta], dim=1)
-        p, n = len(self.frequency), u.shape[1]
-        k = torch.arange(n + 1, dtype=z.dtype)[None, :, None]
-        turn, shrink = (torch.exp(at @ self.frequency.T) * step)[:, None], torch.exp(at @ self.damping.T)[:, None]
-        size = torch.exp(-k * shrink * step)
-        cos, sin = size * torch.cos(k * turn), size * torch.sin(k * turn)
-        real = torch.exp(-k * torch.exp(at @ self.decay.T)[:, None] * step)
-        B = torch.einsum("kir,br->bki", self.inputs, at)
-        impulse = torch.einsum("bnp,bpi->bni", cos, B[:, 0 : 2 * p : 2])
-        impulse = impulse - torch.einsum("bnp,bpi->bni", sin, B[:, 1 : 2 * p : 2])
-        impulse = impulse + torch.einsum("bnq,bqi->bni", real, B[:, 2 * p :])
-        h = torch.as_tensor(horizons)
-        free = (cos[:, h] * z[:, None, 0 : 2 * p : 2] - sin[:, h] * z[:, None, 1 : 2 * p : 2]).sum(-1)
-        free = free + (real[:, h] * z[:, None, 2 * p :]).sum(-1)
-        before = h[:, None] - 1 - torch.arange(n)[None]
-        response = impulse[:, before.clamp(min=0)] * (before >= 0).to(z.dtype)[None, :, :, None]
-        return free + torch.einsum("bhni,bni->bh", response, u)
+        p = len(self.frequency)
+        turn = torch.exp(at @ self.frequency.T) * step
+        shrink = torch.exp(-torch.exp(at @ self.damping.T) * step)
+        cos, sin = shrink * torch.cos(turn), shrink * torch.sin(turn)
+        real = torch.exp(-torch.exp(at @ self.decay.T) * step)
+        drive = torch.einsum("bki,bni->bnk", torch.einsum("kir,br->bki", self.inputs, at), u)
+        x, y, rest = z[:, 0 : 2 * p : 2], z[:, 1 : 2 * p : 2], z[:, 2 * p :]
+        dx, dy, d_rest = drive[..., 0 : 2 * p : 2], drive[..., 1 : 2 * p : 2], drive[..., 2 * p :]
+        course = [x.sum(1) + rest.sum(1)]
+        for i in range(int(horizons[-1])):
+            x, y = cos * x - sin * y + dx[:, i], sin * x + cos * y + dy[:, i]
+            rest = real * rest + d_rest[:, i]
+            course.append(x.sum(1) + rest.sum(1))
+        return torch.stack([course[int(h)] for h in horizons], dim=1)
 
     def export(self, share: float = 1.0) -> ModalAxis:
         """Return the axis in numpy.
@@ -108,8 +104,8 @@ class AxisModule(nn.Module):
         Args:
             share: of the network's output that is kept [1].
         """
-        arrays = {name: getattr(self, name).detach().numpy().copy() for name in ARRAYS}
-        weights = [W.detach().numpy().copy() for W in self.layers]
+        arrays = {name: getattr(self, name).detach().numpy().astype(float) for name in ARRAYS}
+        weights = [W.detach().numpy().astype(float) for W in self.layers]
         if weights and share > 0:
             weights[-1] = share * weights[-1]
         return ModalAxis(self.channels, self.readout, **arrays, layers=tuple(weights) if share > 0 else ())

@@ -77,7 +77,9 @@ class FamilyTrainer:
                 )
             )
         rng = np.random.default_rng(config.seed)
-        self.theta = torch.nn.Parameter(torch.from_numpy(0.1 * rng.standard_normal((len(self.segments), config.size))))
+        self.theta = torch.nn.Parameter(
+            torch.from_numpy(0.1 * rng.standard_normal((len(self.segments), config.size))).float()
+        )
         self.data = [self._windows(axis) for axis in self.axes]
         self.weights = [_weights(data) for data in self.data]
 
@@ -87,7 +89,7 @@ class FamilyTrainer:
             seen = np.hstack([s.chi, s.zeta]) @ axis.channels.swapaxes(1, 2)
             goals = np.stack([s.goal @ (row > 0) / self.chi_scale[0] for row in np.abs(axis.readout)])
             for view, goal in zip(seen, goals, strict=True):
-                parts.append((number, torch.from_numpy(view), torch.from_numpy(goal)))
+                parts.append((number, torch.from_numpy(view).float(), torch.from_numpy(goal).float()))
         return _Windows.of(parts, self.config, self.horizons)
 
     def loss(self, axis: int, chosen: torch.Tensor, generator: torch.Generator | None = None) -> torch.Tensor:
@@ -195,7 +197,7 @@ def make_family(trainer: FamilyTrainer, share: float = 1.0) -> AdaptiveFamily:
         share: of the network that is kept [1].
     """
     c = trainer.config
-    theta = trainer.theta.detach().numpy()
+    theta = trainer.theta.detach().numpy().astype(float)
     axes = tuple(axis.export(share) for axis in trainer.axes)
     lags = np.array(c.lags, float)
     covariance = np.atleast_2d(np.cov(theta.T)) + 1e-9 * np.eye(c.size)
