@@ -112,7 +112,7 @@ class FamilyTrainer:
             theta = theta + c.theta_noise * self.theta.detach().std(0) * noise(theta)
         module = self.axes[axis]
         z = module.lift(w, theta)
-        return ((module.forecast(z, u, theta, self.horizons, self.step) - y) * self.weights[axis]).pow(2).mean()
+        return ((module.forecast(z, u, theta, self.horizons, self.step) - y) * self.weights[axis][flight]).pow(2).mean()
 
     def descend(self, parameters: list[torch.nn.Parameter], windows: list[torch.Tensor], on_step) -> list[float]:
         """Run Adam on `parameters`, and return the losses.
@@ -177,10 +177,17 @@ class _Windows:
 
 
 def _weights(data: _Windows) -> torch.Tensor:
-    """Return 1 / RMSE of persistence at each horizon, limited to 1 / (2 % of the largest RMSE), (H,)."""
-    k = data.origin[:: max(1, len(data.origin) // 20000)]
-    rmse = (data.goal[k[:, None] + data.horizons] - data.seen[k, :1]).pow(2).mean(0).sqrt()
-    return 1.0 / rmse.clamp(min=max(0.02 * float(rmse.max()), 1e-9))
+    """Return 1 / RMSE of persistence of each flight at each horizon, limited to 1 / (2 % of the largest), (flights, H).
+
+    So every flight counts alike, that of a light payload as that of a heavy one.
+    """
+    rows = []
+    for flight in range(int(data.flight.max()) + 1):
+        k = data.origin[data.flight == flight]
+        k = k[:: max(1, len(k) // 500)]
+        rmse = (data.goal[k[:, None] + data.horizons] - data.seen[k, :1]).pow(2).mean(0).sqrt()
+        rows.append(1.0 / rmse.clamp(min=max(0.02 * float(rmse.max()), 1e-9)))
+    return torch.stack(rows)
 
 
 def _channels(view) -> np.ndarray:
