@@ -104,36 +104,23 @@ class AdaptiveFamily:
         keep = np.exp(-EVERY * step / self.memory)
         theta = self.mean + keep * (theta - self.mean)
         covariance = keep**2 * covariance + (1 - keep**2) * self.covariance
-        sizes = np.sqrt(np.diag(self.covariance))
-        e = self._departures(theta, window, step)
-        J = np.empty((len(e), len(theta)))
-        for i, size in enumerate(sizes):
-            ahead = theta.copy()
-            ahead[i] += DIFFERENCE * size
-            J[:, i] = (self._departures(ahead, window, step) - e) / (DIFFERENCE * size)
+        sizes = DIFFERENCE * np.sqrt(np.diag(self.covariance))
+        e, *ahead = self._departures(theta + np.vstack([np.zeros_like(sizes), np.diag(sizes)]), window, step)
+        J = (np.array(ahead).T - e[:, None]) / sizes
         # Kalman gain: P J' (J P J' + 1)^-1, as e is over its deviation
         PJ = covariance @ J.T
         gain = np.linalg.solve(J @ PJ + np.eye(len(e)), PJ.T).T
         covariance = covariance - gain @ PJ.T
         return theta - gain @ e, 0.5 * (covariance + covariance.T)
 
-    def _departures(self, theta: np.ndarray, window: np.ndarray, step: float) -> np.ndarray:
-        """Return what is seen now less what was foreseen, over its deviation, of all axes, views and lags."""
-        found = []
-        for axis, noise in zip(self.axes, self.noise, strict=True):
-            if not np.isfinite(noise).any():
-                continue
-            seen = axis.seen(window)
-            A, B = axis.matrices(theta, step)
-            now = axis.lift(seen[:, -axis.delay :], theta) @ axis.C
-            drive = seen[..., 1:] @ B.T
-            for lag, deviation in zip(self.lags.astype(int), noise, strict=True):
-                at = seen.shape[1] - lag
-                z = axis.lift(seen[:, at - axis.delay : at], theta)
-                for i in range(at - 1, at - 1 + lag):
-                    z = z @ A.T + drive[:, i]
-                found.append((now - z @ axis.C) / deviation)
-        return np.concatenate(found) if found else np.zeros(0)
+    def _departures(self, thetas: np.ndarray, window: np.ndarray, step: float) -> np.ndarray:
+        """Return what is seen now less what was foreseen, over its deviation, of all axes, views and lags, (T, n)."""
+        lags, window = self.lags.astype(int), window[len(window) - self.window :]
+        found = [
+            axis.departures(thetas, window, lags, step) / noise
+            for axis, noise in zip(self.axes, self.noise, strict=True)
+        ]
+        return np.concatenate([part.reshape(len(thetas), -1) for part in found], axis=1)
 
 
 def family_tensors(family: AdaptiveFamily) -> dict[str, np.ndarray]:

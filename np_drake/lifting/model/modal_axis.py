@@ -10,6 +10,7 @@ Source: own choice; the modal form and the multi-step loss as in `delay-modal`.
 """
 
 import dataclasses as dc
+from functools import cached_property
 
 import numpy as np
 
@@ -107,6 +108,43 @@ class ModalAxis:
         for W in self.layers[:-1]:
             hidden = np.maximum(hidden @ W.T, 0.0)
         return z + hidden @ self.layers[-1].T
+
+    def departures(self, thetas: np.ndarray, window: np.ndarray, lags: np.ndarray, step: float) -> np.ndarray:
+        """Return the force seen at the end of a window less what was foreseen some steps before, (T, V, l), scaled.
+
+        Args:
+            thetas: (T, r), at which it is asked.
+            window: (W, 12) samples, oldest first; W = D + the longest lag.
+            lags: (l,) [steps].
+            step: [s].
+        """
+        seen, at = self.seen(window), np.hstack([np.ones((len(thetas), 1)), thetas])
+        ends = seen.shape[1] - np.concatenate([[0], lags])
+        w = np.stack([seen[:, end - self.delay : end].reshape(len(seen), -1) for end in ends], axis=1)
+        z = (w @ self._by_theta).reshape(*w.shape[:2], self.K, -1) @ at.T  # (V, 1 + l, K, T)
+        CA = self._readouts(at, step, int(max(lags)))
+        response = np.einsum("tkh,kct->thc", CA[:, :, :-1], self.inputs @ at.T)
+        found = np.empty((len(thetas), len(seen), len(lags)))
+        now = np.einsum("k,vkt->tv", self.C, z[:, 0])
+        for i, lag in enumerate(lags):
+            coming = seen[:, -1 - lag : -1, 1:]
+            driven = np.einsum("thc,vhc->tv", response[:, lag - 1 :: -1], coming)
+            found[..., i] = now - np.einsum("tk,vkt->tv", CA[:, :, lag], z[:, 1 + i]) - driven
+        return found
+
+    def _readouts(self, at: np.ndarray, step: float, longest: int) -> np.ndarray:
+        """Return C A^j of j = 0 … longest, (T, K, longest + 1), at [1, theta] (T, 1 + r)."""
+        ahead = step * np.arange(longest + 1)
+        turn = np.exp(at @ self.frequency.T)[..., None] * ahead
+        shrink = np.exp(-np.exp(at @ self.damping.T)[..., None] * ahead)
+        pairs = np.stack([shrink * np.cos(turn), -shrink * np.sin(turn)], axis=2)
+        real = np.exp(-np.exp(at @ self.decay.T)[..., None] * ahead)
+        return np.concatenate([pairs.reshape(len(at), -1, longest + 1), real], axis=1)
+
+    @cached_property
+    def _by_theta(self) -> np.ndarray:
+        """Encoder as a map from a window to what each entry of [1, theta] multiplies, (D c, K (1 + r))."""
+        return self.encoder.transpose(1, 0, 2).reshape(self.encoder.shape[1], -1)
 
     @property
     def lipschitz_bound(self) -> float:
