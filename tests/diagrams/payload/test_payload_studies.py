@@ -20,7 +20,7 @@ from diagrams.tracking.model_files import file_name, key_of
 def made_hover(monkeypatch):
     """No flight: runs of three seeds, made."""
 
-    def runs(run, rows):
+    def runs(run, rows, reality):
         t = np.linspace(0.0, 20.0, 50)
         made = []
         for row in rows:
@@ -61,7 +61,7 @@ def test_a_swing_that_stays_never_settles_and_a_lost_vehicle_is_lost():
 def test_attach_flies_twenty_seeds_unless_told(monkeypatch, capsys):
     asked = []
 
-    def runs(run, models):
+    def runs(run, models, reality):
         asked.append(run.seeds)
         t = 0.02 * np.arange(-300, 200)
         f = np.where(t >= 0, -1.0, 0.0)
@@ -75,8 +75,8 @@ def test_attach_flies_twenty_seeds_unless_told(monkeypatch, capsys):
 
     monkeypatch.setattr(attach, "run_attach", runs)
 
-    def train(run):
-        files = dict(zip(attach.ROWS, (NP_MODEL, FILTER_MODEL), strict=True))
+    def train(run, reality):
+        files = dict(zip(attach.ROWS, (NP_MODEL, FILTER_MODEL, NP_MODEL), strict=True))
         return {
             key_of(row): Path(shutil.copy(file, run.folder / file_name(key_of(row)))).read_bytes()
             for row, file in files.items()
