@@ -36,13 +36,11 @@ def run(run: Run, options: Options) -> Report:
     lines = hover_swing.hover_table(runs)
     said = verdict(lines)
     named = {row.name: f"trained on {row.training}" if row.training else "" for row in rows}
-    controllers = {
-        row.name: hover_swing.hover_config(
-            row, solver=run.solver, model=named[row.name], reality=options.reality
-        ).controller
+    configs = {
+        row.name: hover_swing.hover_config(row, solver=run.solver, model=named[row.name], reality=options.reality)
         for row in rows
     }
-    controllers = {name: dc.asdict(controller) for name, controller in controllers.items()}
+    controllers = {name: dc.asdict(config.controller) for name, config in configs.items()}
     of_figure = f"Hover, impulse on the payload, seed {run.seeds[0]}"
     summaries = [{key: value for key, value in flown.items() if key != "course"} for flown in runs]
     return Report(
