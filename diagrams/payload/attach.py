@@ -9,7 +9,7 @@ import numpy as np
 from diagrams.batch.campaign import Case
 from diagrams.batch.flown import FlownRun
 from diagrams.batch.workers import results
-from diagrams.loop.experiments import scenario_file, settings_of
+from diagrams.loop.experiments import settings_of
 from diagrams.loop.flight import FlightConfig
 from diagrams.loop.flight_result import FlightResult, fly
 from diagrams.payload.hover_swing import TRAINING
@@ -128,7 +128,6 @@ def train_rows(run: FlownRun, reality: Path | None = None) -> Models:
         run: seed, solver, folder, workers and progress.
         reality: scenario file of the training flights, see `load_experiment`.
     """
-    reality = reality and scenario_file(reality).resolve()
     config = campaign_config(run.seed, run.solver, reality)
     return trained_models(run, ROWS, Training(run.seed, run.solver, reality), config)
 
@@ -150,7 +149,6 @@ def run_attach(run: FlownRun, models: Models, reality: Path | None = None) -> li
         for row in rows_with_models(ROWS, models)
         for seed in (run.seeds if event == "attach" else run.seeds[:BESIDE])
     ]
-    reality = reality and scenario_file(reality).resolve()
     config = campaign_config(run.seed, run.solver, reality)
     records = run.cases("attach", "flights", Flying(models, run.solver, reality), cases, config=config)
     courses = ("t", "height", *SIGNALS)
