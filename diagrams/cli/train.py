@@ -16,25 +16,36 @@ from diagrams.cli.runner import Report, Run, reports
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from np_drake.lifting.model.lifted_model import LiftedModel
     from np_drake.residual_models.motion_model import MotionModel
     from np_drake.training_data.training_segments import Flight
+    from np_drake.vehicle import Vehicle
 
 PAYLOAD_FILTER = "payload_filter"
 T = TypeVar("T")
 LOG_HELP = "Flight logs (CSV, .csv.gz, Parquet), NeuroBEM CSV, or NeuroBEM arrays (.npy)."
+Envelope = Annotated[
+    int | None,
+    Option(metavar="N", min=0, max=10_000, help="Fly N simulated payloads and learn from them too; 0: the logs alone."),
+]
+Prior = Annotated[
+    Path | None, Option(metavar="FILE", help="Family that the logs place; by default the packaged one where it fits.")
+]
 Force = Annotated[bool, Option("--force", help="Train though the vehicle moves in none of the logs.")]
 
 
-@reports("train", seed=0, markdown=False)
+@reports("train", seed=0, markdown=False, many=True)
 def train(
     run: Run,
-    logs: Annotated[list[Path], Argument(metavar="LOG…", help=LOG_HELP)],
     out: Annotated[Path, Option(metavar="FILE", help="Model file (safetensors).")],
+    logs: Annotated[list[Path] | None, Argument(metavar="[LOG…]", help=LOG_HELP)] = None,
     configuration: options.Configuration = None,
     epochs: options.Epochs = None,
     checkpoint: Annotated[
         Path | None, Option(metavar="FILE", help="Save the run here as it goes, and resume it.")
     ] = None,
+    envelope: Envelope = None,
+    prior: Prior = None,
     step: options.Step = None,
     vehicle: options.VehicleFile = None,
     repair: options.Repair = False,
@@ -46,23 +57,32 @@ def train(
     curve = out.with_suffix(".png")
     require_outputs(out, curve, checkpoint, run.json)
     from diagrams.cli.flights import open_flights
+    from diagrams.prediction.envelope import train_on_envelope
     from np_drake.files.figure_file import save
+    from np_drake.lifting.model.lifted_model import LIFTED
     from np_drake.lifting.model.model_file import save_model
     from np_drake.lifting.model.origin import rotor_lag_of
-    from np_drake.lifting.training.train import CONFIGURATIONS, make_config
+    from np_drake.lifting.training.train import CONFIGURATIONS, TrainingResult, make_config
     from np_drake.residual_models.motion_model import KNODE, REACTIONS
-    from np_drake.residual_models.predictor_training import train_on_flights
+    from np_drake.residual_models.predictor_training import place_on_flights, train_on_flights
     from np_drake.scaling import sampling_period
     from np_drake.training_data.training_segments import require_motion
+    from np_drake.vehicle import Vehicle, load_vehicle
 
     name = asked_configuration(configuration, "--configuration", (*CONFIGURATIONS, PAYLOAD_FILTER, *REACTIONS))
     if name in (PAYLOAD_FILTER, *REACTIONS) and checkpoint is not None:
         raise ValueError(f"--checkpoint: {name} has none; it trains in a minute or less.")
+    logs = logs or []
+    if not (logs or envelope):
+        raise ValueError("train: must have something to learn from; give LOG, or --envelope N.")
     flights = open_flights(logs, vehicle, repair=repair)
     if not force:
         require_motion(flights)
-    step = step or sampling_period(flights[0].vehicle)
-    configuration = configuration_for(name, flights[0].frame)
+    flown = flights[0].vehicle if flights else load_vehicle(vehicle) if vehicle else Vehicle()
+    step = step or sampling_period(flown)
+    configuration = configuration_for(name, flights[0].frame if flights else "world")
+    if configuration != LIFTED and (envelope or prior):
+        raise ValueError(f"--envelope and --prior: must be of {LIFTED}; got {configuration}.")
     if configuration == PAYLOAD_FILTER:
         return _payload_filter_report(flights, out, step=step)
     if configuration in REACTIONS:
@@ -75,9 +95,19 @@ def train(
         lines, tables = [f"against the labels [N, N·m]: {rmse}"], []
         notes = [f"{summary['samples']} samples, {wall:.1f} s", f"model: {out}"]
     else:
-        config = make_config(configuration, frame=flights[0].frame, seed=run.seed, epochs=epochs)
-        learn = partial(train_on_flights, flights, config, step=step, checkpoint=checkpoint)
-        result, wall = behind_bar(f"training {configuration}", learn)
+        frame = flights[0].frame if flights else "world"
+        config = make_config(configuration, frame=frame, seed=run.seed, epochs=epochs)
+        if configuration == LIFTED and envelope:
+            start = time.perf_counter()
+            result = train_on_envelope(envelope, config, run=run, vehicle=flown, flights=flights, step=step)
+            wall = time.perf_counter() - start
+        elif configuration == LIFTED and (family := _family(prior, flown, step, envelope)):
+            start = time.perf_counter()
+            result = TrainingResult(place_on_flights(flights, family, step=step), [])
+            wall = time.perf_counter() - start
+        else:
+            learn = partial(train_on_flights, flights, config, step=step, checkpoint=checkpoint)
+            result, wall = behind_bar(f"training {configuration}", learn)
         save_model(result.model, out)
         loss, summary = result.loss, result.model.summary
         head = {"configuration": configuration, "step": step, **dc.asdict(config)}
@@ -85,8 +115,8 @@ def train(
         if lag > 0:
             tell(f"rotors: {1e3 * lag:.0f} ms behind the command; in flight the labels of this model allow for it.")
         lines, tables = [], [_loss_table(summary, wall)]
-        notes = [f"model: {out}", f"loss curve: {curve}"]
-    if loss or tables:
+        notes = [f"model: {out}", *([f"loss curve: {curve}"] if loss else [])]
+    if loss:
         save(_loss_figure(loss), curve)
     return Report(
         tables,
@@ -95,6 +125,28 @@ def train(
         lines=[f"excitation: {summary['excitation']}", *lines],
         notes=notes,
     )
+
+
+def _family(prior: Path | None, vehicle: "Vehicle", step: float, envelope: int | None) -> "LiftedModel | None":
+    """Return the family that the logs place, and say which; None where they are to be learnt from alone.
+
+    Args:
+        prior: its file; None for the packaged one, where that is of this vehicle.
+        vehicle: of the logs.
+        step: time between samples [s].
+        envelope: 0 where the logs alone count.
+    """
+    from diagrams.prediction.learning import packaged_family
+    from np_drake.lifting.model.model_file import load_model
+
+    if prior is not None:
+        return load_model(prior)
+    family = packaged_family(vehicle, step=step) if envelope is None else None
+    if family is not None:
+        say("prior: the packaged family of systems; --envelope 0 trains on the logs alone.")
+    elif envelope is None:
+        say(f"prior: none, as the packaged family is not of {vehicle.name}; --envelope N flies one in simulation.")
+    return family
 
 
 def asked_configuration(name: str | None, option: str, known: Sequence[str]) -> str:

@@ -4,23 +4,27 @@ from pathlib import Path
 
 import numpy as np
 
+from diagrams.loop.controllers import NP_MODEL
 from diagrams.loop.flight_result import FlightResult
 from np_drake.flight_log import FlightLog
-from np_drake.lifting.model.lifted_model import DELAY_MODAL
-from np_drake.lifting.model.model_file import save_model
+from np_drake.labels import LabelConfig, default_labels
+from np_drake.lifting.model.lifted_model import LIFTED, LiftedModel
+from np_drake.lifting.model.model_file import load_model, save_model
+from np_drake.lifting.model.origin import origin_of, require_origin
 from np_drake.lifting.training.train import TrainingResult, make_config
 from np_drake.payload_filter.model_file import PayloadFilterModel
 from np_drake.payload_filter.training import train_payload_filter
 from np_drake.residual_models.motion_model import MotionModel
 from np_drake.residual_models.motion_training import train_motion_model
-from np_drake.residual_models.predictor_training import train_on_flights
+from np_drake.residual_models.predictor_training import place_on_flights, train_on_flights
 from np_drake.training_data.training_segments import Flight
+from np_drake.vehicle import Vehicle
 
 
-def train_predictor(
-    flight: FlightResult, path: Path, *, configuration: str = DELAY_MODAL, seed: int = 0
-) -> TrainingResult:
+def train_predictor(flight: FlightResult, path: Path, *, configuration: str = LIFTED, seed: int = 0) -> TrainingResult:
     """Train on the flight's log after the ramp and write the model file.
+
+    `lifted` places the packaged family where that is of this vehicle, see `packaged_family`.
 
     Args:
         flight: to train on.
@@ -29,15 +33,31 @@ def train_predictor(
         seed: of the training.
     Raises: ValueError: on an unknown configuration.
     """
-    controller = flight.config.controller
-    result = train_on_flights(
-        [Flight(_scored(flight), flight.config.vehicle)],
-        make_config(configuration, seed=seed),
-        step=controller.period,
-        label=controller.label,
-    )
+    controller, vehicle = flight.config.controller, flight.config.vehicle
+    flights, how = [Flight(_scored(flight), vehicle)], {"step": controller.period, "label": controller.label}
+    prior = packaged_family(vehicle, **how) if configuration == LIFTED else None
+    if prior is None:
+        result = train_on_flights(flights, make_config(configuration, seed=seed), **how)
+    else:
+        result = TrainingResult(place_on_flights(flights, prior, **how), [])
     save_model(result.model, path)
     return result
+
+
+def packaged_family(vehicle: Vehicle, *, step: float, label: LabelConfig | None = None) -> LiftedModel | None:
+    """Return the packaged family of systems; None where it is of another vehicle, or of other labels.
+
+    Args:
+        vehicle: as the controller believes it.
+        step: time between samples [s].
+        label: low-pass of the labels, None for that of the vehicle.
+    """
+    prior = load_model(NP_MODEL)
+    try:
+        require_origin(prior, origin_of("world", vehicle, label or default_labels(vehicle)))
+    except ValueError:
+        return None
+    return prior if abs(step / prior.step - 1) < 0.02 else None
 
 
 def train_reaction(flight: FlightResult, path: Path, *, name: str, seed: int = 0) -> MotionModel:

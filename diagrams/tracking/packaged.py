@@ -1,6 +1,6 @@
-"""The models that ship with the package, made anew: one training flight, two configurations."""
+"""The models that ship with the package, made anew: a family of systems over an envelope, and a payload filter."""
 
-from collections.abc import Callable
+import dataclasses as dc
 from pathlib import Path
 from typing import NamedTuple
 
@@ -9,30 +9,29 @@ import numpy as np
 from diagrams.batch.run import NoOptions as Options
 from diagrams.batch.run import Report, Run
 from diagrams.loop.controllers import FILTER_MODEL, MODELS, NP_MODEL
-from diagrams.prediction.learning import train_payload_filter_model, train_predictor
+from diagrams.prediction.envelope import train_on_envelope
+from diagrams.prediction.learning import train_payload_filter_model
 from diagrams.tracking.tracking import DITHERED, training_flight
-from np_drake.lifting.model.model_file import read_tensors, schema_of
+from np_drake.lifting.model.model_file import read_tensors, save_model, schema_of
+from np_drake.lifting.training.train import make_config
+from np_drake.vehicle import Vehicle
 
-SEED, SOLVER = 0, "sqp"  # of the training flight; the seed also of the training
+SEED, SOLVER = 0, "sqp"  # of the flights; the seed also of the training
+FLIGHTS = 440  # of the envelope
 
 
-def make_packaged_models(
-    folder: Path, *, on_step: Callable[[int, int, str], None] = lambda done, total, text: None
-) -> list[Path]:
-    """Fly the training flight, train both models on it, write them into `folder` and return their files.
+def make_packaged_models(run: Run, flights: int = FLIGHTS) -> list[Path]:
+    """Fly and train, write both models into the folder of the run and return their files.
 
     Args:
-        folder: takes the files.
-        on_step: called with (done, total, what comes).
+        run: folder, workers and progress.
+        flights: of the envelope.
     """
-    files = [folder / packaged.name for packaged in (NP_MODEL, FILTER_MODEL)]
-    on_step(0, 3, "training flight")
-    flight = training_flight(DITHERED, seed=SEED, solver=SOLVER)
-    on_step(1, 3, files[0].stem)
-    train_predictor(flight, files[0], seed=SEED)
-    on_step(2, 3, files[1].stem)
-    train_payload_filter_model(flight, files[1])
-    on_step(3, 3, "")
+    files = [run.folder / packaged.name for packaged in (NP_MODEL, FILTER_MODEL)]
+    run = dc.replace(run, seed=SEED)
+    result = train_on_envelope(flights, make_config("lifted", seed=SEED), run=run, vehicle=Vehicle())
+    save_model(result.model, files[0])
+    train_payload_filter_model(training_flight(DITHERED, seed=SEED, solver=SOLVER), files[1])
     return files
 
 
@@ -90,15 +89,14 @@ def run(run: Run, options: Options) -> Report:
         run: seed, folders, workers and progress.
         options: of the study.
     """
-    with run.progress("packaged models") as advance:
-        files = make_packaged_models(run.folder, on_step=lambda done, total, text: advance(done / total, text))
+    files = make_packaged_models(run)
     lines = [{"file": file.name, "bytes": file.stat().st_size, **difference(file)._asdict()} for file in files]
     rows: list[tuple] = [
         (line["file"], line["bytes"], f"{line['relative']:.2g}", f"{line['from_zero']:.2g}") for line in lines
     ]
-    title = f"largest differences from the packaged files; training flight of the demo, seed {SEED}, {SOLVER}"
+    title = f"largest differences from the packaged files; {FLIGHTS} flights of the envelope, seed {SEED}, {SOLVER}"
     return Report(
         [(title, ["file", "size [B]", "over the packaged one [1]", "where that is zero [SI]"], rows)],
-        config={"seed": SEED, "solver": SOLVER},
+        config={"seed": SEED, "solver": SOLVER, "flights": FLIGHTS},
         metrics={"models": lines},
     )

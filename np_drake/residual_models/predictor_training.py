@@ -6,11 +6,15 @@ from pathlib import Path
 
 from np_drake.flight_log import FlightLog
 from np_drake.labels import LabelConfig, default_labels
-from np_drake.lifting.model.lifted_model import BY_AXES, PAPER
-from np_drake.lifting.model.origin import origin_of, with_origin, with_rotor_lag
+from np_drake.lifting.model.lifted_model import LiftedModel
+from np_drake.lifting.model.origin import origin_of, require_origin, with_origin, with_rotor_lag
+from np_drake.lifting.training.excitation import training_summary
+from np_drake.lifting.training.family_training import placed
 from np_drake.lifting.training.train import Config, TrainingResult, train
 from np_drake.training_data.actuator_timing import learned_rotor_lag
+from np_drake.training_data.segments import Segment
 from np_drake.training_data.training_segments import Flight
+from np_drake.vehicle import Vehicle
 
 
 def train_on_flights(
@@ -19,6 +23,9 @@ def train_on_flights(
     *,
     step: float,
     label: LabelConfig | None = None,
+    vehicle: Vehicle | None = None,
+    envelope: Sequence[Segment] = (),
+    rotor_lag: float | None = None,
     checkpoint: Path | None = None,
     on_epoch: Callable[[int, int, float], None] = lambda *_: None,
 ) -> TrainingResult:
@@ -29,15 +36,64 @@ def train_on_flights(
         config: of the predictor.
         step: time between samples [s].
         label: low-pass of the labels, None for that of the vehicle.
+        vehicle: None for that of the flights.
+        envelope: further flights of the vehicle, simulated ones, whose labels are true to its rotors.
+        rotor_lag: time constant of the rotors [s]; None: what the flights tell.
         checkpoint: as of `train`.
         on_epoch: likewise.
     Raises: ValueError: if the flights are unusable or the checkpoint is of another run.
     """
-    segments = [segment for flight in flights for segment in flight.segments(step, label)]
+    lag = rotor_lag_in(flights) if rotor_lag is None else rotor_lag
+    segments = [*lagged_segments(flights, lag, step=step, label=label), *envelope]
     result = train(segments, config, checkpoint=checkpoint, on_epoch=on_epoch)
+    return dc.replace(result, model=_signed(result.model, flights, vehicle, lag, label))
+
+
+def place_on_flights(
+    flights: Sequence[Flight], prior: LiftedModel, *, step: float, label: LabelConfig | None = None
+) -> LiftedModel:
+    """Return a family of systems whose theta starts where these flights leave it.
+
+    Args:
+        flights: opened ones, with the payload that is expected.
+        prior: family, trained on labels like theirs.
+        step: time between samples [s].
+        label: low-pass of the labels, None for that of the vehicle.
+    Raises: ValueError: if the flights are unusable, or the family is of another vehicle.
+    """
     vehicle = flights[0].vehicle
-    model = with_origin(result.model, origin_of(flights[0].frame, vehicle, label or default_labels(vehicle)))
-    if model.configuration in (*BY_AXES.values(), PAPER):
-        logs = [(f.data, f.vehicle) for f in flights if isinstance(f.data, FlightLog)]
-        model = with_rotor_lag(model, learned_rotor_lag(logs))
-    return dc.replace(result, model=model)
+    require_origin(prior, origin_of(flights[0].frame, vehicle, label or default_labels(vehicle)))
+    lag = rotor_lag_in(flights)
+    segments = lagged_segments(flights, lag, step=step, label=label)
+    model = _signed(placed(prior, segments), flights, None, lag, label)
+    told = training_summary(segments, float("nan"), step)
+    return dc.replace(model, summary={**model.summary, "placed": told["samples"], "excitation": told["excitation"]})
+
+
+def rotor_lag_in(flights: Sequence[Flight]) -> float:
+    """Return the time constant of the rotors that the logs tell [s]; 0 where the vehicle names one, or none is told."""
+    return learned_rotor_lag([(f.data, f.vehicle) for f in flights if isinstance(f.data, FlightLog)])
+
+
+def lagged_segments(flights: Sequence[Flight], lag: float, *, step: float, label: LabelConfig | None) -> list[Segment]:
+    """Return the training input, its labels those of a flight with a model that knows the lag.
+
+    Args:
+        flights: opened ones.
+        lag: time constant of the rotors of a vehicle that names none [s].
+        step: time between samples [s].
+        label: low-pass of the labels.
+    """
+    lagged = [
+        dc.replace(f, vehicle=dc.replace(f.vehicle, rotor_time_constant=f.vehicle.rotor_time_constant or lag))
+        for f in flights
+    ]
+    return [segment for flight in lagged for segment in flight.segments(step, label)]
+
+
+def _signed(
+    model: LiftedModel, flights: Sequence[Flight], vehicle: Vehicle | None, lag: float, label: LabelConfig | None
+) -> LiftedModel:
+    """Return the model with its origin and the rotor lag."""
+    vehicle, frame = vehicle or flights[0].vehicle, flights[0].frame if flights else "world"
+    return with_rotor_lag(with_origin(model, origin_of(frame, vehicle, label or default_labels(vehicle))), lag)

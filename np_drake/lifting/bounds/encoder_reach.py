@@ -58,13 +58,14 @@ def encoder_reach(model: LiftedModel, change: Change) -> EncoderReach:
     if isinstance(model.encoder, Phi):
         L = model.encoder.lipschitz_bound
         return EncoderReach(L, L * change.chi, L * change.chi)
-    E = model.encoder.E.reshape(model.encoder.K, model.encoder.delay, 12).swapaxes(0, 1)[::-1]  # by lag
+    encoder = model.linear_encoder
+    E = encoder.E.reshape(encoder.K, encoder.delay, 12).swapaxes(0, 1)[::-1]  # by lag
     gain_chi, gain_zeta = (spectral_norms(E[..., :6] * model.chi_scale), spectral_norms(E[..., 6:] * model.zeta_scale))
     N = len(change.chi)
     radius = np.convolve(gain_chi, change.chi)[:N] + np.convolve(gain_zeta, change.zeta)[:N]
     travel = gain_chi.sum() * change.chi + gain_zeta.sum() * change.zeta
-    scales = np.tile(np.concatenate([model.chi_scale, model.zeta_scale]), model.encoder.delay)
-    return EncoderReach(float(spectral_norms(model.encoder.E * scales)), radius, travel)
+    scales = np.tile(np.concatenate([model.chi_scale, model.zeta_scale]), encoder.delay)
+    return EncoderReach(float(spectral_norms(encoder.E * scales)), radius, travel)
 
 
 def standing_still(model: LiftedModel, window: np.ndarray, horizon: int) -> np.ndarray:

@@ -6,9 +6,8 @@ force that it sees now:
 
     e_h = C z_k - C z_(k|k-h),   theta ~ N(mean, covariance),   e_h(theta) linearised, var(e_h) = noise_h²
 
-(a step of the extended Kalman filter). What the flight does not excite stays at the
-prior. Between updates theta returns to the prior as an Ornstein-Uhlenbeck process, so that another payload is learnt
-within its time constant.
+(a step of the extended Kalman filter). What the flight does not excite stays at the prior. Between updates theta
+returns to the prior as an Ornstein-Uhlenbeck process, so that another payload is learnt within its time constant.
 Source: empirical Bayes for the prior; Kalman filter for the update.
 """
 
@@ -17,6 +16,7 @@ import dataclasses as dc
 import numpy as np
 import scipy.linalg
 
+from np_drake.lifting.model.encoders import DelayEncoder
 from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
 from np_drake.lifting.model.modal_axis import ModalAxis
 
@@ -29,8 +29,8 @@ class AdaptiveFamily:
     """Axes of a lifted linear system that share theta (r,), and its prior.
 
     axes: whose views' states stand side by side in z.   mean: (r,), covariance: (r, r) of theta.
-    lags: (l,) steps over which forecasts are compared.   noise: (a, l) deviations of e_h of each axis, scaled [1]; inf
-    for an axis that tells nothing of theta.   memory: time constant of the return to the prior [s].
+    lags: (l,) steps over which forecasts are compared.   noise: (a, l) deviations of e_h of each axis, scaled [1].
+    memory: time constant of the return to the prior [s].
     """
 
     axes: tuple[ModalAxis, ...]
@@ -79,6 +79,14 @@ class AdaptiveFamily:
                 Bs.append(B @ channels[1:, 6:])
                 Cs.append(np.outer(readout, axis.C))
         return LiftedLinearSystem(scipy.linalg.block_diag(*As), np.vstack(Bs), np.hstack(Cs), step)
+
+    def encoder(self, theta: np.ndarray) -> DelayEncoder:
+        """Return the encoder at theta (r,), of windows of D samples."""
+        parts, at = [], np.concatenate([[1.0], theta])
+        for axis in self.axes:
+            E = (axis.encoder @ at).reshape(axis.K, self.delay, -1)
+            parts += [(E @ channels).reshape(axis.K, -1) for channels in axis.channels]
+        return DelayEncoder(np.vstack(parts), self.delay)
 
     def lift(self, window: np.ndarray, theta: np.ndarray) -> np.ndarray:
         """Return z (K,) now from samples [chi, zeta] (W, 12), oldest first, W >= D.
@@ -129,9 +137,7 @@ def family_tensors(family: AdaptiveFamily) -> dict[str, np.ndarray]:
     tensors = {f"family/{name}": np.asarray(getattr(family, name), float) for name in names}
     tensors["family/memory"] = np.array([family.memory])
     for i, axis in enumerate(family.axes):
-        own = {field.name: getattr(axis, field.name) for field in dc.fields(axis) if field.name != "layers"}
-        own |= {f"W{k}": W for k, W in enumerate(axis.layers)}
-        tensors |= {f"axis{i}/{name}": value for name, value in own.items()}
+        tensors |= {f"axis{i}/{field.name}": getattr(axis, field.name) for field in dc.fields(axis)}
     return tensors
 
 
@@ -144,7 +150,6 @@ def family_of(tensors: dict[str, np.ndarray]) -> AdaptiveFamily:
     axes = []
     for i in range(count):
         own = {n.partition("/")[2]: v for n, v in tensors.items() if n.startswith(f"axis{i}/")}
-        layers = tuple(own.pop(f"W{k}") for k in range(sum(n.startswith("W") for n in own)))
-        axes.append(ModalAxis(**own, layers=layers))
+        axes.append(ModalAxis(**own))
     mean, covariance, lags, noise = (tensors[f"family/{n}"] for n in ("mean", "covariance", "lags", "noise"))
     return AdaptiveFamily(tuple(axes), mean, covariance, lags, noise, float(tensors["family/memory"][0]))

@@ -1,6 +1,7 @@
 """A trained predictor: encoder, lifted linear system, onsets and trust."""
 
 import dataclasses as dc
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from np_drake.lifting.model.onsets import Onsets
 from np_drake.lifting.model.trust import Trust
 
 PAPER, DELAY_MODAL, MODE_DICTIONARY = "paper", "delay-modal", "mode-dictionary"
-NEURAL, LIFTED = "neural", "lifted"
+LIFTED = "lifted"
 DMDC, DELAY_DMDC, RIDGE = "dmdc", "delay-dmdc", "ridge"
 ENCODERS: dict[str, type[Phi] | type[DelayEncoder] | type[AdaptiveFamily]] = {  # of each configuration, by name
     DELAY_MODAL: DelayEncoder,
@@ -22,9 +23,8 @@ ENCODERS: dict[str, type[Phi] | type[DelayEncoder] | type[AdaptiveFamily]] = {  
     DELAY_DMDC: DelayEncoder,
     RIDGE: DelayEncoder,
     LIFTED: AdaptiveFamily,
-    NEURAL: AdaptiveFamily,
 }
-BY_AXES = {"world": DELAY_MODAL, "body": MODE_DICTIONARY}  # configuration that suits wrenches in these axes
+BY_AXES = {"world": LIFTED, "body": MODE_DICTIONARY}  # configuration that suits wrenches in these axes
 OLD_NAMES = ("default", "dictionary")  # earlier names of the two
 
 
@@ -75,13 +75,25 @@ class LiftedModel:
         """Time between samples [s]."""
         return self.system.step
 
+    @cached_property
+    def linear_encoder(self) -> DelayEncoder:
+        """Linear encoder of a window: the model's own, or that of its family at the mean of theta.
+
+        Raises: TypeError: where the encoder is a network.
+        """
+        if isinstance(self.encoder, AdaptiveFamily):
+            return self.encoder.encoder(self.encoder.mean)
+        if isinstance(self.encoder, DelayEncoder):
+            return self.encoder
+        raise TypeError(f"LiftedModel: the encoder of {self.configuration} is not linear.")
+
     def lift(self, window: np.ndarray) -> np.ndarray:
         """Return z (..., K) now from samples [chi, zeta] (..., window, 12), oldest first."""
         if isinstance(self.encoder, DelayEncoder):
             z = self.encoder(window)
             return z if self.onsets is None else z + self.onsets.correction(window)
         if isinstance(self.encoder, AdaptiveFamily):
-            return self.encoder.lift(window, self.encoder.mean)
+            return self.linear_encoder(window[..., -self.encoder.delay :, :])
         z, s = self.encoder(window[..., -1, :6]), self.system
         return advance(z, s.A, s.B, self.since_label(window))
 

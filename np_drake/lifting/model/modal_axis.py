@@ -1,11 +1,10 @@
 """Lifted linear system of one axis, whose modes, inputs and encoder are linear in a parameter theta.
 
-    z+ = A(theta) z + B(theta) u,  f = C z,  z = E(theta) w + N(w, theta)
+    z+ = A(theta) z + B(theta) u,  f = C z,  z = E(theta) w
 
 f is the force along a view (x; y turned by 90 degrees; z), u the inputs of that view, w its last D samples [f, u],
 all scaled. A is block diagonal: rotations by w_i h, shrunk by exp(-d_i h), and real modes exp(-r_j h), with the
-logarithms of w, d and r linear in theta. So it is stable for every theta. N is a network of bounded Lipschitz constant;
-without layers it is zero.
+logarithms of w, d and r linear in theta. So it is stable for every theta.
 Source: own choice; the modal form and the multi-step loss as in `delay-modal`.
 """
 
@@ -23,7 +22,6 @@ class ModalAxis:
     readout: (V, 6) the force along a view [N], from C z.
     frequency: (p, 1 + r) logarithms [log rad/s].   damping: (p, 1 + r), decay: (q, 1 + r) logarithms [log 1/s].
     inputs: (K, c - 1, 1 + r).   encoder: (K, D c, 1 + r), oldest sample first.
-    layers: weights (out, in) of N, the input [w, theta]; the last has K rows.
     """
 
     channels: np.ndarray
@@ -33,7 +31,6 @@ class ModalAxis:
     decay: np.ndarray
     inputs: np.ndarray
     encoder: np.ndarray
-    layers: tuple[np.ndarray, ...] = ()
 
     def __post_init__(self):
         p, q, r = len(self.frequency), len(self.decay), self.encoder.shape[-1] - 1
@@ -47,13 +44,6 @@ class ModalAxis:
             raise ValueError(
                 f"ModalAxis: the arrays must agree on modes, channels and theta; {wrong or 'encoder'} do not."
             )
-        width = self.encoder.shape[1] + r
-        for W in self.layers:
-            if W.ndim != 2 or W.shape[1] != width:
-                raise ValueError(f"ModalAxis: each layer must take the {width} outputs before it; got {W.shape}.")
-            width = len(W)
-        if self.layers and width != K:
-            raise ValueError(f"ModalAxis: the network must end in K = {K} outputs; got {width}.")
 
     @property
     def K(self) -> int:
@@ -100,14 +90,7 @@ class ModalAxis:
             seen: oldest sample first.
             theta: (r,).
         """
-        w = seen.reshape(*seen.shape[:-2], -1)
-        z = w @ (self.encoder @ np.concatenate([[1.0], theta])).T
-        if not self.layers:
-            return z
-        hidden = np.concatenate([w, np.broadcast_to(theta, (*w.shape[:-1], len(theta)))], axis=-1)
-        for W in self.layers[:-1]:
-            hidden = np.maximum(hidden @ W.T, 0.0)
-        return z + hidden @ self.layers[-1].T
+        return seen.reshape(*seen.shape[:-2], -1) @ (self.encoder @ np.concatenate([[1.0], theta])).T
 
     def departures(self, thetas: np.ndarray, window: np.ndarray, lags: np.ndarray, step: float) -> np.ndarray:
         """Return the force seen at the end of a window less what was foreseen some steps before, (T, V, l), scaled.
@@ -145,8 +128,3 @@ class ModalAxis:
     def _by_theta(self) -> np.ndarray:
         """Encoder as a map from a window to what each entry of [1, theta] multiplies, (D c, K (1 + r))."""
         return self.encoder.transpose(1, 0, 2).reshape(self.encoder.shape[1], -1)
-
-    @property
-    def lipschitz_bound(self) -> float:
-        """Product of the layers' largest singular values, 0 without a network [1]."""
-        return float(np.prod([np.linalg.norm(W, 2) for W in self.layers])) if self.layers else 0.0

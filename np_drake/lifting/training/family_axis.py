@@ -12,33 +12,32 @@ ARRAYS = ("frequency", "damping", "decay", "inputs", "encoder")
 
 
 class TrainedAxis:
-    """Arrays of a `ModalAxis` as tensors, in single precision.
+    """Arrays of a `ModalAxis` as tensors in single precision, its modes a sample.
 
     Args:
         moments: of the flights.
         horizons: (h,) of the moments [steps].
-        step: [s].
-        frequencies: (p,) of the pairs at first [rad/s].
-        decays: (q,) of the real modes at first [1/s].
+        modes: (p,) frequencies of the pairs at first [rad/sample].
+        decays: (q,) of the real modes at first [1/sample].
         size: entries of theta, r.
         rng: of what is drawn.
     """
 
     def __init__(
-        self, moments: FlightMoments, horizons: np.ndarray, step: float, *, frequencies: tuple[float, ...],
-        decays: tuple[float, ...], size: int, rng: np.random.Generator,
+        self, moments: FlightMoments, horizons: np.ndarray, *, modes: tuple[float, ...], decays: tuple[float, ...],
+        size: int, rng: np.random.Generator,
     ):  # fmt: skip
-        self.horizons, self.step, self.whitening = horizons, step, moments.whitening
+        self.horizons, self.whitening = horizons, moments.whitening
         n, H = len(moments.whitening), int(horizons[-1])
-        K, coming = 2 * len(frequencies) + len(decays), (moments.gram.shape[1] - n) // H
+        K, coming = 2 * len(modes) + len(decays), (moments.gram.shape[1] - n) // H
 
         def slopes(first: np.ndarray, spread: float) -> torch.Tensor:
             drawn = spread * rng.standard_normal((*first.shape, size))
             return torch.from_numpy(np.concatenate([first[..., None], drawn], axis=-1)).float().requires_grad_()
 
         # A new pair has lost a third of its swing after one period, a start from which it may lose more or none.
-        self.frequency = slopes(np.log(frequencies), 0.05)
-        self.damping = slopes(np.log(np.array(frequencies) / 15.0), 0.0)
+        self.frequency = slopes(np.log(modes), 0.05)
+        self.damping = slopes(np.log(np.array(modes) / 15.0), 0.0)
         self.decay = slopes(np.log(decays), 0.0)
         self.inputs = slopes(0.02 * rng.standard_normal((K, coming)), 0.005)
         self.encoder = slopes(np.zeros((K, n)), 0.0)
@@ -67,11 +66,11 @@ class TrainedAxis:
 
     def _forecasts(self, theta: torch.Tensor) -> torch.Tensor:
         """Return the map from [window, coming inputs] to the force at the horizons, (F, p, h)."""
-        at = torch.cat([torch.ones_like(theta[:, :1]), theta], dim=1)
+        at = torch.cat([torch.ones(len(theta), 1), theta], dim=1)
         ahead = torch.arange(int(self.horizons[-1]) + 1, dtype=theta.dtype)
-        turn = (torch.exp(at @ self.frequency.T) * self.step)[..., None] * ahead
-        shrink = torch.exp(-(torch.exp(at @ self.damping.T) * self.step)[..., None] * ahead)
-        real = torch.exp(-(torch.exp(at @ self.decay.T) * self.step)[..., None] * ahead)
+        turn = torch.exp(at @ self.frequency.T)[..., None] * ahead
+        shrink = torch.exp(-torch.exp(at @ self.damping.T)[..., None] * ahead)
+        real = torch.exp(-torch.exp(at @ self.decay.T)[..., None] * ahead)
         # C A^j, (F, K, H + 1)
         pairs = torch.stack([shrink * torch.cos(turn), -shrink * torch.sin(turn)], dim=2).flatten(1, 2)
         CA = torch.cat([pairs, real], dim=1)
@@ -82,14 +81,17 @@ class TrainedAxis:
         driven = drive.permute(0, 3, 1, 2).flatten(1, 2)
         return torch.cat([encoder @ CA[..., self.horizons], driven], dim=1)
 
-    def export(self, channels: np.ndarray, readout: np.ndarray) -> ModalAxis:
-        """Return the axis.
+    def export(self, channels: np.ndarray, readout: np.ndarray, step: float) -> ModalAxis:
+        """Return the axis, its modes a second.
 
         Args:
             channels: (V, c, 12), see `ModalAxis`.
             readout: (V, 6) [N].
+            step: [s].
         """
         arrays = {name: getattr(self, name).detach().numpy().astype(float) for name in ARRAYS}
+        for name in ("frequency", "damping", "decay"):
+            arrays[name][..., 0] -= np.log(step)
         arrays["encoder"] = np.einsum("knr,nd->kdr", arrays["encoder"], self.whitening)
         return ModalAxis(channels, readout, **arrays)
 

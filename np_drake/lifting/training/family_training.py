@@ -1,83 +1,130 @@
-"""Training of `lifted`: one family of lifted linear systems over many flights, theta of each among them.
+"""Training of `lifted`: one family of lifted linear systems over many flights, with theta of each.
 
-    sum over flights, horizons h of mean_k (f_(k+h) - C z_(k+h|k))² / (that of persistence) + penalty |theta|²
+    mean over flights and horizons h of mean_k (f_(k+h) - C z_(k+h|k))² / (that of persistence) + penalty |theta|²
 
-(a hierarchical model, its maximum a posteriori by L-BFGS). The prior of theta is its spread over the flights; the noise
+(a hierarchical model, its maximum a posteriori by Adam). The prior of theta is its spread over the flights. The noise
 of its update in flight is what the forecasts are wrong by at each flight's own theta, times the correlation between
-updates.
+updates. Flights of one vehicle with many payloads, simulated ones too, make a family that a minute with one's own
+payload then places (`placed`).
 """
 
 import dataclasses as dc
+from collections.abc import Sequence
 
 import numpy as np
 import torch
 
 from np_drake.lifting.model.adaptive_family import EVERY, AdaptiveFamily
-from np_drake.lifting.model.channel_views import View, symmetric_blocks
+from np_drake.lifting.model.channel_views import Block, View, symmetric_blocks
+from np_drake.lifting.model.lifted_model import LIFTED, LiftedModel
+from np_drake.lifting.model.modal_axis import ModalAxis
+from np_drake.lifting.training.checkpoint import Checkpoint, OnEpoch
+from np_drake.lifting.training.excitation import training_summary
 from np_drake.lifting.training.family_axis import TrainedAxis, descend
 from np_drake.lifting.training.family_moments import flight_moments
 from np_drake.lifting.training.horizon_ridge import horizon_grid
 from np_drake.training_data.segments import Segment, check_segments, group_scale
 
+NOISE_FLIGHTS = 40  # over which the noise of theta's update is measured, at most [1]
+
 
 @dc.dataclass(frozen=True)
-class FamilyConfig:
-    """Parameters of `lifted`. Force, v and omega are each divided by one scale."""
+class LiftedConfig:
+    """Parameters of `lifted`. Force, v and omega are each divided by one scale.
+
+    Modes start at the swing of tethers of the length of the vehicle's usual one and at twice that, in radians a sample.
+    """
 
     delay: int = 50  # samples that the encoder sees [1]
     horizon: int = 40  # longest prediction in the loss [steps]
     horizons: int = 10  # how many of it, closer together near 0 [1]
-    size: int = 4  # entries of theta [1]
-    frequencies: tuple[float, ...] = (3.2, 8.0)  # of the lateral pairs at first, scaled to the vehicle [rad/s]
-    vertical: tuple[float, ...] = (15.0,)
-    decays: tuple[float, ...] = (0.02, 5.0)  # of the real modes at first [1/s]
-    steps: int = 400  # of the descent [1]
-    batch: int = 96
-    rate: float = 1e-2
+    size: int = 12  # entries of theta, fewer than flights [1]
+    lateral: tuple[float, ...] = (0.064, 0.16)  # of the pairs of x and y at first [rad/sample]
+    vertical: tuple[float, ...] = (0.3,)  # of those of z [rad/sample]
+    decays: tuple[float, ...] = (4e-4, 0.1)  # of the real modes at first [1/sample]
+    steps: int = 2500  # of gradient descent [1]
+    batch: int = 96  # flights of a step [1]
+    rate: float = 1e-2  # of learning, falling to a hundredth along a cosine; theta five times as much [1]
     penalty: float = 1e-3  # of theta, which sets its unit [1]
-    zeta_noise: float = 0.01  # of the coming zeta, which keeps B from amplifying it [scaled]
-    label_noise: float = 0.01  # of the encoder's samples [scaled]
+    zeta_noise: float = 0.01  # that the coming zeta is taken to have; it keeps B from amplifying noise [scaled]
+    label_noise: float = 0.01  # that the encoder's samples are taken to have [scaled]
     lags: tuple[int, ...] = (12, 25)  # over which forecasts are compared in flight [steps]
-    memory: float = 20.0  # time constant with which theta returns to its prior; the payload may change [s]
+    memory: float = 1000.0  # samples after which theta has returned to its prior; the payload may change
     seed: int = 0
 
 
-def fit_family(segments: list[Segment], config: FamilyConfig, on_step=lambda *_: None):
-    """Return (family, step, scales of chi and zeta, losses)."""
-    c = config
-    segments = check_segments(segments, c.delay + c.horizon + 1)
-    step = float(np.median([s.step for s in segments]))
-    chi_scale = group_scale([s.goal for s in segments], centred=True)
-    zeta_scale = group_scale([s.zeta for s in segments], centred=True)
-    horizons = horizon_grid(c.horizon, c.horizons)
-    scale = 1.0 / np.concatenate([chi_scale, zeta_scale])
-    rng = np.random.default_rng(c.seed)
-    axes, exports = [], []
+def train_lifted(
+    segments: list[Segment], config: LiftedConfig, checkpoint: Checkpoint, on_epoch: OnEpoch
+) -> tuple[LiftedModel, list[float]]:
+    """Return (model, loss after each step) of the `lifted` configuration.
+
+    Args:
+        segments: uninterrupted flights at one step, theta of each its own.
+        config: of the training.
+        checkpoint: left alone, as training takes two minutes.
+        on_epoch: called after each step.
+    """
+    del checkpoint
+    segments = check_segments(segments, max(config.delay + config.horizon, config.delay + max(config.lags)) + 1)
+    step = float(np.median([segment.step for segment in segments]))
+    chi_scale = group_scale([segment.goal for segment in segments], centred=True)
+    zeta_scale = group_scale([segment.zeta for segment in segments], centred=True)
+    rng = np.random.default_rng(config.seed)
+    config = dc.replace(config, size=min(config.size, len(segments) - 1))
+    views: list[tuple[np.ndarray, np.ndarray]] = []
+    axes: list[TrainedAxis] = []
     lateral, vertical = symmetric_blocks(4, torque=False)
-    for block, frequencies in ((lateral, c.frequencies), (vertical, c.vertical)):
-        channels = np.stack([_channels(view) for view in block.views]) * scale
-        readout = np.stack([view.selected[0] for view in block.views]) * chi_scale
-        seen = [np.hstack([s.chi, s.zeta]) @ channels.swapaxes(1, 2) for s in segments]
-        goals = [np.stack([s.goal / chi_scale @ view.selected[0] for view in block.views]) for s in segments]
-        moments = flight_moments(
-            seen, goals, delay=c.delay, horizons=horizons, noise=(c.label_noise, c.zeta_noise)
-        )  # fmt: skip
-        axes.append(
-            TrainedAxis(moments, horizons, step, frequencies=frequencies, decays=c.decays, size=c.size, rng=rng)
-        )  # fmt: skip
-        exports.append((channels, readout))
-    theta = torch.from_numpy(0.1 * rng.standard_normal((len(segments), c.size))).float().requires_grad_()
+    for block, modes in ((lateral, config.lateral), (vertical, config.vertical)):
+        views.append(_views(block, chi_scale, zeta_scale))
+        axes.append(_trained_axis(block, views[-1][0], segments, chi_scale, config, modes, rng))
+    theta = torch.from_numpy(0.1 * rng.standard_normal((len(segments), config.size))).float().requires_grad_()
 
     def loss(some: torch.Tensor) -> torch.Tensor:
-        chosen = theta[some]
-        return sum(axis.loss(some, chosen).mean() for axis in axes) + c.penalty * chosen.pow(2).mean()
+        each = torch.stack([axis.loss(some, theta[some]) for axis in axes]).sum(0)
+        return each.mean() + config.penalty * theta[some].pow(2).sum() / max(theta[some].numel(), 1)
 
-    arrays = [p for a in axes for p in a.parameters]
+    arrays = [array for axis in axes for array in axis.parameters]
     losses = descend(
-        loss, arrays, theta, steps=c.steps, batch=c.batch, rate=c.rate, seed=c.seed, on_step=on_step
-    )
-    family = _family([a.export(*e) for a, e in zip(axes, exports, strict=True)], theta, c, segments, step)
-    return family, step, chi_scale, zeta_scale, losses, theta.detach().numpy()
+        loss, arrays, theta, steps=config.steps, batch=config.batch, rate=config.rate, seed=config.seed,
+        on_step=lambda number, value: on_epoch(number + 1, config.steps, value),
+    )  # fmt: skip
+    trained = [axis.export(*view, step) for axis, view in zip(axes, views, strict=True)]
+    family = _family(trained, theta.detach().numpy().astype(float), config, segments, step)
+    summary = training_summary(segments, losses[-1], step) | {"flights": len(segments)}
+    system = family.system(family.mean, step)
+    return LiftedModel(LIFTED, system, family, family.window, chi_scale, zeta_scale, False, summary), losses
+
+
+def placed(model: LiftedModel, segments: Sequence[Segment]) -> LiftedModel:
+    """Return the model with theta's mean where these flights leave it; its covariance stays, as payloads may change.
+
+    Args:
+        model: of a family.
+        segments: flights with the payload that is expected.
+    """
+    family = model.encoder
+    if not isinstance(family, AdaptiveFamily):
+        raise ValueError(f"prior: must be a family of systems, {LIFTED}; got {model.configuration}.")
+    segments = check_segments(list(segments), family.window + EVERY)
+    if abs(segments[0].step / model.step - 1) > 0.02:
+        raise ValueError(f"prior: was trained at {model.step:g} s a sample; the flights have {segments[0].step:g} s.")
+    found, weights = [], []
+    for segment in segments:
+        theta, covariance = family.mean, family.covariance
+        samples = np.hstack([segment.chi, segment.zeta])
+        for end in range(family.window, len(samples) + 1, EVERY):
+            theta, covariance = family.update(theta, covariance, samples[end - family.window : end], model.step)
+        found.append(theta)
+        weights.append(len(segment))
+    family = dc.replace(family, mean=np.average(found, axis=0, weights=weights))
+    return dc.replace(model, encoder=family, system=family.system(family.mean, model.step))
+
+
+def _views(block: Block, chi_scale: np.ndarray, zeta_scale: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return channels (V, c, 12) and readout (V, 6) of a block's views, see `ModalAxis`."""
+    scale = 1.0 / np.concatenate([chi_scale, zeta_scale])
+    readout = np.stack([view.selected[0] for view in block.views]) * chi_scale
+    return np.stack([_channels(view) for view in block.views]) * scale, readout
 
 
 def _channels(view: View) -> np.ndarray:
@@ -86,35 +133,51 @@ def _channels(view: View) -> np.ndarray:
     return np.vstack([labels, np.hstack([np.zeros((len(view.inputs), 6)), view.inputs])])
 
 
-def _family(axes, theta, config, segments, step):
-    """Return the family as fitted, its prior and the noise of its update."""
-    theta = theta.detach().numpy().astype(float)
+def _trained_axis(
+    block: Block, channels: np.ndarray, segments: list[Segment], chi_scale: np.ndarray, config: LiftedConfig,
+    modes: tuple[float, ...], rng: np.random.Generator,
+) -> TrainedAxis:  # fmt: skip
+    """Return the axis of a block before its descent."""
+    c = config
+    seen = [np.hstack([s.chi, s.zeta]) @ channels.swapaxes(1, 2) for s in segments]
+    goals = [np.stack([s.goal / chi_scale @ view.selected[0] for view in block.views]) for s in segments]
+    horizons = horizon_grid(c.horizon, c.horizons)
+    noise = (c.label_noise, c.zeta_noise)
+    moments = flight_moments(seen, goals, delay=c.delay, horizons=horizons, noise=noise)
+    return TrainedAxis(moments, horizons, modes=modes, decays=c.decays, size=c.size, rng=rng)
+
+
+def _family(
+    axes: list[ModalAxis], theta: np.ndarray, config: LiftedConfig, segments: list[Segment], step: float
+) -> AdaptiveFamily:
+    """Return the family as fitted, the prior of theta (F, r) and the noise of its update."""
     lags = np.array(config.lags, float)
-    covariance = np.atleast_2d(np.cov(theta.T)) + 1e-9 * np.eye(config.size)
-    ones = np.ones((len(axes), len(lags)))
-    family = AdaptiveFamily(tuple(axes), theta.mean(0), covariance, lags, ones, config.memory)
-    return dc.replace(family, noise=_update_noise(family, segments, theta, step))
+    away = theta - theta.mean(0)
+    covariance = away.T @ away / max(len(theta) - 1, 1) + 1e-9 * np.eye(config.size)
+    noise = np.ones((len(axes), len(lags)))
+    if config.size:
+        noise = np.stack([_update_noise(axis, segments, theta, config.lags, step) for axis in axes])
+    return AdaptiveFamily(tuple(axes), theta.mean(0), covariance, lags, noise, config.memory * step)
 
 
-def _update_noise(family: AdaptiveFamily, segments: list[Segment], theta: np.ndarray, step: float) -> np.ndarray:
-    """Return the deviations of `AdaptiveFamily.update`: those of e_h at each flight's theta, and their correlation.
+def _update_noise(
+    axis: ModalAxis, segments: list[Segment], theta: np.ndarray, lags: tuple[int, ...], step: float
+) -> np.ndarray:
+    """Return the deviations (l,) of `AdaptiveFamily.update`: of e_h at each flight's theta, times its correlation.
 
     n updates of correlated errors tell as much as n / (1 + 2 sum of their autocorrelations); errors of different lags
     are alike, and share what they tell.
     """
-    lags = family.lags.astype(int)
-    noise = np.empty((len(family.axes), len(lags)))
-    for a, axis in enumerate(family.axes):
-        courses = []
-        for s, own in list(zip(segments, theta, strict=True))[:40]:
-            samples = np.hstack([s.chi, s.zeta])
-            ends = range(family.window, len(samples) + 1, EVERY)
-            courses.append(
-                np.array([axis.departures(own[None], samples[k - family.window : k], lags, step)[0] for k in ends])
-            )
-        for j in range(len(lags)):
-            noise[a, j] = np.sqrt(len(lags) * _spread([course[:, :, j] for course in courses if len(course) > 1]))
-    return noise
+    steps, window = np.array(lags), axis.delay + max(lags)
+    courses = []
+    for s, own in list(zip(segments, theta, strict=True))[:NOISE_FLIGHTS]:
+        samples = np.hstack([s.chi, s.zeta])
+        ends = range(window, len(samples) + 1, EVERY)
+        courses.append(
+            np.stack([axis.departures(own[None], samples[k - window : k], steps, step)[0] for k in ends])
+        )  # fmt: skip
+    courses = [course for course in courses if len(course) > 1]
+    return np.sqrt([len(lags) * _spread([course[:, :, j] for course in courses]) for j in range(len(lags))])
 
 
 def _spread(series: list[np.ndarray]) -> float:

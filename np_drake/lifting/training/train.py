@@ -19,6 +19,7 @@ from np_drake.lifting.model.lifted_model import (
     DELAY_DMDC,
     DELAY_MODAL,
     DMDC,
+    LIFTED,
     MODE_DICTIONARY,
     OLD_NAMES,
     PAPER,
@@ -29,6 +30,7 @@ from np_drake.lifting.training.checkpoint import Checkpoint, OnEpoch
 from np_drake.lifting.training.delay_modal_training import DelayModalConfig, train_delay_modal
 from np_drake.lifting.training.dmdc import fit_dmdc_system, sample_scale
 from np_drake.lifting.training.excitation import training_summary
+from np_drake.lifting.training.family_training import LiftedConfig, train_lifted
 from np_drake.lifting.training.horizon_ridge import horizon_ridge, moments_of, relative_error
 from np_drake.lifting.training.mode_dictionary_training import ModeDictionaryConfig, train_mode_dictionary
 from np_drake.lifting.training.paper_training import PaperConfig, train_paper
@@ -61,11 +63,12 @@ class RidgeConfig:
     seed: int = 0  # nothing is drawn; kept for the one interface of all configurations
 
 
-Config = DelayModalConfig | ModeDictionaryConfig | PaperConfig | DmdcConfig | RidgeConfig
+Config = DelayModalConfig | LiftedConfig | ModeDictionaryConfig | PaperConfig | DmdcConfig | RidgeConfig
 DEFAULT_CONFIG = DelayModalConfig()
 CONFIGURATIONS: dict[str, Config] = {
     DELAY_MODAL: DEFAULT_CONFIG,
     PAPER: PaperConfig(),
+    LIFTED: LiftedConfig(),
     MODE_DICTIONARY: ModeDictionaryConfig(),
     DMDC: DmdcConfig(),
     DELAY_DMDC: DmdcConfig(delays=10),
@@ -147,7 +150,7 @@ def make_config(configuration: str, *, frame: str = "world", epochs: int | None 
     if frame != "world" and "symmetric" in names:
         settings = {"symmetric": False} | settings
     if epochs is not None:
-        settings |= dict.fromkeys(names & {"epochs", "iterations"}, epochs)
+        settings |= dict.fromkeys(names & {"epochs", "iterations", "steps"}, epochs)
     return dc.replace(config, **settings)
 
 
@@ -220,6 +223,7 @@ _TRAINERS: dict[type, Callable[..., tuple[LiftedModel, list[float]]]] = {
     DelayModalConfig: train_delay_modal,
     ModeDictionaryConfig: train_mode_dictionary,
     PaperConfig: train_paper,
+    LiftedConfig: train_lifted,
     DmdcConfig: _train_dmdc,
     RidgeConfig: _train_ridge,
 }

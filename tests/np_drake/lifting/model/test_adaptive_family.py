@@ -15,12 +15,12 @@ PLAIN = np.array([[1.0, *np.zeros(11)], [*np.zeros(6), 1.0, *np.zeros(5)]])  # f
 TURNED = np.array([[0.0, 1.0, *np.zeros(10)], [*np.zeros(7), 1.0, *np.zeros(4)]])  # f_y, v_y
 
 
-def axis(seed=0, layers=()):
+def axis(seed=0):
     rng = np.random.default_rng(seed)
     return ModalAxis(
         np.stack([PLAIN, TURNED]), np.stack([PLAIN[0, :6], TURNED[0, :6]]),
         np.array([[np.log(3.0), 0.3, 0.0]]), np.array([[np.log(0.2), 0.0, 0.0]]), np.array([[np.log(0.1), 0.0, 0.1]]),
-        0.05 * rng.standard_normal((3, 1, 1 + r)), 0.3 * rng.standard_normal((3, 2 * D, 1 + r)), layers,
+        0.05 * rng.standard_normal((3, 1, 1 + r)), 0.3 * rng.standard_normal((3, 2 * D, 1 + r)),
     )  # fmt: skip
 
 
@@ -116,9 +116,27 @@ def test_what_is_not_told_any_more_is_forgotten_within_the_memory():
 
 
 def test_tensors_hold_all_of_a_family():
-    layers = (np.ones((4, 2 * D + r)), np.ones((3, 4)))
-    dut = AdaptiveFamily((axis(1, layers),), np.ones(r), np.eye(r), np.array([3.0]), np.ones((1, 1)), 7.0)
+    dut = AdaptiveFamily((axis(1),), np.ones(r), np.eye(r), np.array([3.0]), np.ones((1, 1)), 7.0)
     found = family_of(family_tensors(dut))
     window = np.random.default_rng(0).standard_normal((dut.window, 12))
     np.testing.assert_array_equal(found.lift(window, np.ones(r)), dut.lift(window, np.ones(r)))
     assert found.memory == 7.0
+
+
+def test_departures_are_those_of_the_recursion():
+    dut, rng = family(), np.random.default_rng(2)
+    thetas, window = rng.standard_normal((3, r)), rng.standard_normal((dut.window, 12))
+    found = dut.axes[0].departures(thetas, window, dut.lags.astype(int), STEP)
+    for theta, at in zip(thetas, found, strict=True):
+        s = dut.system(theta, STEP)
+        for i, lag in enumerate(dut.lags.astype(int)):
+            z = dut.lift(window[: len(window) - lag], theta)
+            for sample in window[len(window) - 1 - lag : -1]:
+                z = s.A @ z + s.B @ sample[6:]
+            np.testing.assert_allclose(at[:, i], (s.C @ (dut.lift(window, theta) - z))[:2], atol=1e-12)
+
+
+def test_the_encoder_at_theta_lifts_as_the_family_does():
+    dut, rng = family(), np.random.default_rng(3)
+    theta, window = rng.standard_normal(r), rng.standard_normal((D, 12))
+    np.testing.assert_allclose(dut.encoder(theta)(window), dut.lift(window, theta))
