@@ -25,7 +25,8 @@ ENCODERS: dict[str, type[Phi] | type[DelayEncoder] | type[AdaptiveFamily]] = {  
     LIFTED: AdaptiveFamily,
 }
 BY_AXES = {"world": LIFTED, "body": MODE_DICTIONARY}  # configuration that suits wrenches in these axes
-OLD_NAMES = ("default", "dictionary")  # earlier names of the two
+OLD_NAMES = ("default", "dictionary")  # of what suited them once
+OLD_BY_AXES = {"world": DELAY_MODAL, "body": MODE_DICTIONARY}  # what the old names stand for
 
 
 @dc.dataclass(frozen=True)

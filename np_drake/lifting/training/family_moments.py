@@ -19,7 +19,7 @@ class FlightMoments:
     whitening: (n, D c) map of a window to its principal components, of unit variance over all flights.   gram:
     (F, p, p) of [white window (n), coming inputs (H (c - 1))], the variance of white noise in them added.   cross:
     (F, p, h) with the force at the horizons.   square: (F, h) of the force.   power: (F, h) mean square of the error of
-    persistence.
+    persistence, the variance of the noise added.
     """
 
     whitening: np.ndarray
@@ -57,7 +57,7 @@ def flight_moments(
         u = s[:, now[:, None] + np.arange(H), 1:].reshape(s.shape[0], len(now), -1)
         X = np.concatenate([w, u], axis=2).reshape(-1, len(variance))
         Y = goal[:, now[:, None] + horizons].reshape(-1, len(horizons))
-        still = np.mean((Y - s[:, now, 0].reshape(-1, 1)) ** 2, axis=0)
+        still = np.mean((Y - s[:, now, 0].reshape(-1, 1)) ** 2, axis=0) + noise[0] ** 2
         rows.append((X.T @ X / len(X) + np.diag(variance), X.T @ Y / len(X), np.mean(Y**2, axis=0), still))
     return FlightMoments(whitening, *(np.stack(part) for part in zip(*rows, strict=True)))
 

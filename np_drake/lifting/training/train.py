@@ -21,6 +21,7 @@ from np_drake.lifting.model.lifted_model import (
     DMDC,
     LIFTED,
     MODE_DICTIONARY,
+    OLD_BY_AXES,
     OLD_NAMES,
     PAPER,
     RIDGE,
@@ -65,6 +66,7 @@ class RidgeConfig:
 
 Config = DelayModalConfig | LiftedConfig | ModeDictionaryConfig | PaperConfig | DmdcConfig | RidgeConfig
 DEFAULT_CONFIG = DelayModalConfig()
+WORLD_ONLY = (LIFTED, DELAY_MODAL)  # configurations that tie x and y by symmetry about the vertical
 CONFIGURATIONS: dict[str, Config] = {
     DELAY_MODAL: DEFAULT_CONFIG,
     PAPER: PaperConfig(),
@@ -122,8 +124,8 @@ def present_name(configuration: str, frame: str = "world") -> str:
     if not configuration:
         return BY_AXES[frame]
     if configuration in OLD_NAMES:
-        _log.warning("configuration %s is now called %s.", configuration, BY_AXES[frame])
-        return BY_AXES[frame]
+        _log.warning("configuration %s is now called %s.", configuration, OLD_BY_AXES[frame])
+        return OLD_BY_AXES[frame]
     return configuration
 
 
@@ -138,7 +140,7 @@ def make_config(configuration: str, *, frame: str = "world", epochs: int | None 
     Raises: ValueError: on an unknown name, frame or setting.
     """
     configuration = present_name(configuration, frame)
-    if configuration != BY_AXES[frame] and configuration in BY_AXES.values():
+    if (configuration in WORLD_ONLY and frame != "world") or (configuration == MODE_DICTIONARY and frame != "body"):
         raise ValueError(f"train: wrenches in {frame} axes need {BY_AXES[frame]}; got {configuration}.")
     if configuration not in CONFIGURATIONS:
         raise ValueError(f"train: configuration must be {' | '.join(CONFIGURATIONS)}; got {configuration}.")

@@ -10,12 +10,22 @@ import pytest
 import torch
 from safetensors.numpy import load_file, save_file
 
+from np_drake.lifting.model.adaptive_family import AdaptiveFamily
 from np_drake.lifting.model.encoders import DelayEncoder, Phi
 from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
-from np_drake.lifting.model.lifted_model import DELAY_MODAL, ENCODERS, PAPER, LiftedModel
+from np_drake.lifting.model.lifted_model import DELAY_MODAL, ENCODERS, LIFTED, PAPER, LiftedModel
+from np_drake.lifting.model.modal_axis import ModalAxis
 from np_drake.lifting.model.model_file import SCHEMA, load_model, save_model
 from np_drake.lifting.model.onsets import Onsets
 from np_drake.lifting.model.origin import require_origin, rotor_lag_of
+
+
+def family(generator: np.random.Generator) -> AdaptiveFamily:
+    """A family of two views with two states each, and theta of one entry."""
+    modes, inputs, encoder = (generator.standard_normal(shape) for shape in ((1, 2), (2, 1, 2), (2, 6, 2)))
+    channels, readout = generator.standard_normal((2, 2, 12)), generator.standard_normal((2, 6))
+    axis = ModalAxis(channels, readout, modes, modes, np.zeros((0, 2)), inputs, encoder)
+    return AdaptiveFamily((axis,), np.zeros(1), np.eye(1), np.array([2.0]), np.ones((1, 1)), 20.0)
 
 
 def model(configuration: str) -> LiftedModel:
@@ -27,6 +37,8 @@ def model(configuration: str) -> LiftedModel:
         if configuration == PAPER
         else DelayEncoder(generator.standard_normal((4, 60)), 5)
     )
+    if configuration == LIFTED:
+        encoder = family(generator)
     system = LiftedLinearSystem(A, B, C, 0.02)
     return LiftedModel(configuration, system, encoder, 5, scale, scale, True, {"samples": 7}, 0.5, late=2)
 
