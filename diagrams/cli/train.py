@@ -38,7 +38,7 @@ Force = Annotated[bool, Option("--force", help="Train though the vehicle moves i
 def train(
     run: Run,
     out: Annotated[Path, Option(metavar="FILE", help="Model file (safetensors).")],
-    logs: Annotated[list[Path] | None, Argument(metavar="[LOG…]", help=LOG_HELP)] = None,
+    logs: Annotated[list[Path] | None, Argument(metavar="LOG…", help=LOG_HELP)] = None,
     configuration: options.Configuration = None,
     epochs: options.Epochs = None,
     checkpoint: Annotated[

@@ -32,19 +32,19 @@ NOISE_FLIGHTS = 40  # over which the noise of theta's update is measured, at mos
 class LiftedConfig:
     """Parameters of `lifted`. Force, v and omega are each divided by one scale.
 
-    Modes start at the swing of tethers of the length of the vehicle's usual one and at twice that, in radians a sample.
+    Modes start between the swing of long tethers and twice that of short ones.
     """
 
     delay: int = 50  # samples that the encoder sees [1]
     horizon: int = 40  # longest prediction in the loss [steps]
     horizons: int = 10  # how many of it, closer together near 0 [1]
     size: int = 12  # entries of theta, fewer than flights [1]
-    lateral: tuple[float, ...] = (0.064, 0.16)  # of the pairs of x and y at first [rad/sample]
-    vertical: tuple[float, ...] = (0.3,)  # of those of z [rad/sample]
+    lateral: tuple[float, ...] = (0.064, 0.1, 0.16)  # of the pairs of x and y at first [rad/sample]
+    vertical: tuple[float, ...] = (0.12, 0.3)  # of those of z [rad/sample]
     decays: tuple[float, ...] = (4e-4, 0.1)  # of the real modes at first [1/sample]
     steps: int = 2500  # of gradient descent [1]
     batch: int = 96  # flights of a step [1]
-    rate: float = 1e-2  # of learning, falling to a hundredth along a cosine; theta five times as much [1]
+    rate: float = 5e-3  # of learning, falling to a hundredth along a cosine; theta five times as much [1]
     penalty: float = 1e-3  # of theta, which sets its unit [1]
     zeta_noise: float = 0.01  # that the coming zeta is taken to have; it keeps B from amplifying noise [scaled]
     label_noise: float = 0.01  # that the encoder's samples are taken to have [scaled]

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from diagrams.cli.main import run
+from diagrams.loop.controllers import NP_MODEL
 from np_drake.lifting.model.model_file import load_model
 from np_drake.logs.formats.log_file import write_log
 from np_drake.logs.opening import open_flights
@@ -18,15 +19,52 @@ from np_drake.residual_models.motion_model import MotionModel
 def test_training_leaves_a_model_a_curve_and_figures(logs, tmp_path, capsys):
     out = tmp_path / "np.safetensors"
     metrics = tmp_path / "train.json"
-    code = run(["train", str(logs[0]), "--out", str(out), "--epochs", "20", "--json", str(metrics)])
+    code = run(["train", str(logs[0]), "--out", str(out), "--envelope", "0", "--epochs", "20", "--json", str(metrics)])
     captured = capsys.readouterr()
     assert code == 0, captured.err
     assert sorted(path.name for path in tmp_path.iterdir()) == ["np.png", "np.safetensors", "train.json"]
-    assert load_model(out).configuration == "delay-modal"
+    assert load_model(out).configuration == "lifted"
     assert "excitation" in captured.out
     content = json.loads(metrics.read_text())
-    assert content["config"]["configuration"] == "delay-modal"
+    assert content["config"]["configuration"] == "lifted"
     assert len(content["loss"]) > 0
+
+
+def test_a_log_places_the_packaged_family(logs, tmp_path, capsys):
+    out = tmp_path / "np.safetensors"
+    assert run(["train", str(logs[0]), "--out", str(out)]) == 0, capsys.readouterr().err
+    assert "prior: the packaged family" in capsys.readouterr().out
+    model, packaged = load_model(out), load_model(NP_MODEL)
+    np.testing.assert_array_equal(model.encoder.covariance, packaged.encoder.covariance)
+    assert np.abs(model.encoder.mean - packaged.encoder.mean).max() > 0
+
+
+def test_a_log_places_a_family_of_ones_own(logs, tmp_path, capsys):
+    out = tmp_path / "np.safetensors"
+    assert run(["train", str(logs[0]), "--prior", str(NP_MODEL), "--out", str(out)]) == 0
+    named = load_model(out)
+    assert run(["train", str(logs[0]), "--out", str(out)]) == 0
+    np.testing.assert_array_equal(named.encoder.mean, load_model(out).encoder.mean)
+    other = tmp_path / "paper.safetensors"
+    assert run(["train", str(logs[0]), "--configuration", "paper", "--epochs", "1", "--out", str(other)]) == 0
+    assert run(["train", str(logs[0]), "--prior", str(other), "--out", str(out)]) == 2
+    assert "must be a family of systems" in capsys.readouterr().err
+
+
+def test_a_family_is_flown_and_trained_without_a_log(tmp_path, capsys):
+    out = tmp_path / "np.safetensors"
+    arguments = ["train", "--envelope", "2", "--epochs", "3", "--jobs", "1", "--out", str(out)]
+    assert run(arguments) == 0, capsys.readouterr().err
+    assert load_model(out).encoder.mean.shape == (1,)
+    assert "2 of 2 flights" not in capsys.readouterr().out  # a bar, not a table
+
+
+def test_nothing_to_learn_from_is_refused(logs, tmp_path, capsys):
+    assert run(["train", "--out", str(tmp_path / "np.safetensors")]) == 2
+    assert "give LOG, or --envelope N" in capsys.readouterr().err
+    arguments = ["--configuration", "paper", "--envelope", "3", "--out", str(tmp_path / "np.safetensors")]
+    assert run(["train", str(logs[0]), *arguments]) == 2
+    assert "must be of lifted" in capsys.readouterr().err
 
 
 def test_the_paper_configuration_is_trained_by_name(logs, tmp_path, capsys):
