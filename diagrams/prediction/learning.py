@@ -34,12 +34,12 @@ def train_predictor(flight: FlightResult, path: Path, *, configuration: str = LI
     Raises: ValueError: on an unknown configuration.
     """
     controller, vehicle = flight.config.controller, flight.config.vehicle
-    flights, how = [Flight(_scored(flight), vehicle)], {"step": controller.period, "label": controller.label}
-    prior = packaged_family(vehicle, **how) if configuration == LIFTED else None
+    flights, step, label = [Flight(_scored(flight), vehicle)], controller.period, controller.label
+    prior = packaged_family(vehicle, step=step, label=label) if configuration == LIFTED else None
     if prior is None:
-        result = train_on_flights(flights, make_config(configuration, seed=seed), **how)
+        result = train_on_flights(flights, make_config(configuration, seed=seed), step=step, label=label)
     else:
-        result = TrainingResult(place_on_flights(flights, prior, **how), [])
+        result = TrainingResult(place_on_flights(flights, prior, step=step, label=label), [])
     save_model(result.model, path)
     return result
 

@@ -53,11 +53,11 @@ class NeuralPredictor:
 
     Where the model has `onsets`, z also holds what may have begun within the window, which takes no memory.
 
-    Memory: window (W, 12) of [chi, zeta], oldest first; z (K,); where A (K, K) and B (K, 6) are refit, these and
-    rows (W - late, K + 6), the window as the refit reads it, so that every sample is lifted once; lowpass (6,) of the
-    labels; count of samples in the window, up to W; labels, dropped: samples with and without one so far; gap: dropped
-    in a row just now; where the model has a `trust`, its memory, as trust/…; where it is a family, theta (r,) and its
-    covariance (r, r), its recursive estimate.
+    Memory: window (W, 12) of [chi, zeta], oldest first; z (K,); where A (K, K) and B (K, 6) change in flight, these;
+    of a refit rows (W - late, K + 6), the window as it reads it, so that every sample is lifted once; of a family theta
+    (r,) and its covariance (r, r), its recursive estimate; lowpass (6,) of the labels; count of samples in the window,
+    up to W; labels, dropped: samples with and without one so far; gap: dropped in a row just now; where the model has a
+    `trust`, its memory, as trust/….
     Until `count` reaches W the forecast holds `lowpass`. A missing label is
     filled with the model's own prediction, a missing state with the last zeta; after W samples in a row
     without, the window starts afresh.   Source: Jin et al. 2025, eq. (nmpc).
@@ -106,7 +106,9 @@ class NeuralPredictor:
         rows = np.zeros((self.model.window - self.model.late, s.K + 6))
         refit = {} if self._refit is None else {"A": s.A, "B": s.B, "rows": rows}
         family = self._family
-        adapted = {} if family is None else {"theta": family.mean.copy(), "covariance": family.covariance.copy()}
+        adapted = {}
+        if family is not None:
+            adapted = {"A": s.A, "B": s.B, "theta": family.mean.copy(), "covariance": family.covariance.copy()}
         return memory | refit | adapted | self._fresh_trust()
 
     def update(self, memory: Memory, sample: Sample) -> Memory:
@@ -213,11 +215,13 @@ class NeuralPredictor:
     def _lifted(self, memory: Memory, labelled: bool) -> Memory:
         """Return z of a full window, and the memory of the trust, or theta and its covariance."""
         if self._family is not None:
-            theta, covariance = memory["theta"], memory["covariance"]
+            found: Memory = {}
+            theta = memory["theta"]
             if labelled and memory["labels"][0] % EVERY == 0:
-                theta, covariance = self._family.update(theta, covariance, memory["window"], self.step)
-            z = self._family.lift(memory["window"], theta)
-            return {"z": z, "theta": theta, "covariance": covariance}
+                theta, covariance = self._family.update(theta, memory["covariance"], memory["window"], self.step)
+                s = self._family.system(theta, self.step)
+                found = {"theta": theta, "covariance": covariance, "A": s.A, "B": s.B}
+            return {"z": self._family.lift(memory["window"], theta), **found}
         z, chi = self.model.lift(memory["window"]), memory["window"][-1, :6]
         if self.model.trust is None:
             return {"z": z}
@@ -241,9 +245,7 @@ class NeuralPredictor:
     def system(self, memory: Memory) -> LiftedLinearSystem:
         """Return the lifted linear system in use now, at the model's step."""
         s = self.model.system
-        if self._family is not None:
-            return self._family.system(memory["theta"], s.step)
-        return s if self._refit is None else LiftedLinearSystem(memory["A"], memory["B"], s.C, s.step)
+        return s if self._refit is None and self._family is None else LiftedLinearSystem(memory["A"], memory["B"], s.C, s.step)
 
     def _resampled(self, memory: Memory, stride: int) -> LiftedLinearSystem:
         s = self.model.system

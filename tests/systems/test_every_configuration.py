@@ -101,7 +101,8 @@ def test_missing_samples_leave_a_usable_forecast(model):
     assert np.isfinite(dut.GetOutputPort("forecast").Eval(context).rollout(np.ones((HORIZON, 6)))).all()
 
 
-def test_only_what_is_refit_keeps_its_system_in_the_state(model):
+def test_only_what_changes_in_flight_keeps_its_system_in_the_state(model):
     state = NeuralPredictor(model, horizon=HORIZON, stride=STRIDE)
     names = set(state.memory(state.CreateDefaultContext()))
-    assert ({"A", "B"} <= names) == model.model.refits == (model.model.configuration == "paper")
+    assert ({"A", "B"} <= names) == (model.model.configuration in ("paper", "lifted"))
+    assert ({"theta", "covariance"} <= names) == (model.model.configuration == "lifted")

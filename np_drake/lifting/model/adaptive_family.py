@@ -12,9 +12,9 @@ Source: empirical Bayes for the prior; Kalman filter for the update.
 """
 
 import dataclasses as dc
+from functools import cached_property
 
 import numpy as np
-import scipy.linalg
 
 from np_drake.lifting.model.encoders import DelayEncoder
 from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
@@ -71,14 +71,19 @@ class AdaptiveFamily:
             theta: (r,).
             step: [s].
         """
-        As, Bs, Cs = [], [], []
+        A, B, at = np.zeros((self.K, self.K)), np.empty((self.K, 6)), 0
         for axis in self.axes:
-            A, B = axis.matrices(theta, step)
-            for channels, readout in zip(axis.channels, axis.readout, strict=True):
-                As.append(A)
-                Bs.append(B @ channels[1:, 6:])
-                Cs.append(np.outer(readout, axis.C))
-        return LiftedLinearSystem(scipy.linalg.block_diag(*As), np.vstack(Bs), np.hstack(Cs), step)
+            own, inputs = axis.matrices(theta, step)
+            for channels in axis.channels:
+                states = slice(at, at + axis.K)
+                A[states, states], B[states] = own, inputs @ channels[1:, 6:]
+                at += axis.K
+        return LiftedLinearSystem(A, B, self._readout, step)
+
+    @cached_property
+    def _readout(self) -> np.ndarray:
+        """C, (6, K)."""
+        return np.hstack([np.outer(readout, axis.C) for axis in self.axes for readout in axis.readout])
 
     def encoder(self, theta: np.ndarray) -> DelayEncoder:
         """Return the encoder at theta (r,), of windows of D samples."""
