@@ -81,7 +81,7 @@ STUDIES = {
         "challenge.real.forecast.payload_flights", "Forecasts on real flights with a payload.", seed=None
     ),
     "vehicles": Study("robustness.vehicles.study", "35 g, 2 kg and 6 kg on four tracks."),
-    "models": Study("tracking.packaged", "The packaged model files, made anew.", seed=None, many=False),
+    "models": Study("tracking.packaged", "The packaged model files, made anew.", seed=None),
     "closing": Study("challenge.transfer.study", "Transfer of the controller from the corrected simulator."),
     "replay": Study("challenge.real.replay", "Real flights replayed open loop.", seed=None),
     "deadlines": Study("performance.deadlines", "Deadlines of the loop on this machine.", 9800, many=False),

@@ -8,8 +8,8 @@ from diagrams.loop.controllers import FILTER_MODEL, NP_MODEL
 
 
 def test_both_files_are_written_under_the_packaged_names(tmp_path, monkeypatch, capsys):
-    def made(folder, *, on_step):
-        return [shutil.copy(packaged, folder / packaged.name) for packaged in (NP_MODEL, FILTER_MODEL)]
+    def made(run):
+        return [shutil.copy(packaged, run.folder / packaged.name) for packaged in (NP_MODEL, FILTER_MODEL)]
 
     monkeypatch.setattr("diagrams.tracking.packaged.make_packaged_models", made)
     out = tmp_path / "models"
