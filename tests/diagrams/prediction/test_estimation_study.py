@@ -9,7 +9,7 @@ from diagrams.cli.main import run
 from diagrams.performance.predictor_bench import synthetic_flight
 from diagrams.prediction.estimation import METHODS
 from np_drake.estimation.wrench_table import COLUMNS, PUBLISHED
-from np_drake.logs.formats.neurobem import TESTS, TRAINING
+from np_drake.logs.formats.neurobem_wrenches import TESTS, TRAINING
 
 
 @pytest.fixture(scope="module")

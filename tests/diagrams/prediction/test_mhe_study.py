@@ -8,7 +8,7 @@ import pytest
 from diagrams.cli.main import run
 from diagrams.prediction.mhe_flights import ATTITUDE_ROW, NAIVE_ROW, PUBLISHED_ROW, RATES_ROW
 from np_drake.estimation.wrench_table import COLUMNS, PUBLISHED
-from np_drake.logs.formats.neurobem import TESTS, TRAINING
+from np_drake.logs.formats.neurobem_wrenches import TESTS, TRAINING
 
 RATES = np.array([3.0, 4.0, 5.0])  # of the first flight's waves in x, y, z [rad/s]
 

@@ -19,7 +19,7 @@ def lines():
 
 
 def test_every_row_flight_and_horizon_is_there(lines):
-    rows = {"ours, mode-dictionary", dut.UNSEEN, "persistence", "linear"}
+    rows = {"np", dut.UNSEEN, "persistence", "linear"}
     assert {line["row"] for line in lines} == rows
     assert len(lines) == len(rows) * 2 * 2
 
