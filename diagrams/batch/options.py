@@ -13,7 +13,9 @@ Group = Annotated[list[str] | None, Option("--only", metavar="GROUP", help="Only
 Reality = Annotated[
     Path | None,
     Option(
-        "--reality", metavar="FILE", help="Fly in the simulator of this scenario, as corrected.yaml of a diagnosis."
+        "--reality",
+        metavar="FILE",
+        help="Fly in the simulator of this scenario: corrected.yaml of a diagnosis, or paper_vehicle.",
     ),
 ]
 Neurobem = Annotated[

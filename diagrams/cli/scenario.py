@@ -171,8 +171,7 @@ def _default_controller(config: "FlightConfig", predictor: Path | None) -> str:
 
 def named_solver(experiment: str) -> str | None:
     """Return the solver that a scenario names; None where it names none."""
-    from diagrams.loop.experiments import EXPERIMENTS, FOLDER
+    from diagrams.loop.experiments import scenario_file
     from np_drake.files.yaml_text import read_yaml
 
-    file = FOLDER / f"{experiment}.yaml" if experiment in EXPERIMENTS else experiment
-    return (read_yaml(file).get("controller") or {}).get("solver")
+    return (read_yaml(scenario_file(experiment)).get("controller") or {}).get("solver")

@@ -13,7 +13,7 @@ SOLVER = "sqp"  # of a training flight whose scenario names none: the fast one
 # Names of the scenario files.
 EXPERIMENTS = (
     "circle", "lemniscate", "fast_lemniscate", "steps", "vertical", "training_circle", "plain_circle", "hover",
-    "hover_swing", "attach",
+    "hover_swing", "attach", "paper_vehicle",
 )  # fmt: skip
 
 
@@ -31,18 +31,24 @@ def load_experiment(name: str, vehicle: Vehicle | None = None, reality: str | Pa
     Args:
         name: of an experiment, or path of a scenario file.
         vehicle: flies in place of the scenario's; what the scenario does not name in SI scales with it.
-        reality: scenario file whose vehicle flies, in its reality and by its simulator, in place of the scenario's.
+        reality: experiment or scenario file whose vehicle flies, in its reality and by its simulator, in place of the
+            scenario's, and with its controller where the scenario names none.
     Raises: ValueError: where there is none.
     """
     if reality is not None:
-        other = load_flight(str(reality))
+        other = load_flight(str(scenario_file(reality)))
         config = load_experiment(name, other.vehicle)
+        if "controller" not in read_yaml(scenario_file(name)):
+            config = dc.replace(config, controller=other.controller)
         return dc.replace(config, reality=other.reality, simulator=other.simulator).check_and_step()
-    if name in EXPERIMENTS:
-        return load_flight(str(FOLDER / f"{name}.yaml"), vehicle)
-    if name.endswith((".yaml", ".yml")):
-        return load_flight(name, vehicle)
+    if name in EXPERIMENTS or name.endswith((".yaml", ".yml")):
+        return load_flight(str(scenario_file(name)), vehicle)
     raise ValueError(f"experiment: must be one of {', '.join(EXPERIMENTS)} or a YAML file; got {name!r}.")
+
+
+def scenario_file(name: str | Path) -> Path:
+    """Return the scenario file of an experiment, or the path that is none's name."""
+    return FOLDER / f"{name}.yaml" if str(name) in EXPERIMENTS else Path(name)
 
 
 def training_flight(scenario: Path) -> FlightConfig:

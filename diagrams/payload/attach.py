@@ -2,6 +2,7 @@
 
 import dataclasses as dc
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 
@@ -21,7 +22,7 @@ from diagrams.tracking.model_files import (
     rows_with_models,
     trained_models,
 )
-from diagrams.tracking.tracking import Row, configure, named, training_config
+from diagrams.tracking.tracking import PLAIN, Row, configure, named, training_config
 from np_drake import attitude
 from np_drake.lifting.model.lifted_model import DELAY_MODAL
 from np_drake.metrics import half_width
@@ -43,10 +44,13 @@ EVENTS: dict[str, Callable[[PayloadEvent], PayloadEvent]] = {
 ROWS = (
     Row("np", "np", training=TRAINING, configuration=DELAY_MODAL),
     Row("payload_filter", PAYLOAD_FILTER, training=TRAINING, configuration=PAYLOAD_FILTER),
+    Row("np: paper, plain circle", "np", training=PLAIN, configuration="paper"),
 )
 
 
-def attach_config(row: Row, *, solver: str, model: str, event: str = "attach") -> FlightConfig:
+def attach_config(
+    row: Row, *, solver: str, model: str, event: str = "attach", reality: Path | None = None
+) -> FlightConfig:
     """Return the experiment `attach` under NP-MPC.
 
     Args:
@@ -54,8 +58,9 @@ def attach_config(row: Row, *, solver: str, model: str, event: str = "attach") -
         solver: of the MPC.
         model: file of the row's predictor.
         event: one of `EVENTS`.
+        reality: scenario file that it is flown in, see `load_experiment`.
     """
-    config = configure("attach", row, solver=solver, model=model)
+    config = configure("attach", row, solver=solver, model=model, reality=reality)
     return dc.replace(config, events=[EVENTS[event](config.events[0])]).check()
 
 
@@ -85,17 +90,21 @@ def slack_time(flight: FlightResult) -> float:
 
 @dc.dataclass(frozen=True)
 class Flying:
-    """Work of a flight: {"event", "row", "seed", …} -> courses of f_z [N] and height [m], and counts."""
+    """Work of a flight: {"event", "row", "seed", …} -> courses of f_z [N] and height [m], and counts.
+
+    reality: scenario file that all is flown in, see `load_experiment`.
+    """
 
     models: Models
     solver: str
+    reality: Path | None = None
 
     def __call__(self, case: Case) -> dict:
         """Fly the case."""
         event, seed = case["event"], case["seed"]
         row = named(ROWS, case["row"])
         with model_path(self.models[key_of(row)]) as model:
-            config = attach_config(row, solver=self.solver, model=model, event=event)
+            config = attach_config(row, solver=self.solver, model=model, event=event, reality=self.reality)
             flight = fly(config, seed=seed)
         s, counts = flight.signals, flight.metrics()
         return {
@@ -112,12 +121,18 @@ class Flying:
         }
 
 
-def train_rows(run: FlownRun) -> Models:
-    """Train what `ROWS` need, write the model files into the folder of the run and return their content."""
-    return trained_models(run, ROWS, Training(run.seed, run.solver), campaign_config(run.seed, run.solver))
+def train_rows(run: FlownRun, reality: Path | None = None) -> Models:
+    """Train what `ROWS` need, write the model files into the folder of the run and return their content.
+
+    Args:
+        run: seed, solver, folder, workers and progress.
+        reality: scenario file of the training flights, see `load_experiment`.
+    """
+    config = campaign_config(run.seed, run.solver, reality)
+    return trained_models(run, ROWS, Training(run.seed, run.solver, reality), config)
 
 
-def run_attach(run: FlownRun, models: Models) -> list[dict]:
+def run_attach(run: FlownRun, models: Models, reality: Path | None = None) -> list[dict]:
     """Fly every event and seed, of release and snap the first `BESIDE`, and return their time histories.
 
     Time counts from the event. Flights without a result are missing; the records of the run's workers say why.
@@ -125,6 +140,7 @@ def run_attach(run: FlownRun, models: Models) -> list[dict]:
     Args:
         run: seeds, solver, workers and progress.
         models: of `train_rows`.
+        reality: scenario file that all is flown in, see `load_experiment`.
     Raises: FailedRun: if no flight has a result.
     """
     cases = [
@@ -133,23 +149,24 @@ def run_attach(run: FlownRun, models: Models) -> list[dict]:
         for row in rows_with_models(ROWS, models)
         for seed in (run.seeds if event == "attach" else run.seeds[:BESIDE])
     ]
-    config = campaign_config(run.seed, run.solver)
-    records = run.cases("attach", "flights", Flying(models, run.solver), cases, config=config)
+    config = campaign_config(run.seed, run.solver, reality)
+    records = run.cases("attach", "flights", Flying(models, run.solver, reality), cases, config=config)
     courses = ("t", "height", *SIGNALS)
     return [flown | {name: np.array(flown[name], float) for name in courses} for flown in results(records)]
 
 
-def campaign_config(training_seed: int, solver: str) -> dict:
+def campaign_config(training_seed: int, solver: str, reality: Path | None = None) -> dict:
     """Return all that the results depend on other than the case itself.
 
     Args:
         training_seed: of training flights and trainings.
         solver: of every controller.
+        reality: scenario file that all is flown in; None for none.
     """
     return {
         "solver": solver, "training_seed": training_seed, "toss": TOSS,
-        "attach": settings_of(attach_config(Row("", "nominal"), solver=solver, model="")),
-        "training": settings_of(training_config(TRAINING, solver=solver)),
+        "attach": settings_of(attach_config(Row("", "nominal"), solver=solver, model="", reality=reality)),
+        "training": settings_of(training_config(TRAINING, solver=solver, reality=reality)),
     }  # fmt: skip
 
 

@@ -7,10 +7,11 @@ from scipy import signal
 
 from diagrams.batch.columns import fixed, percent, spread, tabulate
 from diagrams.batch.flown import FlownOptions, FlownRun
-from diagrams.batch.options import Seeds
+from diagrams.batch.options import Reality, Seeds
 from diagrams.batch.run import Report, Run, Table
 from diagrams.batch.workers import failures
 from diagrams.loop.controllers import NP_MODEL
+from diagrams.loop.experiments import scenario_file
 from diagrams.loop.flight import FlightConfig
 from diagrams.payload import attach as experiment
 from diagrams.payload import figures
@@ -27,6 +28,7 @@ class Options(FlownOptions):
     """Options of the study."""
 
     seeds: Seeds = 20
+    reality: Reality = None
 
 
 def run(run: Run, options: Options) -> Report:
@@ -37,11 +39,12 @@ def run(run: Run, options: Options) -> Report:
         options: of the study.
     """
     run = FlownRun.of(run, options)
-    models = experiment.train_rows(run)
-    runs = experiment.run_attach(run, models)
+    reality = options.reality and scenario_file(options.reality).resolve()  # workers may have another folder
+    models = experiment.train_rows(run, reality)
+    runs = experiment.run_attach(run, models, reality)
     row = next(row for row in experiment.ROWS if key_of(row) in models)
     file = str(run.folder / file_name(key_of(row)))
-    config = experiment.attach_config(row, solver=run.solver, model=file)
+    config = experiment.attach_config(row, solver=run.solver, model=file, reality=reality)
     lines = experiment.attach_table(runs, config)
     notes = _attach_notes(lines, config)
     controller = dc.asdict(config.controller) | {"predictor": f"trained on {TRAINING}, seed {run.seed}"}

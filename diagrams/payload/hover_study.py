@@ -6,7 +6,7 @@ import numpy as np
 
 from diagrams.batch.columns import percent, spread, tabulate
 from diagrams.batch.flown import FlownOptions, FlownRun, choose_rows
-from diagrams.batch.options import Only
+from diagrams.batch.options import Only, Reality
 from diagrams.batch.run import Report, Run, Table
 from diagrams.batch.workers import failures
 from diagrams.payload import figures, hover_swing
@@ -20,6 +20,7 @@ class Options(FlownOptions):
     """Options of the study."""
 
     only: Only = None
+    reality: Reality = None
 
 
 def run(run: Run, options: Options) -> Report:
@@ -31,14 +32,15 @@ def run(run: Run, options: Options) -> Report:
     """
     run = FlownRun.of(run, options)
     rows = choose_rows(hover_swing.ROWS, options.only)
-    runs = hover_swing.run_hover(run, rows)
+    runs = hover_swing.run_hover(run, rows, options.reality)
     lines = hover_swing.hover_table(runs)
     said = verdict(lines)
     named = {row.name: f"trained on {row.training}" if row.training else "" for row in rows}
-    controllers = {
-        row.name: dc.asdict(hover_swing.hover_config(row, solver=run.solver, model=named[row.name]).controller)
+    configs = {
+        row.name: hover_swing.hover_config(row, solver=run.solver, model=named[row.name], reality=options.reality)
         for row in rows
     }
+    controllers = {name: dc.asdict(config.controller) for name, config in configs.items()}
     of_figure = f"Hover, impulse on the payload, seed {run.seeds[0]}"
     summaries = [{key: value for key, value in flown.items() if key != "course"} for flown in runs]
     return Report(

@@ -1,6 +1,7 @@
 """Hover while the payload swings: an impulse on the payload, controllers side by side."""
 
 import dataclasses as dc
+from pathlib import Path
 
 import numpy as np
 
@@ -8,7 +9,7 @@ from diagrams.batch.campaign import Case
 from diagrams.batch.failed_run import FailedRun
 from diagrams.batch.flown import FlownRun
 from diagrams.batch.workers import results
-from diagrams.loop.experiments import settings_of
+from diagrams.loop.experiments import scenario_file, settings_of
 from diagrams.loop.flight import FlightConfig
 from diagrams.loop.flight_result import FlightResult, fly
 from diagrams.tracking.model_files import (
@@ -20,7 +21,7 @@ from diagrams.tracking.model_files import (
     rows_with_models,
     trained_models,
 )
-from diagrams.tracking.tracking import Row, configure, named, training_config
+from diagrams.tracking.tracking import PLAIN, Row, configure, named, training_config
 from np_drake import metrics
 from np_drake.lifting.model.lifted_model import DELAY_MODAL
 from np_drake.payload_filter.model_file import PAYLOAD_FILTER
@@ -48,6 +49,7 @@ ROWS = (
     HoverRow("hold at 0.3 Hz", "hold", hold_bandwidth=0.3),
     HoverRow("gp", "gp", training=TRAINING, configuration=GP),
     HoverRow("knode", "knode", training=TRAINING, configuration=KNODE),
+    HoverRow("np: paper, plain circle", "np", training=PLAIN, configuration="paper"),
     HoverRow("np", "np", training=TRAINING, configuration=DELAY_MODAL),
     # The weight on the body rates keeps tilting as slow as the swing; without it motor lag makes pitch oscillate.
     HoverRow(DAMPED, "np", training=TRAINING, configuration=DELAY_MODAL, weight_swing=10.0, weight_rate=3.0),
@@ -65,18 +67,21 @@ ROWS = (
 )
 
 
-def hover_config(row: HoverRow, *, solver: str, model: str = "") -> FlightConfig:
+def hover_config(row: HoverRow, *, solver: str, model: str = "", reality: Path | None = None) -> FlightConfig:
     """Return the hover in which the payload gets its impulse, with the controller of `row`.
 
     Args:
         row: of the table.
         solver: of the MPC.
         model: file of the row's predictor.
+        reality: scenario file that it is flown in, see `load_experiment`.
     """
-    return configure_row("hover_swing", row, solver=solver, model=model)
+    return configure_row("hover_swing", row, solver=solver, model=model, reality=reality)
 
 
-def configure_row(experiment: str, row: HoverRow, *, solver: str, model: str = "") -> FlightConfig:
+def configure_row(
+    experiment: str, row: HoverRow, *, solver: str, model: str = "", reality: Path | None = None
+) -> FlightConfig:
     """Return any experiment with the controller of `row` and its weight on the swing.
 
     Args:
@@ -84,15 +89,16 @@ def configure_row(experiment: str, row: HoverRow, *, solver: str, model: str = "
         row: of the table.
         solver: of the MPC.
         model: file of the row's predictor.
+        reality: scenario file that it is flown in, see `load_experiment`.
     """
-    config = configure(experiment, row, solver=solver, model=model)
+    config = configure(experiment, row, solver=solver, model=model, reality=reality)
     config.controller.mpc.weight_swing = row.weight_swing
     if row.weight_rate is not None:
         config.controller.mpc.weight_rate = [row.weight_rate] * 3
     return config.check()
 
 
-def fly_hover(row: HoverRow, *, model: str, seed: int, solver: str) -> FlightResult:
+def fly_hover(row: HoverRow, *, model: str, seed: int, solver: str, reality: Path | None = None) -> FlightResult:
     """Fly the hover in which the payload gets its impulse where scoring begins.
 
     Args:
@@ -100,8 +106,9 @@ def fly_hover(row: HoverRow, *, model: str, seed: int, solver: str) -> FlightRes
         model: file of the row's predictor.
         seed: of the noise.
         solver: of the MPC.
+        reality: scenario file that it is flown in, see `load_experiment`.
     """
-    return fly(hover_config(row, solver=solver, model=model), seed=seed)
+    return fly(hover_config(row, solver=solver, model=model, reality=reality), seed=seed)
 
 
 def swing_course(flight: FlightResult) -> tuple[np.ndarray, np.ndarray]:
@@ -145,11 +152,15 @@ def _rmse(error: np.ndarray, part: np.ndarray) -> float:
 
 @dc.dataclass(frozen=True)
 class Flying:
-    """Work of a flight: {"row", "seed", …} -> metrics and the payload's course, or why the vehicle was lost."""
+    """Work of a flight: {"row", "seed", …} -> metrics and the payload's course, or why the vehicle was lost.
+
+    reality: scenario file that all is flown in, see `load_experiment`.
+    """
 
     rows: tuple[HoverRow, ...]
     models: Models
     solver: str
+    reality: Path | None = None
 
     def __call__(self, case: Case) -> dict:
         """Fly the case. A lost vehicle is a result: another try would lose it too."""
@@ -157,7 +168,7 @@ class Flying:
         flown = {"row": row.name, "seed": case["seed"]}
         with model_path(self.models.get(key_of(row))) as model:
             try:
-                flight = fly_hover(row, model=model, seed=case["seed"], solver=self.solver)
+                flight = fly_hover(row, model=model, seed=case["seed"], solver=self.solver, reality=self.reality)
             except FailedRun as error:
                 return {**flown, "lost": str(error)}
         return {**flown, "metrics": hover_metrics(flight), "course": swing_course(flight)}
@@ -178,7 +189,7 @@ def read_run(result: dict) -> dict:
     return {**result, "metrics": metrics, "course": (t, distance)}
 
 
-def run_hover(run: FlownRun, rows: tuple[HoverRow, ...]) -> list[dict]:
+def run_hover(run: FlownRun, rows: tuple[HoverRow, ...], reality: Path | None = None) -> list[dict]:
     """Fly all rows and seeds and return row, seed, metrics and course (t, distance) of each.
 
     They are in the order of `rows`, then of the seeds. Flights without a result are missing; the records of the run's
@@ -187,20 +198,22 @@ def run_hover(run: FlownRun, rows: tuple[HoverRow, ...]) -> list[dict]:
     Args:
         run: seeds, solver, folder of the model files, workers and progress.
         rows: of the table.
+        reality: scenario file that all is flown in, see `load_experiment`.
     Raises: FailedRun: if no flight has a result.
     """
+    reality = reality and scenario_file(reality).resolve()
     config = {
         "solver": run.solver, "training_seed": run.seed, "early": EARLY,
-        "hover": settings_of(hover_config(ROWS[0], solver=run.solver)),
-        "training": settings_of(training_config(TRAINING, solver=run.solver)),
+        "hover": settings_of(hover_config(ROWS[0], solver=run.solver, reality=reality)),
+        "training": settings_of(training_config(TRAINING, solver=run.solver, reality=reality)),
     }  # fmt: skip
-    models = trained_models(run, rows, Training(run.seed, run.solver), config)
+    models = trained_models(run, rows, Training(run.seed, run.solver, reality), config)
     cases = [
         {"row": row.name, "model": digest_of(models.get(key_of(row))), "seed": seed}
         for row in rows_with_models(rows, models)
         for seed in run.seeds
     ]
-    records = run.cases("hover", "flights", Flying(rows, models, run.solver), cases, config=config)
+    records = run.cases("hover", "flights", Flying(rows, models, run.solver, reality), cases, config=config)
     return [read_run(result) for result in results(records)]
 
 

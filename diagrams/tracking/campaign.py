@@ -11,7 +11,7 @@ from diagrams.batch.campaign import Case
 from diagrams.batch.failed_run import FailedRun
 from diagrams.batch.flown import FlownRun
 from diagrams.batch.workers import results
-from diagrams.loop.experiments import settings_of
+from diagrams.loop.experiments import scenario_file, settings_of
 from diagrams.loop.flight_result import fly
 from diagrams.tracking.model_files import (
     Models,
@@ -91,7 +91,7 @@ def run_tracking(
         on_lap: called with a summary and the x_true, p_ref (n, 2) [m] of that flight's last lap.
     Raises: FailedRun: if no flight has a result.
     """
-    reality = reality and reality.resolve()
+    reality = reality and scenario_file(reality).resolve()
     config = campaign_config(run.seed, run.solver, reality)
     models = trained_models(run, rows, Training(run.seed, run.solver, reality), config)
     cases = flight_cases(rows_with_models(rows, models), run.seeds, models)

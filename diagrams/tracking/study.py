@@ -12,9 +12,10 @@ from diagrams.batch.options import Only, Reality
 from diagrams.batch.run import Report, Run, Table
 from diagrams.batch.workers import failures
 from diagrams.loop.experiments import load_experiment
+from diagrams.loop.flight import FlightConfig
 from diagrams.tracking import campaign as flights
 from diagrams.tracking import tracking
-from diagrams.tracking.tracking import PROTOCOLS, ROWS, Row
+from diagrams.tracking.tracking import PAPER, PROTOCOLS, ROWS, Row
 from diagrams.tracking.tracking_figure import plane_tracks
 from np_drake.files.number_text import NOTHING
 from np_drake.lifting.training.train import make_config
@@ -52,7 +53,7 @@ def run(run: Run, options: Options) -> Report:
 
     summaries = flights.run_tracking(run, rows, on_lap=keep, reality=options.reality)
     lines = tracking.table(summaries, rows)
-    notes, config = _notes(rows, run, options.training, dc.asdict(world.reality))
+    notes, config = _notes(rows, run, options.training, world)
     lost = [f"{s['row']}, {s['experiment']}, seed {s['seed']}: {s['lost']}" for s in summaries if "lost" in s]
     failed = sum(line["solve_failures"] for line in lines)
     counts = f"failed solves: {failed} in {len(summaries)} flights; lost flights: {len(lost)}"
@@ -82,9 +83,9 @@ def _rows(only: list[str], training: str) -> tuple[Row, ...]:
     return rows
 
 
-def _notes(rows: tuple[Row, ...], run: FlownRun, training: str, reality: dict[str, Any]) -> tuple[list[str], dict]:
+def _notes(rows: tuple[Row, ...], run: FlownRun, training: str, world: FlightConfig) -> tuple[list[str], dict]:
     """Return the lines under the table, and the configuration of the metrics file."""
-    weights = tracking.frozen_weights()
+    reality, weights = dc.asdict(world.reality), dc.asdict(world.controller.mpc)
     seed, names = run.seed, dict.fromkeys(row.configuration for row in rows if row.configuration)
     used = {name: _settings(name, seed) for name in names}
     notes = [
@@ -124,6 +125,10 @@ def printed(lines: list[dict], title: str) -> Table:
         pair = published.get(line["row"], {}).get(line["track"])
         return f"{100 * pair[0]:.1f} / {100 * pair[1]:.1f}" if pair else NOTHING
 
+    def paper_cut(line: dict) -> str:
+        pair, base = published.get(line["row"], {}).get(line["track"]), PAPER["nominal"][line["track"]]
+        return " / ".join(f"{100 * (1 - of / b):.0f} %" for of, b in zip(pair, base, strict=True)) if pair else NOTHING
+
     columns = (
         ("track", "track"),
         ("controller", "row"),
@@ -133,6 +138,7 @@ def printed(lines: list[dict], title: str) -> Table:
         ("cut", percent("E_z_cut", 1)),
         ("growth", fixed("growth", 2)),
         ("paper xy / z", paper),
+        ("paper's cuts", paper_cut),
         ("failed", "solve_failures"),
     )
     return tabulate(title, sorted(lines, key=lambda line: line["track"]), columns)

@@ -66,6 +66,7 @@ ROWS = (
     Row("knode", "knode", training=DITHERED, configuration=KNODE),
     Row("np: paper, plain circle", "np", training=PLAIN, configuration="paper"),
     Row("np: delay-modal, plain circle", "np", training=PLAIN, configuration=DELAY_MODAL),
+    Row("payload_filter: plain circle", PAYLOAD_FILTER, training=PLAIN, configuration=PAYLOAD_FILTER),
     Row("np: paper, dithered circle", "np", training=DITHERED, configuration="paper"),
     Row("np", "np", training=DITHERED, configuration=DELAY_MODAL),
     Row("payload_filter", PAYLOAD_FILTER, training=DITHERED, configuration=PAYLOAD_FILTER),

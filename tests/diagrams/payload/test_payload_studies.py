@@ -9,6 +9,7 @@ import pytest
 
 from diagrams.cli.main import run
 from diagrams.loop.controllers import FILTER_MODEL, NP_MODEL
+from diagrams.loop.experiments import FOLDER
 from diagrams.payload import attach, hover_swing
 from diagrams.payload.hover_study import hover_printed
 from diagrams.performance import timing
@@ -20,7 +21,7 @@ from diagrams.tracking.model_files import file_name, key_of
 def made_hover(monkeypatch):
     """No flight: runs of three seeds, made."""
 
-    def runs(run, rows):
+    def runs(run, rows, reality):
         t = np.linspace(0.0, 20.0, 50)
         made = []
         for row in rows:
@@ -58,11 +59,12 @@ def test_a_swing_that_stays_never_settles_and_a_lost_vehicle_is_lost():
     assert (cells["3-D [cm]"], cells["< 5 cm after [s]"], cells["paper 3-D"]) == ("lost", "never", "–")
 
 
-def test_attach_flies_twenty_seeds_unless_told(monkeypatch, capsys):
-    asked = []
+def test_attach_flies_twenty_seeds_in_its_own_reality_unless_told(monkeypatch, capsys):
+    asked, realities = [], []
 
-    def runs(run, models):
+    def runs(run, models, reality):
         asked.append(run.seeds)
+        realities.append(reality)
         t = 0.02 * np.arange(-300, 200)
         f = np.where(t >= 0, -1.0, 0.0)
         shared = {"t": t, "slack": 0.24, "chi_hat": f, "label": f, "height": 0 * t}
@@ -75,8 +77,9 @@ def test_attach_flies_twenty_seeds_unless_told(monkeypatch, capsys):
 
     monkeypatch.setattr(attach, "run_attach", runs)
 
-    def train(run):
-        files = dict(zip(attach.ROWS, (NP_MODEL, FILTER_MODEL), strict=True))
+    def train(run, reality):
+        realities.append(reality)
+        files = dict(zip(attach.ROWS, (NP_MODEL, FILTER_MODEL, NP_MODEL), strict=True))
         return {
             key_of(row): Path(shutil.copy(file, run.folder / file_name(key_of(row)))).read_bytes()
             for row, file in files.items()
@@ -89,6 +92,8 @@ def test_attach_flies_twenty_seeds_unless_told(monkeypatch, capsys):
     assert "0.981 N over the thrust scale 0.96" in said
     assert "slack for 0.24 s" in said
     assert "100 % when its window of 1.0 s is full" in said
+    assert run(["reproduce", "attach", "--seed", "7", "--seeds", "2", "--reality", "paper_vehicle"]) == 0
+    assert realities == [None, None, *[FOLDER / "paper_vehicle.yaml"] * 2]
 
 
 def test_a_timing_row_states_median_and_quantile():
