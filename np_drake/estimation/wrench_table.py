@@ -1,7 +1,8 @@
 """Columns and published rows of the paper's estimation table.
 
 Source of the values: Jin et al. 2025, table of estimation errors on 6 held-out flights (label MRFsum), as
-printed; the NeuroMHE and NeuroBEM rows, of 13 flights, are those of Wang et al. 2024. RMSE [N, N·m].
+printed; the NeuroMHE and NeuroBEM rows, of 13 flights, are those of Wang et al. 2024, as the evaluation script in the
+authors' repository (NPU-RCIR/Neural-Predictor) has them. RMSE [N, N·m].
 """
 
 import numpy as np

@@ -11,8 +11,6 @@ What the paper leaves open is settled as follows (docs/reference/predictor.md li
 - mu carries the trajectory index in the paper, so that late trajectories count less; here it discounts the
   prediction step: mean over j of mu^j |z_j - z_hat_j|².
 - chi enters Phi over one scale for force and one for torque; gamma is the Lipschitz constant there.
-- chi = C z is asked for in every direction of chi, not only where the flights point: drawn chi stand beside the flown
-  ones. Phi has no bias, so that a direction stands for every size.
 - A causal label lags behind its zero-phase target, and Phi, which sees one instant, cannot undo that: each label stands
   beside the zeta of its own time, in training and in flight.
 - Every window is turned by quarter turns about the vertical or mirrored: a circle in one direction locks force and
@@ -43,7 +41,6 @@ from np_drake.lifting.training.window_fits import (
 )
 from np_drake.training_data.segments import Segment, check_segments, group_scale
 
-DIRECTIONS = 500  # of chi that are drawn for the reconstruction, twenty for each z [1]
 BLOCKS = 4  # of time; the windows of one are judged about the prior of the others [1]
 
 
@@ -94,8 +91,6 @@ class PaperTrainer:
             width=config.width, layers=config.layers, K=config.size, gamma=config.gamma,
             scale=self.chi_scale, seed=config.seed,
         )  # fmt: skip
-        drawn = np.random.default_rng(config.seed).standard_normal((DIRECTIONS, 6))
-        self._anywhere = torch.from_numpy(drawn * self.chi_scale)
         self.C = nn.Parameter(torch.zeros(6, config.size, dtype=torch.float64))
         with torch.no_grad():
             self.C.copy_(self._best_readout(self.phi(self._chi)))
@@ -132,7 +127,7 @@ class PaperTrainer:
             zeta: (b, W, 6), scaled.
         """
         z = self.phi(chi)
-        reconstruction = self._misread(chi, z) + self._misread(self._anywhere, self.phi(self._anywhere))
+        reconstruction = ((chi / self._scale() - z @ self.C.T) ** 2).mean()
         forward = self._rollout_error(z, zeta, self.forward_prior, backward=False)
         backward = self._rollout_error(z, zeta, self.backward_prior, backward=True)
         b = self.config.beta
@@ -200,16 +195,12 @@ class PaperTrainer:
     def _scale(self) -> torch.Tensor:
         return torch.from_numpy(self.chi_scale)
 
-    def _misread(self, chi: torch.Tensor, z: torch.Tensor) -> torch.Tensor:
-        return ((chi / self._scale() - z @ self.C.T) ** 2).mean()
-
     def _best_readout(self, z: torch.Tensor) -> torch.Tensor:
-        """Return the C (6, K) of least `_misread` in flight and anywhere, ridge 1e-6 of the mean power."""
-        parts = [(z, self._chi), (self.phi(self._anywhere), self._anywhere)]
-        flat = [(Z.reshape(-1, Z.shape[-1]), (chi / self._scale()).reshape(-1, 6)) for Z, chi in parts]
-        normal = sum(Z.T @ Z / len(Z) for Z, _ in flat)
-        normal += (1e-6 * normal.diagonal().mean() + 1e-12) * torch.eye(len(normal), dtype=z.dtype)
-        return torch.linalg.solve(normal, sum(Z.T @ chi / len(Z) for Z, chi in flat)).T
+        """Return the least squares of chi / scale on z over all windows, ridge 1e-6 of the mean power, (6, K)."""
+        Z, chi = z.reshape(-1, z.shape[-1]), (self._chi / self._scale()).reshape(-1, 6)
+        normal = Z.T @ Z
+        normal += (1e-6 * normal.diagonal().mean() + 1e-12) * torch.eye(len(normal), dtype=Z.dtype)
+        return torch.linalg.solve(normal, Z.T @ chi).T
 
     def _rollout_error(self, z, zeta, prior, *, backward: bool) -> torch.Tensor:
         """Return the discounted mean square of the multi-step error in z, with each window's own A and B."""

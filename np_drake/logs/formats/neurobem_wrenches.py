@@ -102,6 +102,7 @@ def _from_csv(path: str | Path) -> np.ndarray:
     (log,), J = read(path), published_vehicle().J
     if len(log) < 2 or np.abs(np.diff(log.t) - STEP).max() > 0.01 * STEP:
         raise LogError(f"{path}: must have a row every {1e3 * STEP:g} ms, without gaps.")
+    assert log.a is not None  # in every such CSV
     force = MASS * (attitude.rotate_back(log.q, log.a + [0.0, 0.0, GRAVITY]) - SUBTRACTED)
     torque = log.al @ J + np.cross(log.w, log.w @ J)
     return np.hstack([attitude.rotate_back(log.q, log.v), log.w, force, torque])
