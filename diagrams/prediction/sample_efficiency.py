@@ -24,15 +24,17 @@ from diagrams.prediction.array_flights import (
     settings_lines,
 )
 from np_drake.files.figure_file import DASHES, PALETTE, new_figure
-from np_drake.lifting.model.lifted_model import DELAY_DMDC, DMDC
 from np_drake.lifting.training.train import Config, train
+from np_drake.residual_models.linear_baselines import fit_all
 from np_drake.skill.skill import naive_predictions
 from np_drake.training_data.segments import Segment
 
 SIZES = (1000, 2000, 3000, 4000, 5000, 6000)  # samples, as in the paper, as far as the segment goes [1]
 HORIZONS = (1, 20, 100)  # [steps]
 FIRST = 87  # first origin: the longest window of a model [1]
-ROWS = {**OURS, DMDC: "DMDc", DELAY_DMDC: "delay DMDc"}  # configuration: row; ridge tells no torque
+BASELINES = ("DMDc", "delay DMDc", "ridge by horizon")  # in closed form, nothing keeps them stable
+ROWS = (*OURS.values(), *BASELINES)  # that are trained
+HIGHEST = 10.0  # of the figure, over persistence [1]: what diverges leaves the panel
 # One step ahead on race track 1 [N, N·m]. The paper shows a curve without numbers; these are the ones that the plotting
 # script in its authors' repository (NPU-RCIR/Neural-Predictor) draws. Its estimation table has 0.057 and 0.006 at 4000.
 _CURVE = ((0.357, 0.094), (0.156, 0.022), (0.127, 0.011), (0.076, 0.007), (0.078, 0.007), (0.082, 0.006))
@@ -77,7 +79,7 @@ def sample_efficiency(
         run: workers and progress.
         training: the training segment.
         test: flight that is forecast.
-        configs: configuration -> settings.
+        configs: configuration of each of our rows -> settings.
         sizes: samples to train on; what the segment does not have is left out [1].
     Raises: ValueError: if the training segment is shorter than all sizes; FailedRun: where a model has no result.
     """
@@ -85,7 +87,7 @@ def sample_efficiency(
         raise ValueError(f"{training.name}: must have {min(sizes)} samples; got {len(training.segment)}.")
     cases: list[Case] = [
         {"row": name, "samples": size, "piece": piece}
-        for name in configs
+        for name in (*configs, *BASELINES)
         for size in sizes
         for piece in range(len(pieces(training.segment, size)))
     ]
@@ -93,7 +95,8 @@ def sample_efficiency(
     records = run.cases("models", "", Learning(training, test, configs), cases, config=settings)
     errors: dict[tuple[str, int], list] = {}
     for case, result in zip(cases, every_result(records), strict=True):
-        errors.setdefault((ROWS[case["row"]], case["samples"]), []).append(result["errors"])
+        row = OURS[case["row"]] if case["row"] in OURS else case["row"]
+        errors.setdefault((row, case["samples"]), []).append(result["errors"])
     points = [point for (row, size), of in errors.items() for point in _points(row, size, np.array(of))]
     chi, origins = test.segment.chi, _origins(test)
     for row, chi_hat in naive_predictions(chi, origins, list(HORIZONS), np.zeros(6)).items():
@@ -104,7 +107,7 @@ def sample_efficiency(
 
 @dc.dataclass(frozen=True)
 class Learning:
-    """Work of a case {"row": configuration, "samples", "piece"} -> the errors of the model trained on that piece."""
+    """Work of a case {"row": configuration or baseline, "samples", "piece"} -> errors of the model of that piece."""
 
     training: Flight
     test: Flight
@@ -113,8 +116,11 @@ class Learning:
     def __call__(self, case: Case) -> dict:
         """Train and test the model."""
         segment = pieces(self.training.segment, case["samples"])[case["piece"]]
-        course = forecasts(train([segment], self.configs[case["row"]]).model, self.test)
         chi, zeta, origins = self.test.segment.chi, self.test.segment.zeta, _origins(self.test)
+        if case["row"] in BASELINES:
+            course = fit_all([segment], np.array(HORIZONS))[case["row"]].along(chi, zeta)
+        else:
+            course = forecasts(train([segment], self.configs[case["row"]]).model, self.test)
         return {"errors": _rmse(course.at(list(HORIZONS), origins, zeta, zeta_known=False), chi, origins)}
 
 
@@ -152,17 +158,17 @@ def efficiency_figure(points: list[Point], step: float, title: str) -> Figure:
     """
     horizons = sorted({p.horizon for p in points})
     figure, axes = new_figure(2, len(horizons), width=9.0, height=5.6, sharex="col")
-    names = [name for name in ROWS.values() if any(p.row == name for p in points)]
+    held = {p.horizon: p for p in points if p.row == NAIVE[0]}
     for column, horizon in enumerate(horizons):
         for i, kind in enumerate(("force", "torque")):
             ax = axes[i, column]
-            for k, row in enumerate(names):
+            for k, row in enumerate(ROWS):
                 of = [p for p in points if p.row == row and p.horizon == horizon]
                 mean, low, high = np.array([getattr(p, kind) for p in of]).T.reshape(3, -1)
                 x = np.array([p.samples for p in of]) * (1 + 0.012 * (k - 1)) / 1000  # beside each other
                 ax.errorbar(
                     x, mean, [mean - low, high - mean], color=PALETTE[k], linestyle=DASHES[k],
-                    marker="os^d"[k], markersize=4, capsize=2, linewidth=1.2, label=row,
+                    marker="os^dv"[k], markersize=4, capsize=2, linewidth=1.2, label=row,
                 )  # fmt: skip
             for row, dash in zip(NAIVE, (":", (0, (7, 3))), strict=True):
                 (p,) = (p for p in points if p.row == row and p.horizon == horizon)
@@ -170,6 +176,8 @@ def efficiency_figure(points: list[Point], step: float, title: str) -> Figure:
             if horizon == 1:
                 _published(ax, kind)
             ax.set_yscale("log")
+            highest = max([HIGHEST * getattr(held[horizon], kind)[0], *(p[kind] for p in PUBLISHED if horizon == 1)])
+            ax.set_ylim(top=min(ax.get_ylim()[1], 1.3 * highest))
             ax.yaxis.set_major_formatter("{x:g}")
             ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
             ax.yaxis.set_minor_formatter(NullFormatter())
@@ -208,7 +216,7 @@ def run(run: Run, options: Options) -> Report:
         options: of the study.
     """
     training, *tests = arrays("sample-efficiency", options.neurobem)
-    test, settings = named(tests, "race track 1", "sample-efficiency"), configs(ROWS, run.seed)
+    test, settings = named(tests, "race track 1", "sample-efficiency"), configs(OURS, run.seed)
     points, step = sample_efficiency(run, training, test, settings), test.segment.step
     config = {name: dc.asdict(one) for name, one in settings.items()}
     title = f"RMSE on {test.name} against training samples, mean over disjoint pieces of the training segment"
