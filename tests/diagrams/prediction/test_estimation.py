@@ -9,7 +9,10 @@ from diagrams.prediction import array_flights, estimation
 from diagrams.prediction.estimation_figures import FAR, window, window_figure
 from np_drake.estimation.wrench_table import COLUMNS, PUBLISHED
 from np_drake.files.figure_file import png
+from np_drake.lifting.model.lifted_model import BY_AXES
 from np_drake.lifting.training.train import make_config, train
+
+NP = BY_AXES["body"]  # configuration of the row `np`
 
 
 @pytest.fixture(scope="module")
@@ -23,12 +26,12 @@ def model(flown, name):
 
 def test_one_step_ahead_the_default_is_below_the_paper_in_every_cell(flown):
     tests = [flight for flight in flown if "NP" in PUBLISHED.get(flight.name, {})]
-    table = estimation.estimation_table(Run(), {"mode-dictionary": model(flown, "mode-dictionary")}, tests, {})
+    table = estimation.estimation_table(Run(), {NP: model(flown, NP)}, tests, {})
     assert list(table.cells) == [flight.name for flight in tests]
     assert table.ratios("np").shape == (10 * len(tests),)
     assert table.ratios("np").max() < 0.25
     assert table.ratios("persistence").max() <= 1.0  # the floor, not the goal
-    for found in table.stability["mode-dictionary"].values():
+    for found in table.stability[NP].values():
         assert found.unstable == found.pulled == 0
 
 
@@ -48,13 +51,13 @@ def test_one_step_ahead_we_are_below_the_paper_on_race_track_1_but_for_f_y(flown
 def made():
     """A made flight and a model of it."""
     segment = synthetic_flight(1500, 0)
-    fitted = train([segment], make_config("mode-dictionary", frame="body")).model
+    fitted = train([segment], make_config(NP, frame="body")).model
     return fitted, array_flights.Flight("made", segment)
 
 
 def test_published_rows_stand_as_printed(made):
     short = array_flights.Flight("melon 2", synthetic_flight(300, 0))
-    table = estimation.estimation_table(Run(), {"mode-dictionary": made[0]}, [short], {})
+    table = estimation.estimation_table(Run(), {NP: made[0]}, [short], {})
     for method in estimation.METHODS:
         assert tuple(table.cells["melon 2"][method].values()) == PUBLISHED["melon 2"][method]
 
