@@ -16,7 +16,7 @@ STEP = 0.0025  # of the flights [s]
 MASS = 0.752  # with which the paper's arrays were made [kg]
 SUBTRACTED = np.array([0.0, 0.0, 9.8])  # from the specific force, in body axes [m/s²]
 TRAINING = "merged_2021-02-03-13-44-49_seg_3"  # of the paper's estimation table: a wobbly circle
-TRAINING_START = 500  # row of the flight's CSV at which the training array begins
+TRAINING_START = 500  # row of the flight's CSV at which the training array begins (NPU-RCIR/Neural-Predictor)
 RACE_TRACK = "merged_2021-02-18-17-19-08_seg_2"  # race track 1 of the paper
 TESTS = {  # file stem: the paper's name of the flight. Source: Wang et al. 2024, its evaluation
     "merged_2021-02-18-13-44-23_seg_2": "3D circle 1",
