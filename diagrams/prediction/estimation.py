@@ -2,8 +2,10 @@
 
 import dataclasses as dc
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from diagrams.batch.campaign import Case
 from diagrams.batch.columns import grouped
@@ -147,7 +149,7 @@ def run(run: Run, options: Options) -> Report:
         options: of the study.
     """
     training, *tests = arrays("estimation", options.neurobem)
-    shown = [flight for flight in tests if flight.name == SHOWN]
+    shown = [flight for flight in tests if flight.name == SHOWN]  # one, or none where it is not in the folder
     if run.out is not None:
         for flight in shown:
             figures.rows_of(flight)  # before the long work
@@ -158,9 +160,6 @@ def run(run: Run, options: Options) -> Report:
         for flight, cells in table.cells.items()
     }
     title = "One step (2.5 ms) ahead on real flights, RMSE [mN, mN·m]; NeuroBEM, NeuroMHE, NP as published"
-    span = f"{SHOWN}, {figures.SPAN[0]:g} to {figures.SPAN[1]:g} s"
-    of_figure = f"{span} · trained on ten seconds of circling, seed {run.seed}"
-    named = {OURS[name]: model for name, model in models.items()}
     return Report(
         [grouped(title, ["", *COLUMNS], of_flight)],
         config={"training": training.name, **settings},
@@ -172,11 +171,16 @@ def run(run: Run, options: Options) -> Report:
             },
         },
         lines=[*_lines(table, training.name, run.seed), *settings_lines(settings)],
-        figures=dict.fromkeys(
-            ["random_points.png"][: len(shown)],
-            lambda: figures.window_figure(figures.window(named, shown[0]), of_figure),
-        ),
+        figures={
+            f"{flight.name.replace(' ', '_')}.png": partial(_figure, models, flight, run.seed) for flight in shown
+        },
     )
+
+
+def _figure(models: dict[str, LiftedModel], flight: Flight, seed: int) -> Figure:
+    span = f"{flight.name}, {figures.SPAN[0]:g} to {figures.SPAN[1]:g} s"
+    window = figures.window({OURS[name]: model for name, model in models.items()}, flight)
+    return figures.window_figure(window, f"{span} · trained on ten seconds of circling, seed {seed}")
 
 
 def _own_rows() -> list[str]:
