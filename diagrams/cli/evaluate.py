@@ -140,7 +140,7 @@ def _choose_flights(
         raise ValueError("give the flights to score: np-drake evaluate LOG….")
     if neurobem is None:
         raise ValueError("give flights, or the folder of the NeuroBEM flights as --neurobem DIR or NP_DRAKE_NEUROBEM.")
-    from np_drake.logs.formats.neurobem import RACE_TRACK, TRAINING
+    from np_drake.logs.formats.neurobem_wrenches import RACE_TRACK, TRAINING
 
     say("the paper prints 0.057 N and 0.006 N·m for race track 1 (one step ahead).")
     return [neurobem / "npy" / f"{TRAINING}.npy"], [neurobem / "npy" / f"{RACE_TRACK}.npy"]

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 from diagrams.cli.flying import fly_all
 from diagrams.cli.output import say, tell
 from np_drake.logs import opening
-from np_drake.logs.formats.neurobem import is_array, published_vehicle, read_wrenches
+from np_drake.logs.formats.neurobem import is_array, published_vehicle
+from np_drake.logs.formats.neurobem_wrenches import read_wrenches
 from np_drake.training_data.accelerations import with_accelerations
 from np_drake.training_data.segments import WrenchSequence
 from np_drake.training_data.training_segments import Flight, require_torque

@@ -1,28 +1,31 @@
 """Real flights of the paper's estimation table: arrays of wrench and motion."""
 
 import dataclasses as dc
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
 
 from diagrams.batch.options import required
 from diagrams.batch.run import Advance, Run
-from np_drake.lifting.model.lifted_model import MODE_DICTIONARY, PAPER, LiftedModel
-from np_drake.lifting.training.train import make_config, train
-from np_drake.logs.formats.neurobem import TESTS, TRAINING, read_wrenches
+from np_drake.lifting.model.lifted_model import BY_AXES, PAPER, LiftedModel
+from np_drake.lifting.training.train import Config, make_config, train
+from np_drake.logs.formats.neurobem_wrenches import MASS, SUBTRACTED, read_training, read_wrenches, table_files
 from np_drake.residual_model import FlightForecasts
 from np_drake.residual_models.neural_predictor import NeuralPredictor, PredictorOptions
 from np_drake.skill.response import jerk
 from np_drake.training_data.segments import Segment
 
-MASS, GRAVITY = 0.752, np.array([0.0, 0.0, 9.8])  # with which the arrays were made, in body axes [kg, m/s²]
+OURS = {PAPER: "np: paper", BY_AXES["body"]: "np"}  # configuration: row
+NAIVE = ("persistence", "linear")  # rows without training
+LEARNED = 4000  # samples that are trained on, ten seconds as in the paper [1]
 
 
 @dc.dataclass(frozen=True)
 class Flight:
     """One flight of the estimation table; the first of `flights` is the training segment."""
 
-    name: str  # in the paper's table
+    name: str  # in the paper's table, or of the file
     segment: Segment
 
     @property
@@ -32,17 +35,32 @@ class Flight:
         The arrays hold f = m (specific force - g e_z).
         """
         s = self.segment
-        return jerk(s.chi[:, :3] / MASS + GRAVITY, s.zeta[:, 3:], s.step)
+        return jerk(s.chi[:, :3] / MASS + SUBTRACTED, s.zeta[:, 3:], s.step)
 
 
 def flights(folder: Path) -> list[Flight]:
-    """Return the training segment and the test flights.
+    """Return the training segment and all other flights in the folder, see `table_files`.
 
-    Raises: OSError, LogError: where one is missing or cannot be read.
+    Raises: OSError, LogError: where none is there or one cannot be read.
     """
-    names = {TRAINING: "training segment", **TESTS}
-    found = [(name, read_wrenches(folder / "npy" / f"{stem}.npy")) for stem, name in names.items()]
-    return [Flight(name, Segment(s.chi, s.zeta, s.step)) for name, s in found]
+    found = {"training segment": read_training(folder)}
+    found |= {name: read_wrenches(path) for name, path in table_files(folder).items()}
+    return [Flight(name, Segment(s.chi, s.zeta, s.step)) for name, s in found.items()]
+
+
+def named(found: list[Flight], name: str, study: str) -> Flight:
+    """Return the flight of that name.
+
+    Args:
+        found: flights.
+        name: in the paper's table.
+        study: name of the study that asks.
+    Raises: ValueError: if it is not among them.
+    """
+    for flight in found:
+        if flight.name == name:
+            return flight
+    raise ValueError(f"{study}: the folder must hold {name}; it has {', '.join(flight.name for flight in found)}.")
 
 
 def arrays(study: str, neurobem: Path | None) -> list[Flight]:
@@ -68,24 +86,43 @@ def neurobem_folder(study: str, neurobem: Path | None) -> Path:
     return required(neurobem, f"{study}: {where}")
 
 
-def trained(run: Run, training: Flight, epochs: int | None = None) -> tuple[dict[str, LiftedModel], dict[str, dict]]:
-    """Train `paper` and `mode-dictionary` on one segment.
+def configs(names: Iterable[str], seed: int) -> dict[str, Config]:
+    """Return the configurations with their usual settings for these arrays, by name.
+
+    Args:
+        names: of the configurations.
+        seed: of the training.
+    """
+    return {name: make_config(name, frame="body", seed=seed) for name in names}
+
+
+def part(segment: Segment, start: int, stop: int) -> Segment:
+    """Return the samples from `start` up to `stop`.
+
+    Args:
+        segment: that they are of.
+        start: first sample.
+        stop: sample after the last.
+    """
+    return Segment(segment.chi[start:stop], segment.zeta[start:stop], segment.step)
+
+
+def trained(run: Run, training: Flight) -> tuple[dict[str, LiftedModel], dict[str, dict]]:
+    """Train our rows on ten seconds of one segment.
 
     Args:
         run: seed and progress bar.
         training: training segment.
-        epochs: passes of `paper`; None: its default.
     Returns: the models and their settings, by configuration.
     """
     models, settings = {}, {}
-    for name in (PAPER, MODE_DICTIONARY):
-        config = make_config(name, frame="body", seed=run.seed, epochs=epochs)
+    for name, config in configs(OURS, run.seed).items():
         with run.progress(f"training {name}") as advance:
 
             def tell(epoch: int, total: int, loss: float, advance: Advance = advance) -> None:
                 advance(epoch / total, f"loss {loss:.4g}")
 
-            models[name] = train([training.segment], config, on_epoch=tell).model
+            models[name] = train([part(training.segment, 0, LEARNED)], config, on_epoch=tell).model
             advance(1.0)
         settings[name] = dc.asdict(config)
     return models, settings

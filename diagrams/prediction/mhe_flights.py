@@ -20,7 +20,8 @@ from np_drake.estimation.moving_horizon import MheRun, run_mhe
 from np_drake.estimation.moving_horizon_program import ProgramWindow
 from np_drake.estimation.wrench_table import COLUMNS, PUBLISHED, column_rmse
 from np_drake.logs.errors import LogError
-from np_drake.logs.formats.neurobem import TESTS, TRAINING, published_vehicle, read_wrenches
+from np_drake.logs.formats.neurobem import published_vehicle
+from np_drake.logs.formats.neurobem_wrenches import TRAINING, csv_of, read_training, read_wrenches, table_files
 from np_drake.logs.opening import open_flights
 from np_drake.training_data.segments import WrenchSequence
 
@@ -51,23 +52,24 @@ def tuned_config(folder: Path) -> MheConfig:
 
     Raises: OSError, LogError: where it cannot be read.
     """
-    sequence = read_wrenches(folder / "npy" / f"{TRAINING}.npy")
+    sequence = read_training(folder)
     return tune(motion_from_rates(sequence, published_vehicle()), sequence.chi)
 
 
-def mhe_table(run: Run, folder: Path, config: MheConfig, stems: Sequence[str] = tuple(TESTS)) -> MheTable:
+def mhe_table(run: Run, folder: Path, config: MheConfig, names: Sequence[str] = ()) -> MheTable:
     """Return the errors of every test flight: published, ours, persistence.
 
     Args:
         run: workers and progress.
         folder: of the NeuroBEM flights.
         config: weights of the estimator.
-        stems: names of the flights' files.
+        names: of the flights; none: all, see `table_files`.
     Raises: OSError, LogError: where a flight cannot be read; FailedRun: where one has no result.
     """
-    for stem in stems:  # before the long work
-        _motions(folder, stem, read_wrenches(folder / "npy" / f"{stem}.npy"))
-    work, cases = Estimating(folder.resolve(), config), [{"flight": stem} for stem in stems]
+    files = {name: path for name, path in table_files(folder.resolve()).items() if not names or name in names}
+    for path in files.values():  # before the long work
+        _motions(path, read_wrenches(path))
+    work, cases = Estimating(files, config), [{"flight": name} for name in files]
     settings = {"neurobem": folder.name, "mhe": dc.asdict(config)}
     flown = every_result(run.cases("real flights", "", work, cases, config=settings))
     return MheTable(
@@ -80,12 +82,12 @@ def mhe_table(run: Run, folder: Path, config: MheConfig, stems: Sequence[str] = 
 
 @dc.dataclass(frozen=True)
 class Estimating:
-    """Work of a case {"flight": stem of its files} -> its rows, the times of both solvers and their disagreement.
+    """Work of a case {"flight": name} -> its rows, the times of both solvers and their disagreement.
 
-    folder: of the data set, under the same path on every worker.
+    files: of the flights, by name, under the same path on every worker.
     """
 
-    folder: Path
+    files: dict[str, Path]
     config: MheConfig
 
     def __call__(self, case: Case) -> dict[str, Any]:
@@ -93,10 +95,11 @@ class Estimating:
 
         Raises: OSError, LogError: where it cannot be read.
         """
-        stem, rows, exact = case["flight"], [], []
-        sequence, name = read_wrenches(self.folder / "npy" / f"{stem}.npy"), TESTS[stem]
-        rows.append(_row(name, PUBLISHED_ROW, dict(zip(COLUMNS, PUBLISHED[name][PUBLISHED_ROW], strict=True))))
-        for row, motion in _motions(self.folder, stem, sequence).items():
+        name, rows, exact = case["flight"], [], []
+        sequence = read_wrenches(self.files[name])
+        if name in PUBLISHED:
+            rows.append(_row(name, PUBLISHED_ROW, dict(zip(COLUMNS, PUBLISHED[name][PUBLISHED_ROW], strict=True))))
+        for row, motion in _motions(self.files[name], sequence).items():
             run = run_mhe(motion, self.config)
             exact.append(run.step_time)
             rows.append(_row(name, row, column_rmse(run.wrench - sequence.chi), held=run.held))
@@ -111,17 +114,16 @@ def _row(flight: str, row: str, columns: dict[str, float], **rest: int) -> dict:
     return {"flight": flight, "row": row, **columns, **rest}
 
 
-def _motions(folder: Path, stem: str, sequence: WrenchSequence) -> dict[str, Motion]:
+def _motions(file: Path, sequence: WrenchSequence) -> dict[str, Motion]:
     """Return motions by the name of the row; with the logged attitude where the flight's CSV is there."""
     vehicle = published_vehicle()
     motions = {RATES_ROW: motion_from_rates(sequence, vehicle)}
-    for path in (folder / "csv" / f"{stem}.csv", folder / "csv" / f"{stem}.csv.gz"):
-        if path.is_file():
-            (log,), _ = open_flights(path)
-            if len(log) != len(sequence) or np.abs(log.w - sequence.zeta[:, 3:]).max() > 1e-3:
-                raise LogError(f"{path}: must hold the same rows as {stem}.npy.")
-            motions[ATTITUDE_ROW] = motion_from_attitude(sequence, vehicle, log.q)
-            break
+    path = csv_of(file)
+    if path is not None:
+        (log,), _ = open_flights(path)
+        if len(log) != len(sequence) or np.abs(log.w - sequence.zeta[:, 3:]).max() > 1e-3:
+            raise LogError(f"{path}: must hold the same rows as {file.name}.")
+        motions[ATTITUDE_ROW] = motion_from_attitude(sequence, vehicle, log.q)
     return motions
 
 

@@ -9,16 +9,15 @@ from diagrams.batch.campaign import Case
 from diagrams.batch.options import Neurobem
 from diagrams.batch.run import Report, Run
 from diagrams.batch.workers import every_result
-from diagrams.prediction.array_flights import Flight, arrays, forecasts, settings_lines, trained
-from diagrams.prediction.estimation import NAIVE, OURS
-from np_drake.lifting.model.lifted_model import MODE_DICTIONARY, LiftedModel
+from diagrams.prediction.array_flights import NAIVE, OURS, Flight, arrays, forecasts, settings_lines, trained
+from np_drake.lifting.model.lifted_model import BY_AXES, LiftedModel
 from np_drake.lifting.training.train import Config, make_config, train
 from np_drake.residual_model import FlightForecasts
 from np_drake.skill.response import aggressive, lag
 from np_drake.skill.skill import mean_interval, naive_predictions
 
 HORIZONS = (20, 40)  # [steps]
-UNSEEN = "ours, mode-dictionary, other flights"  # trained on every flight but the evaluated one
+UNSEEN = "np, other flights"  # trained on every flight but the evaluated one
 FIRST = 87  # first origin: the longest window of a model [1]
 GROUPS = {"force": slice(0, 3), "torque": slice(3, 6)}  # channels of chi
 
@@ -154,7 +153,7 @@ def run(run: Run, options: Options) -> Report:
     """
     training, *tests = arrays("response", options.neurobem)
     models, settings = trained(run, training)
-    config = make_config(MODE_DICTIONARY, frame="body", seed=run.seed)
+    config = make_config(BY_AXES["body"], frame="body", seed=run.seed)
     lines = response_lines(run, models, training, tests, config=config, settings=settings)
     said = [f"seed {run.seed}", *settings_lines(settings)]
     return Report([printed(lines)], config=settings, metrics={"table": lines}, lines=said)

@@ -177,7 +177,7 @@ def main() -> int:
 def made_arrays(folder: Path) -> Path:
     """Write made flights in the form of the real ones; the first is as long as `sample-efficiency` asks for."""
     from diagrams.performance.predictor_bench import synthetic_flight
-    from np_drake.logs.formats.neurobem import TESTS, TRAINING
+    from np_drake.logs.formats.neurobem_wrenches import TESTS, TRAINING
 
     (folder / "npy").mkdir(parents=True, exist_ok=True)
     for seed, stem in enumerate([TRAINING, *TESTS]):

@@ -1,8 +1,6 @@
-"""Readers of the two forms of the NeuroBEM data set of real flights (Bauersfeld et al. 2021).
+"""Reader of the NeuroBEM data set of real flights (Bauersfeld et al. 2021).
 
-- CSV, 29 columns ("processed data"): body velocity, specific force and measured rotor speed -> FlightLog.
-- NPY, 12 columns: body velocity, body rates, and the *total* wrench in *body* axes -> WrenchSequence. That
-  wrench is no residual: never mix it with chi of a FlightLog.
+A CSV of 29 columns ("processed data") has body velocity, specific force and measured rotor speed.
 """
 
 import tokenize
@@ -16,34 +14,22 @@ from np_drake.files.input_file import note_input
 from np_drake.flight_log import FlightLog
 from np_drake.logs.checks import check_table
 from np_drake.logs.columns import COLUMNS, Table
-from np_drake.logs.errors import LogError, place
+from np_drake.logs.errors import LogError
 from np_drake.logs.formats.csv_file import read_csv
 from np_drake.logs.formats.format import first_bytes
 from np_drake.logs.formats.table import first_line
 from np_drake.logs.gaps import bridge_gaps, without_long_gaps
 from np_drake.logs.gaps import repair as repair_table
 from np_drake.logs.units import check_units
-from np_drake.training_data.segments import WrenchSequence
 from np_drake.vehicle import Vehicle, load_vehicle
 
 GRAVITY = 9.81  # [m/s²]; the CSV's hover reading of specific force
-NPY_STEP = 0.0025  # of the arrays [s]
-TRAINING = "merged_2021-02-03-13-44-49_seg_3"  # of the paper's estimation table: a 10 s wobbly circle
 AGILE = (  # flights that excite the aerodynamics
     "2021-02-18-16-43-54_seg_3",
     "2021-02-18-17-19-08_seg_2",
     "2021-02-23-10-48-03_seg_2",
     "2021-02-23-11-41-38_seg_3",
 )
-RACE_TRACK = "merged_2021-02-18-17-19-08_seg_2"  # race track 1 of the paper
-TESTS = {  # file stem: the paper's name of the flight
-    "merged_2021-02-18-16-53-35_seg_2": "linear oscillation",
-    RACE_TRACK: "race track 1",
-    "merged_2021-02-18-18-08-45_seg_1": "3D circle 2",
-    "merged_2021-02-23-14-21-48_seg_3": "figure-8 3",
-    "merged_2021-02-23-19-45-06_seg_2": "melon 2",
-    "merged_2021-02-23-22-26-25_seg_2": "random points",
-}
 FIRST_COLUMNS = "t,ang acc x,"  # how such a CSV begins
 _AXES = "xyz"
 SOURCE_COLUMNS: dict[str, tuple[str, ...]] = {
@@ -116,24 +102,6 @@ def read(path: str | Path, *, repair: bool = False) -> list[FlightLog]:
     )
     check_units(log, path)
     return [log]
-
-
-def read_wrenches(path: str | Path) -> WrenchSequence:
-    """Read a 12-column array: v (body), omega, f, tau -> zeta, chi, both in body axes, total wrench.
-
-    Raises: LogError: if the file is no such array (pickled ones are refused); OSError: if it cannot open.
-    """
-    data = read_array(path)
-    if data.ndim != 2 or data.shape[1] != 12 or data.dtype.kind not in "fiu":
-        raise LogError(f"{path}: must hold numbers of shape (n, 12): v, omega, f, tau; got {data.shape}.")
-    data = data.astype(float)
-    bad = np.argwhere(~np.isfinite(data))
-    if bad.size:
-        row, column = map(int, bad[0])
-        raise LogError(f"{place(path, column=str(column + 1), row=row, header_lines=0)}: must be finite.")
-    name = Path(path).stem.removeprefix("merged_")
-    note = "total wrench in body axes (0.752 kg x specific force less 9.8 m/s²), not a residual"
-    return WrenchSequence(NPY_STEP, data[:, 6:], data[:, :6], "body", name, total=True, notes=[note]).check()
 
 
 def _renamed(table: Table) -> Table:

@@ -13,7 +13,7 @@ from diagrams.cli.main import run
 from diagrams.loop.controllers import NP_MODEL
 from np_drake.lifting.model.model_file import load_model
 from np_drake.logs.formats.log_file import write_log
-from np_drake.logs.formats.neurobem import RACE_TRACK, TRAINING
+from np_drake.logs.formats.neurobem_wrenches import RACE_TRACK, TRAINING
 from np_drake.logs.opening import open_flights
 from np_drake.skill.skill import NAIVE, UNTRAINED
 

@@ -6,7 +6,7 @@ import pytest
 
 from diagrams.cli.flights import open_flights
 from np_drake.logs.formats.log_file import write_log
-from np_drake.logs.formats.neurobem import RACE_TRACK
+from np_drake.logs.formats.neurobem_wrenches import RACE_TRACK
 
 VEHICLE = "name: mine\nmass: 2.5\n"
 

@@ -9,7 +9,10 @@ from diagrams.prediction import array_flights, estimation
 from diagrams.prediction.estimation_figures import FAR, window, window_figure
 from np_drake.estimation.wrench_table import COLUMNS, PUBLISHED
 from np_drake.files.figure_file import png
+from np_drake.lifting.model.lifted_model import BY_AXES
 from np_drake.lifting.training.train import make_config, train
+
+NP = BY_AXES["body"]  # configuration of the row `np`
 
 
 @pytest.fixture(scope="module")
@@ -22,51 +25,54 @@ def model(flown, name):
 
 
 def test_one_step_ahead_the_default_is_below_the_paper_in_every_cell(flown):
-    table = estimation.estimation_table(Run(), {"mode-dictionary": model(flown, "mode-dictionary")}, flown[1:], {})
-    assert set(table.cells) == set(PUBLISHED)
-    assert table.at_or_below("ours, mode-dictionary") == 60
-    assert table.worst("ours, mode-dictionary") < 0.25
-    assert table.at_or_below("persistence") == 60  # the floor, not the goal
-    for found in table.stability["mode-dictionary"].values():
+    tests = [flight for flight in flown if "NP" in PUBLISHED.get(flight.name, {})]
+    table = estimation.estimation_table(Run(), {NP: model(flown, NP)}, tests, {})
+    assert list(table.cells) == [flight.name for flight in tests]
+    assert table.ratios("np").shape == (10 * len(tests),)
+    assert table.ratios("np").max() < 0.25
+    assert table.ratios("persistence").max() <= 1.0  # the floor, not the goal
+    for found in table.stability[NP].values():
         assert found.unstable == found.pulled == 0
 
 
 def test_one_step_ahead_we_are_below_the_paper_on_race_track_1_but_for_f_y(flown):
     """One flight only, for time; `np-drake reproduce estimation` does all. The refit is as strong as 40 steps ask."""
-    table = estimation.estimation_table(Run(), {"paper": model(flown, "paper")}, [flown[2]], {})
+    flight = array_flights.named(flown, "race track 1", "estimation")
+    table = estimation.estimation_table(Run(), {"paper": model(flown, "paper")}, [flight], {})
     assert list(table.cells) == ["race track 1"]
     rows = table.cells["race track 1"]
-    assert {c for c in COLUMNS if rows["ours, paper"][c] > rows["NP"][c]} <= {"F_y"}
+    assert {c for c in COLUMNS if rows["np: paper"][c] > rows["NP"][c]} <= {"F_y"}
     found = table.stability["paper"]["race track 1"]
     assert found.unstable == 0
-    assert found.windows == len(flown[2].segment) - 39
+    assert found.windows == len(flight.segment) - 39
 
 
 @pytest.fixture(scope="module")
 def made():
     """A made flight and a model of it."""
     segment = synthetic_flight(1500, 0)
-    fitted = train([segment], make_config("mode-dictionary", frame="body")).model
+    fitted = train([segment], make_config(NP, frame="body")).model
     return fitted, array_flights.Flight("made", segment)
 
 
 def test_published_rows_stand_as_printed(made):
     short = array_flights.Flight("melon 2", synthetic_flight(300, 0))
-    table = estimation.estimation_table(Run(), {"mode-dictionary": made[0]}, [short], {})
+    table = estimation.estimation_table(Run(), {NP: made[0]}, [short], {})
     for method in estimation.METHODS:
         assert tuple(table.cells["melon 2"][method].values()) == PUBLISHED["melon 2"][method]
 
 
 def test_the_figures_courses_stand_at_the_time_they_speak_of(made):
     fitted, flight = made
-    shown = window(fitted, flight, (2.0, 3.0))
+    shown = window({"np": fitted}, flight, (2.0, 3.0))
     rows = np.arange(800, 1200)
-    near, far, held = shown.courses.values()
+    assert list(shown.courses) == ["np", "persistence", "linear"]
+    predicted, held, extrapolated = shown.courses.values()
     np.testing.assert_array_equal(shown.label, flight.segment.chi[rows])
     np.testing.assert_array_equal(held, flight.segment.chi[rows - FAR])
-    error = [np.sqrt(np.mean((c - shown.label)[:, :3] ** 2)) for c in (near, far, held)]
-    assert error[0] < 0.1 * error[2]
-    assert error[0] < error[1] < error[2]
+    np.testing.assert_allclose(extrapolated - held, FAR * (held - flight.segment.chi[rows - FAR - 1]), atol=1e-12)
+    error = [np.sqrt(np.mean((c - shown.label)[:, :3] ** 2)) for c in (predicted, held)]
+    assert error[0] < error[1]
     figure = window_figure(shown, "made")
     assert len(figure.axes) == 12
     assert all(ax.get_ylabel() for ax in figure.axes[::2])
@@ -75,4 +81,4 @@ def test_the_figures_courses_stand_at_the_time_they_speak_of(made):
 
 def test_a_flight_that_ends_before_is_an_error(made):
     with pytest.raises(ValueError, match="must reach from 45 s to 55 s; it ends at"):
-        window(*made)
+        window({"np": made[0]}, made[1])

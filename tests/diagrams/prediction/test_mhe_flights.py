@@ -10,12 +10,12 @@ from diagrams.prediction import mhe_flights as dut
 from np_drake.estimation.mhe_config import MheConfig
 from np_drake.estimation.wrench_table import COLUMNS
 from np_drake.logs.errors import LogError
-from np_drake.logs.formats.neurobem import RACE_TRACK
+from np_drake.logs.formats.neurobem_wrenches import RACE_TRACK
 
 
 @pytest.fixture(scope="module")
 def table(neurobem):
-    return dut.mhe_table(Run(), neurobem, MheConfig(), stems=[RACE_TRACK])
+    return dut.mhe_table(Run(), neurobem, MheConfig(), names=["race track 1"])
 
 
 def rows(table):
@@ -54,4 +54,4 @@ def test_an_attitude_of_other_rows_is_refused(neurobem, tmp_path, rows):
     np.save(tmp_path / array, np.load(neurobem / array)[rows])
     shutil.copy(neurobem / "csv" / f"{RACE_TRACK}.csv", tmp_path / "csv")
     with pytest.raises(LogError, match="must hold the same rows"):
-        dut.mhe_table(Run(), tmp_path, MheConfig(), stems=[RACE_TRACK])
+        dut.mhe_table(Run(), tmp_path, MheConfig(), names=["race track 1"])

@@ -8,9 +8,10 @@ import pytest
 from diagrams.cli.main import run
 from diagrams.prediction.mhe_flights import ATTITUDE_ROW, NAIVE_ROW, PUBLISHED_ROW, RATES_ROW
 from np_drake.estimation.wrench_table import COLUMNS, PUBLISHED
-from np_drake.logs.formats.neurobem import TESTS, TRAINING
+from np_drake.logs.formats.neurobem_wrenches import TESTS, TRAINING
 
-RATES = np.array([3.0, 4.0, 5.0])  # of the first flight's waves in x, y, z [rad/s]
+RATES = np.array([3.0, 4.0, 5.0])  # of the training flight's waves in x, y, z [rad/s]
+STEP = 0.5  # by which those of the next flight are faster [rad/s]
 
 
 @pytest.fixture(scope="module")
@@ -20,7 +21,7 @@ def folder(tmp_path_factory):
     (folder / "npy").mkdir()
     t = 0.0025 * np.arange(400)[:, None]
     for k, stem in enumerate([TRAINING, *TESTS]):
-        rate = RATES + k
+        rate = RATES + STEP * k
         data = np.zeros((400, 12))
         data[:, 0:3] = 1 - np.cos(rate * t)
         data[:, 6:9] = 0.752 * (rate * np.sin(rate * t) + [0.0, 0.0, 0.01])
@@ -36,7 +37,7 @@ def test_every_flight_has_its_rows_and_columns(folder, tmp_path, capsys):
     content = json.loads(out.read_text())
     assert len(content["table"]) == 3 * len(TESTS)
     assert {row["row"] for row in content["table"]} == {PUBLISHED_ROW, RATES_ROW, NAIVE_ROW}
-    size = {TESTS[stem]: 0.752 * np.linalg.norm(RATES + k) / np.sqrt(2) for k, stem in enumerate(TESTS, 1)}
+    size = {TESTS[stem]: 0.752 * np.linalg.norm(RATES + STEP * k) / np.sqrt(2) for k, stem in enumerate(TESTS, 1)}
     for row in content["table"]:
         assert set(COLUMNS) <= set(row)
         if row["row"] == PUBLISHED_ROW:

@@ -6,20 +6,23 @@ from diagrams.batch.run import Run
 from diagrams.performance.predictor_bench import synthetic_flight
 from diagrams.prediction import response as dut
 from diagrams.prediction.array_flights import Flight
+from np_drake.lifting.model.lifted_model import BY_AXES
 from np_drake.lifting.training.train import make_config, train
+
+NP = BY_AXES["body"]  # configuration of the row `np`
 
 
 @pytest.fixture(scope="module")
 def lines():
     training = Flight("training", synthetic_flight(1500, 0))
     tests = [Flight(f"test {k}", synthetic_flight(1500, k)) for k in (1, 2)]
-    config = make_config("mode-dictionary", frame="body")
-    models = {"mode-dictionary": train([training.segment], config).model}
+    config = make_config(NP, frame="body")
+    models = {NP: train([training.segment], config).model}
     return dut.response_lines(Run(), models, training, tests, config=config, settings={}, horizons=(10, 20))
 
 
 def test_every_row_flight_and_horizon_is_there(lines):
-    rows = {"ours, mode-dictionary", dut.UNSEEN, "persistence", "linear"}
+    rows = {"np", dut.UNSEEN, "persistence", "linear"}
     assert {line["row"] for line in lines} == rows
     assert len(lines) == len(rows) * 2 * 2
 

@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 
 from np_drake import attitude, labels
+from np_drake.estimation.wrench_table import PUBLISHED
 from np_drake.logs.errors import LogError
-from np_drake.logs.formats.neurobem import RACE_TRACK, TESTS, TRAINING, published_vehicle, read_array, read_wrenches
+from np_drake.logs.formats.neurobem import published_vehicle, read_array
+from np_drake.logs.formats.neurobem_wrenches import RACE_TRACK, TRAINING, read_wrenches, table_files
 from np_drake.logs.opening import open_flights
 
 MELON = "merged_2021-02-23-11-41-38_seg_3"
@@ -58,8 +60,9 @@ def test_the_arrays_of_the_papers_table_are_there(neurobem):
     assert len(training) == 4000
     speed = np.linalg.norm(training.zeta[:, :3], axis=1)
     assert speed.max() == pytest.approx(5.18, abs=0.01)  # as the paper says [m/s]
-    for stem in TESTS:
-        assert len(read_wrenches(neurobem / "npy" / f"{stem}.npy")) > 10_000
+    found = {name: len(read_wrenches(path)) for name, path in table_files(neurobem).items()}
+    assert len([name for name in found if name in PUBLISHED]) >= 8
+    assert all(length > 10_000 for name, length in found.items() if name in PUBLISHED)
 
 
 def test_every_real_flight_passes_the_checks(neurobem):
@@ -70,14 +73,18 @@ def test_every_real_flight_passes_the_checks(neurobem):
 def test_the_array_is_the_csv_in_body_axes_with_the_total_wrench(neurobem):
     """f = 0.752 (acc - [0, 0, 9.8]) in body axes, tau = J al + w x J w: no residual."""
     array = read_wrenches(neurobem / "npy" / f"{RACE_TRACK}.npy")
-    log = open_flights(neurobem / "csv" / f"{RACE_TRACK}.csv")[0][0]
-    J = published_vehicle().J
+    csv = neurobem / "csv" / f"{RACE_TRACK}.csv"
+    log, J = open_flights(csv)[0][0], published_vehicle().J
     torque = log.al @ J + np.cross(log.w, log.w @ J)
     force = 0.752 * (attitude.rotate_back(log.q, log.a + [0, 0, 9.81]) - [0, 0, 9.8])
     np.testing.assert_allclose(array.chi[:, :3], force, atol=1e-5)  # seven digits in the file [N]
     np.testing.assert_allclose(array.chi[:, 3:], torque, atol=1e-5)  # [N·m]
     np.testing.assert_allclose(array.zeta[:, :3], attitude.rotate_back(log.q, log.v), atol=1e-5)
     assert (array.frame, array.total, array.step) == ("body", True, 0.0025)
+    made = read_wrenches(csv)
+    np.testing.assert_allclose(made.chi, array.chi, atol=1e-5)
+    np.testing.assert_allclose(made.zeta, array.zeta, atol=1e-5)
+    assert (made.name, made.frame, made.total, made.step) == (array.name, "body", True, 0.0025)
 
 
 def test_a_pickled_array_is_never_loaded(tmp_path):
