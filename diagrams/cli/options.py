@@ -51,8 +51,8 @@ Configuration = Annotated[
     Option(
         "--configuration",
         metavar="NAME",
-        help="lifted (world axes) | mode-dictionary (body axes) | delay-modal | paper | dmdc | delay-dmdc | ridge, of np; "
-        "payload_filter; gp | knode. Default: the first that suits the axes.",
+        help="lifted (world axes) | mode-dictionary (body axes) | delay-modal | paper | dmdc | delay-dmdc | ridge, "
+        "of np; payload_filter; gp | knode. Default: the first that suits the axes.",
     ),
 ]
 Step = Annotated[

@@ -27,12 +27,17 @@ def make_packaged_models(run: Run, flights: int = FLIGHTS) -> list[Path]:
         run: folder, workers and progress.
         flights: of the envelope.
     """
-    files = [run.folder / packaged.name for packaged in (NP_MODEL, FILTER_MODEL)]
-    run = dc.replace(run, seed=SEED)
+    family, run = run.folder / NP_MODEL.name, dc.replace(run, seed=SEED)
     result = train_on_envelope(flights, make_config("lifted", seed=SEED), run=run, vehicle=Vehicle())
-    save_model(result.model, files[0])
-    train_payload_filter_model(training_flight(DITHERED, seed=SEED, solver=SOLVER), files[1])
-    return files
+    save_model(result.model, family)
+    return [family, make_filter(run.folder)]
+
+
+def make_filter(folder: Path) -> Path:
+    """Fly the training flight, train the payload filter on it and return its file in `folder`."""
+    path = folder / FILTER_MODEL.name
+    train_payload_filter_model(training_flight(DITHERED, seed=SEED, solver=SOLVER), path)
+    return path
 
 
 class Difference(NamedTuple):

@@ -245,7 +245,7 @@ class NeuralPredictor:
     def system(self, memory: Memory) -> LiftedLinearSystem:
         """Return the lifted linear system in use now, at the model's step."""
         s = self.model.system
-        return s if self._refit is None and self._family is None else LiftedLinearSystem(memory["A"], memory["B"], s.C, s.step)
+        return LiftedLinearSystem(memory["A"], memory["B"], s.C, s.step) if "A" in memory else s
 
     def _resampled(self, memory: Memory, stride: int) -> LiftedLinearSystem:
         s = self.model.system

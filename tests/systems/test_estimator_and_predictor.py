@@ -171,17 +171,14 @@ def test_z_and_window_stand_in_groups_of_their_own():
 
 def test_the_predictor_sees_in_a_context_what_begins_in_its_window():
     dut, context = neural_predictor_on_labels()
-    model = NeuralPredictorModel.load(NP_MODEL).model
+    window = NeuralPredictorModel.load(NP_MODEL).model.window
     after, errors = CHI + np.array([0.0, 0.0, -1.0, 0.0, 0.0, 0.0]), []  # 100 g more [N]
-    for label in [CHI] * model.window + [after] * (model.window - 5):
+    for label in [CHI] * 2 * window + [after] * window:
         dut.GetInputPort("label").FixValue(context, label)
         event(dut, context)
-        memory, found = dut.memory(context), dut.GetOutputPort("chi_hat").Eval(context)
-        np.testing.assert_allclose(memory["z"], model.lift(memory["window"]) * memory["z"].any(), atol=1e-12)
-        linear = model.system.C @ model.encoder(memory["window"])
-        errors.append([found[2] - after[2], linear[2] - after[2]])
-    seen, held = np.sqrt(np.mean(np.square(errors[model.window + 5 :]), axis=0))  # RMS [N]
-    assert seen < 0.7 * held
+        errors.append(dut.GetOutputPort("chi_hat").Eval(context)[2] - label[2])
+    assert np.abs(errors[window + 5 : 2 * window]).max() < 0.1  # [N], before
+    assert np.sqrt(np.mean(np.square(errors[2 * window + 5 :]))) < 0.3  # [N], while both are in the window
 
 
 def test_the_neural_predictor_shows_its_lifted_linear_system():

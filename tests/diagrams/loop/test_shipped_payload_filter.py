@@ -7,7 +7,7 @@ import pytest
 
 from diagrams.loop.controllers import FILTER_MODEL, NP_MODEL, ControllerConfig, make_residual_model
 from diagrams.loop.flight_result import fly
-from diagrams.tracking.packaged import difference
+from diagrams.tracking.packaged import difference, make_filter
 from diagrams.tracking.tracking import Row, configure, train_models
 from np_drake.payload_filter.model_file import NUMBERS, PAYLOAD_FILTER, PayloadFilterModel
 from np_drake.payload_filter.predictor import PayloadFilter
@@ -17,8 +17,14 @@ TRAINED = Row("payload_filter", "payload_filter", training="training_circle", co
 
 
 @pytest.fixture(scope="module")
+def remade(tmp_path_factory):
+    """File of the payload filter, as `np-drake reproduce models` makes it."""
+    return make_filter(tmp_path_factory.mktemp("packaged"))
+
+
+@pytest.fixture(scope="module")
 def retrained(remade):
-    return PayloadFilterModel.load(remade[1])
+    return PayloadFilterModel.load(remade)
 
 
 def test_training_anew_gives_the_shipped_model(remade, retrained):
@@ -26,8 +32,8 @@ def test_training_anew_gives_the_shipped_model(remade, retrained):
     for name in NUMBERS:
         assert getattr(retrained, name) == pytest.approx(getattr(shipped, name), rel=1e-3)  # another processor
     np.testing.assert_allclose(retrained.hook, shipped.hook, atol=1e-5)  # [m]
-    assert remade[1].name == FILTER_MODEL.name
-    apart = difference(remade[1])
+    assert remade.name == FILTER_MODEL.name
+    apart = difference(remade)
     assert apart.relative < 1e-2  # small numbers of a torque, another processor
     assert apart.from_zero == 0.0
 

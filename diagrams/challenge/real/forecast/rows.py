@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from np_drake.flight_log import FlightLog
-from np_drake.lifting.model.lifted_model import DELAY_MODAL, PAPER
+from np_drake.lifting.model.lifted_model import DELAY_MODAL, LIFTED, PAPER
 from np_drake.lifting.training.train import make_config, train
 from np_drake.payload_filter.model_file import PAYLOAD_FILTER
 from np_drake.payload_filter.predictor import PayloadFilter
@@ -64,6 +64,12 @@ def _paper(flights: Sequence[Opened], step: float) -> NeuralPredictor:
     return NeuralPredictor(model, PredictorOptions(torque="predict"))
 
 
+def _lifted(flights: Sequence[Opened], step: float) -> NeuralPredictor:
+    """Return `lifted` with its usual settings, but for a window of `HISTORY` and a loss over `LONGEST`."""
+    config = make_config(LIFTED, delay=round(HISTORY / step), horizon=round(LONGEST / step))
+    return NeuralPredictor(train(_segments(flights, step), config).model)
+
+
 def _delay_modal(flights: Sequence[Opened], step: float) -> NeuralPredictor:
     """Return `delay-modal` with its usual settings, but for torque, a window of `HISTORY` and a loss over `LONGEST`."""
     config = make_config(DELAY_MODAL, torque=True, delay=round(HISTORY / step), horizon=round(LONGEST / step))
@@ -81,6 +87,7 @@ ROWS: Mapping[str, Trainer] = {
     GP: lambda flights, step: MotionModel(GP, fit_gaussian_process(_segments(flights, step)), step),
     KNODE: _knode,
     PAPER: _paper,
+    LIFTED: _lifted,
     DELAY_MODAL: _delay_modal,
     PAYLOAD_FILTER: lambda flights, step: PayloadFilter(train_payload_filter(flights, step=step)),
 }
