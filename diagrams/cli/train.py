@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from np_drake.lifting.model.lifted_model import LiftedModel
     from np_drake.residual_models.motion_model import MotionModel
     from np_drake.training_data.training_segments import Flight
-    from np_drake.vehicle import Vehicle
 
 PAYLOAD_FILTER = "payload_filter"
 T = TypeVar("T")
@@ -64,7 +63,7 @@ def train(
     from np_drake.lifting.model.origin import rotor_lag_of
     from np_drake.lifting.training.train import CONFIGURATIONS, TrainingResult, make_config
     from np_drake.residual_models.motion_model import KNODE, REACTIONS
-    from np_drake.residual_models.predictor_training import place_on_flights, train_on_flights
+    from np_drake.residual_models.predictor_training import train_on_flights
     from np_drake.scaling import sampling_period
     from np_drake.training_data.training_segments import require_motion
     from np_drake.vehicle import Vehicle, load_vehicle
@@ -97,14 +96,12 @@ def train(
     else:
         frame = flights[0].frame if flights else "world"
         config = make_config(configuration, frame=frame, seed=run.seed, epochs=epochs)
+        start = time.perf_counter()
         if configuration == LIFTED and envelope:
-            start = time.perf_counter()
             result = train_on_envelope(envelope, config, run=run, vehicle=flown, flights=flights, step=step)
             wall = time.perf_counter() - start
-        elif configuration == LIFTED and (family := _family(prior, flown, step, envelope)):
-            start = time.perf_counter()
-            result = TrainingResult(place_on_flights(flights, family, step=step), [])
-            wall = time.perf_counter() - start
+        elif configuration == LIFTED and (family := _placed(flights, prior, step, envelope)):
+            result, wall = TrainingResult(family, []), time.perf_counter() - start
         else:
             learn = partial(train_on_flights, flights, config, step=step, checkpoint=checkpoint)
             result, wall = behind_bar(f"training {configuration}", learn)
@@ -127,25 +124,30 @@ def train(
     )
 
 
-def _family(prior: Path | None, vehicle: "Vehicle", step: float, envelope: int | None) -> "LiftedModel | None":
-    """Return the family that the logs place, and say which; None where they are to be learnt from alone.
+def _placed(flights: "Sequence[Flight]", prior: Path | None, step: float, envelope: int | None) -> "LiftedModel | None":
+    """Return a family as the logs place it, and say which; None where they are to be learnt from alone.
 
     Args:
-        prior: its file; None for the packaged one, where that is of this vehicle.
-        vehicle: of the logs.
+        flights: opened logs.
+        prior: its file; None for the packaged one, where that is of this vehicle and foresees the logs.
         step: time between samples [s].
         envelope: 0 where the logs alone count.
     """
-    from diagrams.prediction.learning import packaged_family
+    from diagrams.prediction.learning import placed_family
     from np_drake.lifting.model.model_file import load_model
+    from np_drake.residual_models.predictor_training import place_on_flights
 
     if prior is not None:
-        return load_model(prior)
-    family = packaged_family(vehicle, step=step) if envelope is None else None
-    if family is not None:
-        say("prior: the packaged family of systems; --envelope 0 trains on the logs alone.")
-    elif envelope is None:
-        say(f"prior: none, as the packaged family is not of {vehicle.name}; --envelope N flies one in simulation.")
+        return place_on_flights(flights, load_model(prior), step=step)
+    if envelope is not None:
+        return None
+    family, text = placed_family(flights, step=step)
+    say(text)
+    say(
+        "--envelope 0 trains on the logs alone."
+        if family
+        else "The logs alone count; --envelope N learns from simulated flights of the vehicle too."
+    )
     return family
 
 

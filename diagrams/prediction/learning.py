@@ -1,5 +1,6 @@
 """Training on a simulated flight, up to the model file."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +25,7 @@ from np_drake.vehicle import Vehicle
 def train_predictor(flight: FlightResult, path: Path, *, configuration: str = LIFTED, seed: int = 0) -> TrainingResult:
     """Train on the flight's log after the ramp and write the model file.
 
-    `lifted` places the packaged family where that is of this vehicle, see `packaged_family`.
+    `lifted` places the packaged family where that is of this vehicle, see `placed_family`.
 
     Args:
         flight: to train on.
@@ -35,13 +36,38 @@ def train_predictor(flight: FlightResult, path: Path, *, configuration: str = LI
     """
     controller, vehicle = flight.config.controller, flight.config.vehicle
     flights, step, label = [Flight(_scored(flight), vehicle)], controller.period, controller.label
-    prior = packaged_family(vehicle, step=step, label=label) if configuration == LIFTED else None
-    if prior is None:
+    family = placed_family(flights, step=step, label=label)[0] if configuration == LIFTED else None
+    if family is None:
         result = train_on_flights(flights, make_config(configuration, seed=seed), step=step, label=label)
     else:
-        result = TrainingResult(place_on_flights(flights, prior, step=step, label=label), [])
+        result = TrainingResult(family, [])
     save_model(result.model, path)
     return result
+
+
+def placed_family(
+    flights: Sequence[Flight], *, step: float, label: LabelConfig | None = None
+) -> tuple[LiftedModel | None, str]:
+    """Return the packaged family as the flights place it, and what to say of it.
+
+    None where it is not of their vehicle, or foresees them no better than persistence.
+
+    Args:
+        flights: opened ones.
+        step: time between samples [s].
+        label: low-pass of the labels, None for that of the vehicle.
+    """
+    prior = packaged_family(flights[0].vehicle, step=step, label=label)
+    if prior is None or flights[0].frame != "world":
+        return None, f"prior: none, as the packaged family is not of {flights[0].vehicle.name} at this step."
+    try:
+        model = place_on_flights(flights, prior, step=step, label=label)
+    except ValueError as error:
+        return None, f"{error} No prior is used."
+    share = model.summary["placed"]["foresight"]
+    if share >= 1.0:
+        return None, f"prior: none, as the packaged family errs {share:.2g} times as much here as persistence."
+    return model, f"prior: the packaged family, which errs at most {share:.2g} times as much here as persistence."
 
 
 def packaged_family(vehicle: Vehicle, *, step: float, label: LabelConfig | None = None) -> LiftedModel | None:

@@ -29,7 +29,7 @@ class PredictorOptions:
 class RefitForecasts(FlightForecasts):
     """Forecasts at every sample of a flight, each sample with its own A (o, K, K) and B (o, K, 6)."""
 
-    before: np.ndarray  # (o,) spectral radius of each refit A before it was made stable [1]
+    before: np.ndarray  # (o,) spectral radius of each refit A before it was made stable, 0 of a family [1]
 
     def at(self, horizons: list[int], origins: np.ndarray, zeta: np.ndarray, *, zeta_known: bool) -> np.ndarray:
         """Return chi_hat (o, len(horizons), 6) of the forecasts at `origins`, see `FlightForecasts` [N, N·m]."""
@@ -136,7 +136,7 @@ class NeuralPredictor:
     def along(self, chi: np.ndarray, zeta: np.ndarray) -> FlightForecasts | None:
         """Return the forecasts from the first full window on, equal to those of `update` sample by sample.
 
-        None where there is no full window, and for a family, whose theta is adapted sample by sample.
+        None where there is no full window.
 
         Args:
             chi: (n, 6) [N, N·m].
@@ -144,9 +144,12 @@ class NeuralPredictor:
         """
         first, s, samples = self.model.window - 1, self.model.system, np.hstack([chi, zeta])
         A, B, before = s.A, s.B, None
-        if len(chi) <= first or self._family is not None:
+        if len(chi) <= first:
             return None
-        if isinstance(self.model.encoder, DelayEncoder):
+        if self._family is not None:
+            A, B, z = self._family.along(samples, self.step)
+            before = np.zeros(len(z))
+        elif isinstance(self.model.encoder, DelayEncoder):
             z = self.model.encoder.along(samples)
             if self.model.onsets is not None:
                 z = z + self.model.onsets.along(samples)

@@ -4,6 +4,8 @@ import dataclasses as dc
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+import numpy as np
+
 from np_drake.flight_log import FlightLog
 from np_drake.labels import LabelConfig, default_labels
 from np_drake.lifting.model.lifted_model import LiftedModel
@@ -11,10 +13,13 @@ from np_drake.lifting.model.origin import origin_of, require_origin, with_origin
 from np_drake.lifting.training.excitation import training_summary
 from np_drake.lifting.training.family_training import placed
 from np_drake.lifting.training.train import Config, TrainingResult, train
+from np_drake.residual_models.neural_predictor import NeuralPredictor
 from np_drake.training_data.actuator_timing import learned_rotor_lag
 from np_drake.training_data.segments import Segment
 from np_drake.training_data.training_segments import Flight
 from np_drake.vehicle import Vehicle
+
+AHEAD = (10, 20, 40)  # at which a family is judged, up to the horizon that it is trained for [steps]
 
 
 def train_on_flights(
@@ -52,7 +57,7 @@ def train_on_flights(
 def place_on_flights(
     flights: Sequence[Flight], prior: LiftedModel, *, step: float, label: LabelConfig | None = None
 ) -> LiftedModel:
-    """Return a family of systems whose theta starts where these flights leave it.
+    """Return a family of systems whose theta starts where these flights leave it, its `foresight` in the summary.
 
     Args:
         flights: opened ones, with the payload that is expected.
@@ -67,7 +72,31 @@ def place_on_flights(
     segments = lagged_segments(flights, lag, step=step, label=label)
     model = _signed(placed(prior, segments), flights, None, lag, label)
     told = training_summary(segments, float("nan"), step)
-    return dc.replace(model, summary={**model.summary, "placed": told["samples"], "excitation": told["excitation"]})
+    placement = {"samples": told["samples"], "foresight": foresight(model, segments)}
+    return dc.replace(model, summary={**model.summary, "placed": placement, "excitation": told["excitation"]})
+
+
+def foresight(model: LiftedModel, segments: Sequence[Segment]) -> float:
+    """Return the RMSE of the force over that of persistence, motion known, at the worst of the horizons `AHEAD` [1].
+
+    Args:
+        model: that forecasts.
+        segments: flights; those shorter than its window count nothing.
+    Raises: ValueError: where none is long enough.
+    """
+    ours, naive, horizons = np.zeros(len(AHEAD)), np.zeros(len(AHEAD)), np.array(AHEAD)
+    for segment in segments:
+        course = NeuralPredictor(model).along(segment.chi, segment.zeta)
+        if course is None or len(segment) - AHEAD[-1] <= course.first:
+            continue
+        origins = np.arange(course.first, len(segment) - AHEAD[-1])
+        goal = segment.goal[origins[:, None] + horizons, :3]
+        forecast = course.at(list(AHEAD), origins, segment.zeta, zeta_known=True)[..., :3]
+        ours += np.sum((forecast - goal) ** 2, axis=(0, 2))
+        naive += np.sum((segment.chi[origins, None, :3] - goal) ** 2, axis=(0, 2))
+    if not np.all(naive > 0):
+        raise ValueError(f"prior: at least {model.window + AHEAD[-1]} samples in one piece are needed to judge it by.")
+    return float(np.sqrt(ours / naive).max())
 
 
 def rotor_lag_in(flights: Sequence[Flight]) -> float:

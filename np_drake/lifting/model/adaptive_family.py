@@ -126,6 +126,25 @@ class AdaptiveFamily:
         covariance = covariance - gain @ PJ.T
         return theta - gain @ e, 0.5 * (covariance + covariance.T)
 
+    def along(self, samples: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return A (o, K, K), B (o, K, 6) and z (o, K) at every sample from the first full window on.
+
+        Args:
+            samples: (n, 12) of a flight without gaps [N, N·m, m/s, rad/s].
+            step: [s].
+        """
+        first, count = self.window - 1, len(samples) - self.window + 1
+        A, B, z = np.empty((count, self.K, self.K)), np.empty((count, self.K, 6)), np.empty((count, self.K))
+        theta, covariance = self.mean, self.covariance
+        s = self.system(theta, step)
+        for i in range(count):
+            window = samples[i : first + i + 1]
+            if (first + i + 1) % EVERY == 0:
+                theta, covariance = self.update(theta, covariance, window, step)
+                s = self.system(theta, step)
+            A[i], B[i], z[i] = s.A, s.B, self.lift(window, theta)
+        return A, B, z
+
     def _departures(self, thetas: np.ndarray, window: np.ndarray, step: float) -> np.ndarray:
         """Return what is seen now less what was foreseen, over its deviation, of all axes, views and lags, (T, n)."""
         lags, window = self.lags.astype(int), window[len(window) - self.window :]

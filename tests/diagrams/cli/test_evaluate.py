@@ -24,7 +24,8 @@ TRAINED = ("DMDc", "delay DMDc", "ridge by horizon")
 def model(logs, tmp_path_factory):
     """A predictor trained on the first log."""
     out = tmp_path_factory.mktemp("model") / "np.safetensors"
-    assert run(["train", str(logs[0]), "--out", str(out), "--epochs", "30"]) == 0
+    arguments = ["--envelope", "0", "--epochs", "400"]
+    assert run(["train", str(logs[0]), "--out", str(out), *arguments]) == 0
     return out
 
 
@@ -81,23 +82,23 @@ def test_a_predictor_is_scored_beside_the_naive_rows(logs, model, tmp_path, caps
     captured = capsys.readouterr()
     assert code == 0, captured.err
     rows = rows_of(out)
-    assert {row["model"] for row in rows} == {"persistence", "linear", "mean", "past mean", "delay-modal"}
+    assert {row["model"] for row in rows} == {"persistence", "linear", "mean", "past mean", "lifted"}
     assert {row["horizon"] for row in rows} == {0.02, 0.2}
     assert set(rows[0]) >= {"flight", "force_rmse", "torque_rmse", "force_skill", "torque_skill"}
     for horizon in (0.02, 0.2):
         naive = [r["force_skill"] for r in rows if r["horizon"] == horizon and r["model"] in NAIVE]
         assert min(naive) == pytest.approx(1.0)
     assert "force RMSE [N]" in captured.out
-    assert "delay-modal: spectral radius above 1 in 0 of " in captured.out
-    assert "delay-modal: 0 of 1 flights diverge up to 0.2 s" in captured.out
+    assert "lifted: spectral radius above 1 in 0 of " in captured.out
+    assert "lifted: 0 of 1 flights diverge up to 0.2 s" in captured.out
     (line,) = json.loads(out.read_text())["stability"]
     assert line["windows"] > 1000
     assert line["unstable"] == 0
     assert line["largest"] <= 1.0
     assert max(map(len, captured.out.splitlines())) <= 100
-    skill = min((r["force_skill"], r["horizon"]) for r in rows if r["model"] == "delay-modal" and r["zeta"] == "held")
+    skill = min((r["force_skill"], r["horizon"]) for r in rows if r["model"] == "lifted" and r["zeta"] == "held")
     said = " ".join(captured.out.split("With the coming motion held, ")[-1].split())
-    assert said.startswith("delay-modal forecasts force better than every naive one at ")
+    assert said.startswith("lifted forecasts force better than every naive one at ")
     assert f" of its error at {skill[1]:g} s)" in said
 
 
@@ -148,7 +149,7 @@ def test_a_force_of_motion_is_predicted_better_than_by_any_naive_row(logs, model
     """The force is mass times dv/dt of a multisine: its past tells its future, persistence does not."""
     out = tmp_path / "rows.json"
     assert run(["evaluate", str(logs[1]), "--predictor", str(model), "--json", str(out), "--horizons", "10"]) == 0
-    assert next(row for row in rows_of(out) if row["model"] == "delay-modal")["force_skill"] < 1.0
+    assert next(row for row in rows_of(out) if row["model"] == "lifted")["force_skill"] < 1.0
 
 
 def test_both_configurations_are_trained_and_scored(logs, tmp_path, capsys):
@@ -156,7 +157,7 @@ def test_both_configurations_are_trained_and_scored(logs, tmp_path, capsys):
     arguments = ["evaluate", str(logs[1]), "--train", str(logs[0]), "--epochs", "1", "--json", str(out)]
     assert run(arguments) == 0, capsys.readouterr().err
     rows = [(row["model"], (row["horizon"], row["zeta"])) for row in rows_of(out)]
-    assert {model for model, _ in rows} == {"paper", "delay-modal", *UNTRAINED, *TRAINED}
+    assert {model for model, _ in rows} == {"paper", "lifted", *UNTRAINED, *TRAINED}
     assert len(rows) == len(set(rows))
 
 
@@ -228,7 +229,7 @@ def test_bad_input_is_one_line_and_leaves_nothing(logs, model, tmp_path, monkeyp
 
 def test_without_a_predictor_it_is_the_packaged_one(logs, monkeypatch, capsys):
     assert run(["evaluate", str(logs[1]), "--horizons", "2"]) == 0
-    assert "delay-modal" in capsys.readouterr().out
+    assert "lifted" in capsys.readouterr().out
     is_file = Path.is_file
     monkeypatch.setattr(Path, "is_file", lambda path: path != NP_MODEL and is_file(path))
     assert run(["evaluate", str(logs[1])]) == 2
@@ -250,11 +251,13 @@ def test_horizons_are_sorted_and_counted_once():
     assert parse_horizons("10, 1,10") == [1, 10]
 
 
-def test_an_unstable_model_fails(logs, monkeypatch, capsys):
+def test_an_unstable_model_fails(logs, tmp_path, monkeypatch, capsys):
     """A model file refuses such an A, so it comes from elsewhere: the verb says so and leaves with 1."""
-    model = load_model(NP_MODEL)
-    broken = dc.replace(model, system=dc.replace(model.system, A=1.05 * model.system.A))
-    monkeypatch.setattr("diagrams.cli.evaluate.load", lambda path: {"delay-modal": broken})
+    path = tmp_path / "dmdc.safetensors"
+    assert run(["train", str(logs[0]), "--configuration", "dmdc", "--out", str(path)]) == 0
+    model = load_model(path)
+    broken = dc.replace(model, system=dc.replace(model.system, A=2.0 * np.eye(model.system.K)))
+    monkeypatch.setattr("diagrams.cli.evaluate.load", lambda path: {"dmdc": broken})
     assert run(["evaluate", str(logs[1]), "--horizons", "1"]) == 1
     captured = capsys.readouterr()
     assert "a forecast diverged on test." in captured.err
@@ -279,7 +282,7 @@ def with_nan(lines):
 
 
 BAD_LOGS = {  # change of the table: what the line must say
-    "too short": (lambda lines: lines[:40], "bad: more than 60 samples are needed; got 39."),
+    "too short": (lambda lines: lines[:40], "bad: more than 85 samples are needed; got 39."),
     "no velocity": (lambda lines: without(lines, "vx"), "bad.csv, column vx: is missing"),
     "a NaN": (with_nan, "bad.csv, column vx, row 300 (line 301): must be finite"),
 }
@@ -300,7 +303,7 @@ def test_a_bad_log_is_one_line_and_leaves_nothing(logs, model, tmp_path, capsys,
 def test_a_log_without_accelerations_is_scored_and_says_how(logs, model, tmp_path, capsys):
     bare = altered(logs[1], tmp_path / "bare.csv", lambda lines: without(lines, "ax", "ay", "az", "alx", "aly", "alz"))
     assert run(["evaluate", str(bare), "--predictor", str(model), "--horizons", "1"]) == 0
-    assert "delay-modal: spectral radius above 1 in 0 of " in capsys.readouterr().out
+    assert "lifted: spectral radius above 1 in 0 of " in capsys.readouterr().out
 
 
 def test_the_first_seconds_of_a_real_flights_csv_are_scored(neurobem, tmp_path, capsys):

@@ -30,20 +30,37 @@ def test_training_leaves_a_model_a_curve_and_figures(logs, tmp_path, capsys):
     assert len(content["loss"]) > 0
 
 
-def test_a_log_places_the_packaged_family(logs, tmp_path, capsys):
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory):
+    """Log of a short training flight with a payload."""
+    folder = tmp_path_factory.mktemp("flown")
+    arguments = ["--controller", "nominal", "--solver", "sqp", "--duration", "4", "--seed", "0", "--out", str(folder)]
+    assert run(["fly", "training_circle", *arguments]) == 0
+    return folder / "training_circle_nominal.csv"
+
+
+def test_a_log_places_the_packaged_family(flown, tmp_path, capsys):
     out = tmp_path / "np.safetensors"
-    assert run(["train", str(logs[0]), "--out", str(out)]) == 0, capsys.readouterr().err
+    assert run(["train", str(flown), "--out", str(out)]) == 0, capsys.readouterr().err
     assert "prior: the packaged family" in capsys.readouterr().out
     model, packaged = load_model(out), load_model(NP_MODEL)
     np.testing.assert_array_equal(model.encoder.covariance, packaged.encoder.covariance)
     assert np.abs(model.encoder.mean - packaged.encoder.mean).max() > 0
 
 
-def test_a_log_places_a_family_of_ones_own(logs, tmp_path, capsys):
+def test_a_log_that_the_family_does_not_foresee_is_learnt_from_alone(logs, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("np_drake.residual_models.predictor_training.foresight", lambda *_: 1.7)
     out = tmp_path / "np.safetensors"
-    assert run(["train", str(logs[0]), "--prior", str(NP_MODEL), "--out", str(out)]) == 0
+    assert run(["train", str(logs[0]), "--epochs", "5", "--out", str(out)]) == 0
+    assert "times as much here as persistence" in capsys.readouterr().out
+    assert load_model(out).encoder.mean.shape == (0,)
+
+
+def test_a_log_places_a_family_of_ones_own(logs, flown, tmp_path, capsys):
+    out = tmp_path / "np.safetensors"
+    assert run(["train", str(flown), "--prior", str(NP_MODEL), "--out", str(out)]) == 0
     named = load_model(out)
-    assert run(["train", str(logs[0]), "--out", str(out)]) == 0
+    assert run(["train", str(flown), "--out", str(out)]) == 0
     np.testing.assert_array_equal(named.encoder.mean, load_model(out).encoder.mean)
     other = tmp_path / "paper.safetensors"
     assert run(["train", str(logs[0]), "--configuration", "paper", "--epochs", "1", "--out", str(other)]) == 0
