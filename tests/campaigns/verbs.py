@@ -35,6 +35,8 @@ VERBS: dict[str, Verb] = {
         "cases/[0-9a-f]*/vehicle.yaml",
     ),
     "challenge solve": Verb("{set}/cases", "--out {out}", "*/diagnosis.json", frozenset({"wall", "peak_memory"})),
+    "train": Verb("--envelope 3 --epochs 3", "--out {out}/np.safetensors --json {out}.json", "np.safetensors"),
+    "reproduce models": Verb(""),
     "reproduce tracking": Verb("--seeds 1 --only np", times=FLIGHT),
     "reproduce configurations": Verb("--seeds 1 --only hold", times=FLIGHT),
     "reproduce weights": Verb(""),
