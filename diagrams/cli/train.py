@@ -79,7 +79,13 @@ def train(
         require_motion(flights)
     flown = flights[0].vehicle if flights else load_vehicle(vehicle) if vehicle else Vehicle()
     step = step or sampling_period(flown)
-    configuration = configuration_for(name, flights[0].frame if flights else "world")
+    frame = flights[0].frame if flights else "world"
+    family = None
+    if name in ("", LIFTED) and frame == "world" and not envelope:
+        family = _placed(flights, prior, step, envelope)
+    if not name and (family or envelope):
+        name = LIFTED
+    configuration = configuration_for(name, frame)
     if configuration != LIFTED and (envelope or prior):
         raise ValueError(f"--envelope and --prior: must be of {LIFTED}; got {configuration}.")
     if configuration == PAYLOAD_FILTER:
@@ -94,13 +100,12 @@ def train(
         lines, tables = [f"against the labels [N, N·m]: {rmse}"], []
         notes = [f"{summary['samples']} samples, {wall:.1f} s", f"model: {out}"]
     else:
-        frame = flights[0].frame if flights else "world"
         config = make_config(configuration, frame=frame, seed=run.seed, epochs=epochs)
         start = time.perf_counter()
         if configuration == LIFTED and envelope:
             result = train_on_envelope(envelope, config, run=run, vehicle=flown, flights=flights, step=step)
             wall = time.perf_counter() - start
-        elif configuration == LIFTED and (family := _placed(flights, prior, step, envelope)):
+        elif family is not None:
             result, wall = TrainingResult(family, []), time.perf_counter() - start
         else:
             learn = partial(train_on_flights, flights, config, step=step, checkpoint=checkpoint)

@@ -9,7 +9,7 @@ from np_drake import rigid_body
 from np_drake.lifting.model.adaptive_family import EVERY, AdaptiveFamily
 from np_drake.lifting.model.encoders import DelayEncoder, Phi
 from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem, advance
-from np_drake.lifting.model.lifted_model import BY_AXES, LiftedModel
+from np_drake.lifting.model.lifted_model import BY_AXES, LIFTED, LiftedModel
 from np_drake.lifting.model.model_file import load_model
 from np_drake.lifting.model.origin import rotor_lag_of
 from np_drake.lifting.model.window_refit import WindowRefit
@@ -72,7 +72,7 @@ class NeuralPredictor:
             raise ValueError(f"NeuralPredictor: torque must be hold | predict; got {options.torque}.")
         if options.torque == "predict" and not model.predicts_torque:
             raise ValueError("NeuralPredictor: this model must not predict torque; it was trained without. Use hold.")
-        self.name = "np" if model.configuration in BY_AXES.values() else f"np-{model.configuration}"
+        self.name = "np" if model.configuration in (LIFTED, *BY_AXES.values()) else f"np-{model.configuration}"
         self.step = model.step
         self.model, self.options = model, options
         self.rotor_lag = rotor_lag_of(model)  # through which its labels want the command [s]

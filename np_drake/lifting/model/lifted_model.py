@@ -24,9 +24,8 @@ ENCODERS: dict[str, type[Phi] | type[DelayEncoder] | type[AdaptiveFamily]] = {  
     RIDGE: DelayEncoder,
     LIFTED: AdaptiveFamily,
 }
-BY_AXES = {"world": LIFTED, "body": MODE_DICTIONARY}  # configuration that suits wrenches in these axes
-OLD_NAMES = ("default", "dictionary")  # of what suited them once
-OLD_BY_AXES = {"world": DELAY_MODAL, "body": MODE_DICTIONARY}  # what the old names stand for
+BY_AXES = {"world": DELAY_MODAL, "body": MODE_DICTIONARY}  # configuration that suits flights in these axes alone
+OLD_NAMES = ("default", "dictionary")  # earlier names of the two
 
 
 @dc.dataclass(frozen=True)

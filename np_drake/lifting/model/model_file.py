@@ -16,7 +16,7 @@ from np_drake.files.input_file import parse_json
 from np_drake.lifting.model.adaptive_family import AdaptiveFamily, family_of, family_tensors
 from np_drake.lifting.model.encoders import DelayEncoder, Phi
 from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
-from np_drake.lifting.model.lifted_model import ENCODERS, OLD_BY_AXES, OLD_NAMES, LiftedModel, require_configuration
+from np_drake.lifting.model.lifted_model import BY_AXES, ENCODERS, OLD_NAMES, LiftedModel, require_configuration
 from np_drake.lifting.model.model_header import LARGEST_RIDGE, LONGEST_WINDOW, STEPS, number_in, summary_in, truth_in
 from np_drake.lifting.model.onsets import Onsets
 from np_drake.lifting.model.trust import Trust
@@ -193,7 +193,7 @@ def _configuration(header: dict[str, Any]) -> str:
     if name not in OLD_NAMES:
         return name
     frame = summary_in(header).get("origin", {}).get("frame", "world")
-    present = OLD_BY_AXES.get(str(frame), name)
+    present = BY_AXES.get(str(frame), name)
     _log.warning("configuration %s of this model file is now called %s.", name, present)
     return present
 

@@ -21,7 +21,6 @@ from np_drake.lifting.model.lifted_model import (
     DMDC,
     LIFTED,
     MODE_DICTIONARY,
-    OLD_BY_AXES,
     OLD_NAMES,
     PAPER,
     RIDGE,
@@ -124,8 +123,8 @@ def present_name(configuration: str, frame: str = "world") -> str:
     if not configuration:
         return BY_AXES[frame]
     if configuration in OLD_NAMES:
-        _log.warning("configuration %s is now called %s.", configuration, OLD_BY_AXES[frame])
-        return OLD_BY_AXES[frame]
+        _log.warning("configuration %s is now called %s.", configuration, BY_AXES[frame])
+        return BY_AXES[frame]
     return configuration
 
 

@@ -24,8 +24,7 @@ TRAINED = ("DMDc", "delay DMDc", "ridge by horizon")
 def model(logs, tmp_path_factory):
     """A predictor trained on the first log."""
     out = tmp_path_factory.mktemp("model") / "np.safetensors"
-    arguments = ["--envelope", "0", "--epochs", "400"]
-    assert run(["train", str(logs[0]), "--out", str(out), *arguments]) == 0
+    assert run(["train", str(logs[0]), "--out", str(out), "--envelope", "0", "--epochs", "30"]) == 0
     return out
 
 
@@ -82,23 +81,23 @@ def test_a_predictor_is_scored_beside_the_naive_rows(logs, model, tmp_path, caps
     captured = capsys.readouterr()
     assert code == 0, captured.err
     rows = rows_of(out)
-    assert {row["model"] for row in rows} == {"persistence", "linear", "mean", "past mean", "lifted"}
+    assert {row["model"] for row in rows} == {"persistence", "linear", "mean", "past mean", "delay-modal"}
     assert {row["horizon"] for row in rows} == {0.02, 0.2}
     assert set(rows[0]) >= {"flight", "force_rmse", "torque_rmse", "force_skill", "torque_skill"}
     for horizon in (0.02, 0.2):
         naive = [r["force_skill"] for r in rows if r["horizon"] == horizon and r["model"] in NAIVE]
         assert min(naive) == pytest.approx(1.0)
     assert "force RMSE [N]" in captured.out
-    assert "lifted: spectral radius above 1 in 0 of " in captured.out
-    assert "lifted: 0 of 1 flights diverge up to 0.2 s" in captured.out
+    assert "delay-modal: spectral radius above 1 in 0 of " in captured.out
+    assert "delay-modal: 0 of 1 flights diverge up to 0.2 s" in captured.out
     (line,) = json.loads(out.read_text())["stability"]
     assert line["windows"] > 1000
     assert line["unstable"] == 0
     assert line["largest"] <= 1.0
     assert max(map(len, captured.out.splitlines())) <= 100
-    skill = min((r["force_skill"], r["horizon"]) for r in rows if r["model"] == "lifted" and r["zeta"] == "held")
+    skill = min((r["force_skill"], r["horizon"]) for r in rows if r["model"] == "delay-modal" and r["zeta"] == "held")
     said = " ".join(captured.out.split("With the coming motion held, ")[-1].split())
-    assert said.startswith("lifted forecasts force better than every naive one at ")
+    assert said.startswith("delay-modal forecasts force better than every naive one at ")
     assert f" of its error at {skill[1]:g} s)" in said
 
 
@@ -149,7 +148,7 @@ def test_a_force_of_motion_is_predicted_better_than_by_any_naive_row(logs, model
     """The force is mass times dv/dt of a multisine: its past tells its future, persistence does not."""
     out = tmp_path / "rows.json"
     assert run(["evaluate", str(logs[1]), "--predictor", str(model), "--json", str(out), "--horizons", "10"]) == 0
-    assert next(row for row in rows_of(out) if row["model"] == "lifted")["force_skill"] < 1.0
+    assert next(row for row in rows_of(out) if row["model"] == "delay-modal")["force_skill"] < 1.0
 
 
 def test_both_configurations_are_trained_and_scored(logs, tmp_path, capsys):
@@ -157,7 +156,7 @@ def test_both_configurations_are_trained_and_scored(logs, tmp_path, capsys):
     arguments = ["evaluate", str(logs[1]), "--train", str(logs[0]), "--epochs", "1", "--json", str(out)]
     assert run(arguments) == 0, capsys.readouterr().err
     rows = [(row["model"], (row["horizon"], row["zeta"])) for row in rows_of(out)]
-    assert {model for model, _ in rows} == {"paper", "lifted", *UNTRAINED, *TRAINED}
+    assert {model for model, _ in rows} == {"paper", "delay-modal", *UNTRAINED, *TRAINED}
     assert len(rows) == len(set(rows))
 
 
@@ -282,7 +281,7 @@ def with_nan(lines):
 
 
 BAD_LOGS = {  # change of the table: what the line must say
-    "too short": (lambda lines: lines[:40], "bad: more than 85 samples are needed; got 39."),
+    "too short": (lambda lines: lines[:40], "bad: more than 60 samples are needed; got 39."),
     "no velocity": (lambda lines: without(lines, "vx"), "bad.csv, column vx: is missing"),
     "a NaN": (with_nan, "bad.csv, column vx, row 300 (line 301): must be finite"),
 }
@@ -303,7 +302,7 @@ def test_a_bad_log_is_one_line_and_leaves_nothing(logs, model, tmp_path, capsys,
 def test_a_log_without_accelerations_is_scored_and_says_how(logs, model, tmp_path, capsys):
     bare = altered(logs[1], tmp_path / "bare.csv", lambda lines: without(lines, "ax", "ay", "az", "alx", "aly", "alz"))
     assert run(["evaluate", str(bare), "--predictor", str(model), "--horizons", "1"]) == 0
-    assert "lifted: spectral radius above 1 in 0 of " in capsys.readouterr().out
+    assert "delay-modal: spectral radius above 1 in 0 of " in capsys.readouterr().out
 
 
 def test_the_first_seconds_of_a_real_flights_csv_are_scored(neurobem, tmp_path, capsys):

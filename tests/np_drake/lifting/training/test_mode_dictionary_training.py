@@ -41,7 +41,7 @@ def dut(model):
 def test_default_in_body_axes_is_this_configuration():
     assert isinstance(make_config("mode-dictionary", frame="body"), ModeDictionaryConfig)
     assert not isinstance(make_config(""), ModeDictionaryConfig)
-    with pytest.raises(ValueError, match="world axes need lifted"):
+    with pytest.raises(ValueError, match="world axes need delay-modal"):
         make_config("mode-dictionary")
     with pytest.raises(ValueError, match="frame must be"):
         make_config("delay-modal", frame="moon")
