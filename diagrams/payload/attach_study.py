@@ -97,15 +97,14 @@ def label_deviation(config: FlightConfig) -> float:
 
 
 def encoder_step(model: LiftedModel) -> np.ndarray:
-    """Return the share of a step in the label that chi_hat (f_z) shows 0, 1, … samples later, (window + 1,) [1].
+    """Return the share of a step in the label that chi_hat (f_z) shows 0, 1, … samples later, (D + 1,) [1].
 
     All else is at rest: this is the encoder's own part in the answer to a payload that changes, without filter, motion
-    and control loop. The step is -1 N, about the experiment's; where the encoder looks for onsets, a smaller one is
-    taken for noise for longer.
+    and control loop. The step is -1 N, about the experiment's.
     """
-    ages = np.arange(model.window + 1)
-    windows = np.zeros((len(ages), model.window, 12))
-    windows[:, :, 2] = -1.0 * (np.arange(model.window) >= model.window - ages[:, None])
+    ages = np.arange(model.warm_up + 1)
+    windows = np.zeros((len(ages), model.warm_up, 12))
+    windows[:, :, 2] = -1.0 * (np.arange(model.warm_up) >= model.warm_up - ages[:, None])
     f_z = (model.lift(windows) @ model.system.C.T)[:, 2]
     return f_z[0] - f_z
 

@@ -138,10 +138,10 @@ def forecasts(model: LiftedModel, flight: Flight) -> FlightForecasts:
 
     Args:
         model: trained model.
-        flight: flight of at least its window.
+        flight: that it forecasts.
     Raises: ValueError: if it is too short.
     """
     course = NeuralPredictor(model, PredictorOptions(torque="predict")).along(flight.segment.chi, flight.segment.zeta)
-    if course is None or len(flight.segment) < model.window + 2:
-        raise ValueError(f"{flight.name}: at least {model.window + 2} samples are needed.")
+    if course is None or len(flight.segment) < model.warm_up + 2:
+        raise ValueError(f"{flight.name}: at least {model.warm_up + 2} samples are needed.")
     return course

@@ -65,7 +65,7 @@ class EstimationTable:
 def estimation_table(
     run: Run, models: dict[str, LiftedModel], flown: Sequence[Flight], config: dict
 ) -> EstimationTable:
-    """Return the errors of every flight, row and column, over every origin from the first full window of all models on.
+    """Return the errors of every flight, row and column, over every origin from where all models forecast on.
 
     Args:
         run: workers and progress.
@@ -74,7 +74,7 @@ def estimation_table(
         config: what the models depend on, as of `run_campaign`.
     Raises: FailedRun: where a model has no result on a flight, as when it is too short.
     """
-    first = max(model.window for model in models.values())
+    first = max(model.warm_up for model in models.values())
     cases = [{"flight": flight.name, "model": name} for flight in flown for name in models]
     records = run.cases("every origin", "", Forecasting(models, tuple(flown), first), cases, config=config)
     results = {

@@ -58,9 +58,9 @@ class NeuralPredictor:
     (r,) and its covariance (r, r), its recursive estimate; lowpass (6,) of the labels; count of samples in the window,
     up to W; labels, dropped: samples with and without one so far; gap: dropped in a row just now; where the model has a
     `trust`, its memory, as trust/….
-    Until `count` reaches W the forecast holds `lowpass`. A missing label is
-    filled with the model's own prediction, a missing state with the last zeta; after W samples in a row
-    without, the window starts afresh.   Source: Jin et al. 2025, eq. (nmpc).
+    Until `count` reaches the model's `warm_up` the forecast holds `lowpass`. A missing label is filled with the model's
+    own prediction, a missing state with the last zeta; after W samples in a row without, the window starts afresh.
+    Source: Jin et al. 2025, eq. (nmpc).
 
     Args:
         model: of any configuration.
@@ -124,25 +124,23 @@ class NeuralPredictor:
         chi = label if labelled else self._own_prediction(memory)
         row = np.concatenate([chi, zeta if seen else memory["window"][-1, 6:]])
         new["window"] = np.concatenate([memory["window"][1:], row[None]])
-        full = new["count"][0] == self.model.window
+        warm = self._warm(new)
         if self._refit is not None:
-            return new | self._refitted(memory["rows"], new["window"], full)
-        if full:
+            return new | self._refitted(memory["rows"], new["window"], warm)
+        if warm:
             new |= self._lifted(new, labelled)
         elif self.model.trust is not None and labelled:
             new |= _named(self.model.trust.observe(_trust_of(new), chi))
         return new
 
     def along(self, chi: np.ndarray, zeta: np.ndarray) -> FlightForecasts | None:
-        """Return the forecasts from the first full window on, equal to those of `update` sample by sample.
-
-        None where there is no full window.
+        """Return the forecasts from `warm_up` samples on, equal to those of `update` sample by sample; None before.
 
         Args:
             chi: (n, 6) [N, N·m].
             zeta: (n, 6) [m/s, rad/s], without gaps.
         """
-        first, s, samples = self.model.window - 1, self.model.system, np.hstack([chi, zeta])
+        first, s, samples = self.model.warm_up - 1, self.model.system, np.hstack([chi, zeta])
         A, B, before = s.A, s.B, None
         if len(chi) <= first:
             return None
@@ -171,15 +169,15 @@ class NeuralPredictor:
     def forecast(self, memory: Memory, *, horizon: int, stride: int) -> WrenchForecast:
         """Return the forecast from the lifted state.
 
-        Torque (unless predicted), and everything before the window is full, is held in `offset`.
+        Torque (unless predicted), and everything before `warm_up`, is held in `offset`.
         """
-        full = memory["count"][0] == self.model.window
+        warm = self._warm(memory)
         offset = memory["lowpass"].copy()
-        if full:
+        if warm:
             offset[: 6 if self.options.torque == "predict" else 3] = 0.0
         system = self._resampled(memory, stride)
-        B = system.B if full else np.zeros_like(system.B)
-        z = memory["z"] if full else np.zeros_like(memory["z"])
+        B = system.B if warm else np.zeros_like(system.B)
+        z = memory["z"] if warm else np.zeros_like(memory["z"])
         return WrenchForecast(system.A, B, self._C, z, np.tile(offset, (horizon, 1)))
 
     def chi_hat(self, memory: Memory) -> np.ndarray:
@@ -206,6 +204,10 @@ class NeuralPredictor:
     def _fresh_trust(self) -> Memory:
         return {} if self.model.trust is None else _named(self.model.trust.initial_memory())
 
+    def _warm(self, memory: Memory) -> bool:
+        """Return whether there are samples enough for a forecast."""
+        return bool(memory["count"][0] >= self.model.warm_up)
+
     def _refitted(self, rows: np.ndarray, window: np.ndarray, full: bool) -> Memory:
         """Return the rows with the newest sample of the window (W, 12); of a full window also z, A and B."""
         assert self._refit is not None
@@ -216,11 +218,12 @@ class NeuralPredictor:
         return {"rows": rows, "z": advance(rows[-1, :-6], A, B, self.model.since_label(window)), "A": A, "B": B}
 
     def _lifted(self, memory: Memory, labelled: bool) -> Memory:
-        """Return z of a full window, and the memory of the trust, or theta and its covariance."""
+        """Return z, and the memory of the trust; of a family also theta and its covariance, where they change."""
         if self._family is not None:
             found: Memory = {}
             theta = memory["theta"]
-            if labelled and memory["labels"][0] % EVERY == 0:
+            full = memory["count"][0] == self.model.window
+            if full and labelled and memory["labels"][0] % EVERY == 0:
                 theta, covariance = self._family.update(theta, memory["covariance"], memory["window"], self.step)
                 s = self._family.system(theta, self.step)
                 found = {"theta": theta, "covariance": covariance, "A": s.A, "B": s.B}
@@ -236,7 +239,7 @@ class NeuralPredictor:
 
     def _own_prediction(self, memory: Memory) -> np.ndarray:
         """Return what the model expected for this sample before it came, (6,)."""
-        if memory["count"][0] < self.model.window:
+        if not self._warm(memory):
             return memory["lowpass"]
         s, window, encoder = self.system(memory), memory["window"], self.model.encoder
         z = encoder(window[-1, :6]) if isinstance(encoder, Phi) else memory["z"]
@@ -252,7 +255,7 @@ class NeuralPredictor:
 
     def _resampled(self, memory: Memory, stride: int) -> LiftedLinearSystem:
         s = self.model.system
-        if self._refit is not None or self._family is not None:
+        if "A" in memory:
             return self.system(memory).resample(stride)
         if stride not in self._resampled_offline:
             self._resampled_offline[stride] = s.resample(stride)

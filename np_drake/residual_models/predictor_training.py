@@ -10,7 +10,7 @@ from np_drake.flight_log import FlightLog
 from np_drake.labels import LabelConfig, default_labels
 from np_drake.lifting.model.lifted_model import LiftedModel
 from np_drake.lifting.model.origin import origin_of, require_origin, with_origin, with_rotor_lag
-from np_drake.lifting.training.excitation import training_summary
+from np_drake.lifting.training.excitation import measure_excitation
 from np_drake.lifting.training.family_training import placed
 from np_drake.lifting.training.train import Config, TrainingResult, train
 from np_drake.residual_models.neural_predictor import NeuralPredictor
@@ -71,9 +71,9 @@ def place_on_flights(
     lag = rotor_lag_in(flights)
     segments = lagged_segments(flights, lag, step=step, label=label)
     model = _signed(placed(prior, segments), flights, None, lag, label)
-    told = training_summary(segments, float("nan"), step)
-    placement = {"samples": told["samples"], "foresight": foresight(model, segments)}
-    return dc.replace(model, summary={**model.summary, "placed": placement, "excitation": told["excitation"]})
+    placement = {"samples": sum(map(len, segments)), "foresight": foresight(model, segments)}
+    excitation = measure_excitation([segment.zeta for segment in segments], step=step).text
+    return dc.replace(model, summary={**model.summary, "placed": placement, "excitation": excitation})
 
 
 def foresight(model: LiftedModel, segments: Sequence[Segment]) -> float:

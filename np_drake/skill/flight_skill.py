@@ -64,7 +64,7 @@ def score_flights(
                 mean=segment.chi.mean(axis=0) if mean is None else mean,
                 target=segment.goal,
                 zeta_known=zeta == "known",
-                warm_up=WARM_UP if isinstance(model, PayloadFilterModel) else max(WARM_UP, model.window),
+                warm_up=WARM_UP if isinstance(model, PayloadFilterModel) else max(WARM_UP, model.warm_up),
                 flight=name,
                 seen={} if seen is None else {label: seen},
             )

@@ -27,17 +27,17 @@ class WindowStability:
 
 
 def window_stability(model: NeuralPredictor, chi: np.ndarray, zeta: np.ndarray) -> WindowStability:
-    """Return the counts over every full window of a flight without gaps.
+    """Return the counts over every forecast along a flight without gaps.
 
     Args:
         model: that flies.
         chi: (n, 6) [N, N·m].
         zeta: (n, 6) [m/s, rad/s].
-    Raises: ValueError: if the flight is shorter than one window.
+    Raises: ValueError: if the flight ends before the first forecast.
     """
     course = model.along(chi, zeta)
     if course is None:
-        raise ValueError(f"stability: at least {model.model.window} samples are needed; got {len(chi)}.")
+        raise ValueError(f"stability: at least {model.model.warm_up} samples are needed; got {len(chi)}.")
     return stability_of(course)
 
 

@@ -12,6 +12,7 @@ Source: empirical Bayes for the prior; Kalman filter for the update.
 """
 
 import dataclasses as dc
+from collections.abc import Iterator
 from functools import cached_property
 
 import numpy as np
@@ -126,23 +127,32 @@ class AdaptiveFamily:
         covariance = covariance - gain @ PJ.T
         return theta - gain @ e, 0.5 * (covariance + covariance.T)
 
-    def along(self, samples: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return A (o, K, K), B (o, K, 6) and z (o, K) at every sample from the first full window on.
+    def estimates(self, samples: np.ndarray, step: float) -> Iterator[tuple[int, np.ndarray]]:
+        """Yield (samples seen so far, theta (r,)) at every update along a flight.
 
         Args:
-            samples: (n, 12) of a flight without gaps [N, N·m, m/s, rad/s].
+            samples: (n, 12) without gaps [N, N·m, m/s, rad/s].
             step: [s].
         """
-        first, count = self.window - 1, len(samples) - self.window + 1
-        A, B, z = np.empty((count, self.K, self.K)), np.empty((count, self.K, 6)), np.empty((count, self.K))
         theta, covariance = self.mean, self.covariance
-        s = self.system(theta, step)
-        for i in range(count):
-            window = samples[i : first + i + 1]
-            if (first + i + 1) % EVERY == 0:
-                theta, covariance = self.update(theta, covariance, window, step)
-                s = self.system(theta, step)
-            A[i], B[i], z[i] = s.A, s.B, self.lift(window, theta)
+        for seen in range(-(-self.window // EVERY) * EVERY, len(samples) + 1, EVERY):
+            theta, covariance = self.update(theta, covariance, samples[seen - self.window : seen], step)
+            yield seen, theta
+
+    def along(self, samples: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return A (o, K, K), B (o, K, 6) and z (o, K) at every sample from D on, o = n - D + 1.
+
+        Args:
+            samples: (n, 12) of a flight without gaps, n >= D [N, N·m, m/s, rad/s].
+            step: [s].
+        """
+        count = len(samples) - self.delay + 1
+        A, B, z = np.empty((count, self.K, self.K)), np.empty((count, self.K, 6)), np.empty((count, self.K))
+        starts, thetas = zip((self.delay, self.mean), *self.estimates(samples, step), strict=True)
+        for start, stop, theta in zip(starts, [*starts[1:], len(samples) + 1], thetas, strict=True):
+            rows, s = slice(start - self.delay, stop - self.delay), self.system(theta, step)
+            A[rows], B[rows] = s.A, s.B
+            z[rows] = self.encoder(theta).along(samples[start - self.delay : stop - 1])
         return A, B, z
 
     def _departures(self, thetas: np.ndarray, window: np.ndarray, step: float) -> np.ndarray:

@@ -41,7 +41,7 @@ class LiftedModel:
     system: LiftedLinearSystem  # offline lifted linear system at the training step
     # Phi of the instantaneous chi, a linear map of the last samples, or a family of systems that is adapted in flight
     encoder: Phi | DelayEncoder | AdaptiveFamily
-    window: int  # samples that the encoder or the refit needs [1]
+    window: int  # samples that are kept: for the encoder, the refit or the update of theta [1]
     chi_scale: np.ndarray  # (6,) scales used in training [N, N·m; m/s, rad/s]
     zeta_scale: np.ndarray  # (6,) scales used in training [N, N·m; m/s, rad/s]
     predicts_torque: bool  # whether rows 3:6 of C were trained
@@ -69,6 +69,11 @@ class LiftedModel:
     def refits(self) -> bool:
         """Whether A and B are refit on the window in flight."""
         return isinstance(self.encoder, Phi) and self.ridge > 0
+
+    @property
+    def warm_up(self) -> int:
+        """Samples before the first forecast: those that the encoder sees, or that the refit reads."""
+        return self.encoder.delay if isinstance(self.encoder, AdaptiveFamily) else self.window
 
     @property
     def step(self) -> float:

@@ -6,7 +6,7 @@ import numpy as np
 import torch
 
 from np_drake.lifting.model.modal_axis import ModalAxis
-from np_drake.lifting.training.family_moments import FlightMoments
+from np_drake.lifting.training.family_moments import WindowMoments
 
 ARRAYS = ("frequency", "damping", "decay", "inputs", "encoder")
 
@@ -24,7 +24,7 @@ class TrainedAxis:
     """
 
     def __init__(
-        self, moments: FlightMoments, horizons: np.ndarray, *, modes: tuple[float, ...], decays: tuple[float, ...],
+        self, moments: WindowMoments, horizons: np.ndarray, *, modes: tuple[float, ...], decays: tuple[float, ...],
         size: int, rng: np.random.Generator,
     ):  # fmt: skip
         self.horizons, self.whitening = horizons, moments.whitening

@@ -21,7 +21,7 @@ from np_drake.lifting.model.modal_axis import ModalAxis
 from np_drake.lifting.training.checkpoint import Checkpoint, OnEpoch
 from np_drake.lifting.training.excitation import training_summary
 from np_drake.lifting.training.family_axis import TrainedAxis, descend
-from np_drake.lifting.training.family_moments import flight_moments
+from np_drake.lifting.training.family_moments import window_moments
 from np_drake.lifting.training.horizon_ridge import horizon_grid
 from np_drake.training_data.segments import Segment, check_segments, group_scale
 
@@ -48,6 +48,7 @@ class LiftedConfig:
     penalty: float = 1e-3  # of theta, which sets its unit [1]
     zeta_noise: float = 0.01  # that the coming zeta is taken to have; it keeps B from amplifying noise [scaled]
     label_noise: float = 0.01  # that the encoder's samples are taken to have [scaled]
+    level: float = 0.1  # deviation of an unknown constant force, which a forecast must hold [scaled]
     lags: tuple[int, ...] = (12, 25)  # over which forecasts are compared in flight [steps]
     memory: float = 1000.0  # samples after which theta has returned to its prior; the payload may change
     seed: int = 0
@@ -108,14 +109,11 @@ def placed(model: LiftedModel, segments: Sequence[Segment]) -> LiftedModel:
     segments = check_segments(list(segments), family.window + EVERY)
     if abs(segments[0].step / model.step - 1) > 0.02:
         raise ValueError(f"prior: was trained at {model.step:g} s a sample; the flights have {segments[0].step:g} s.")
-    found, weights = [], []
+    found = []
     for segment in segments:
-        theta, covariance = family.mean, family.covariance
-        samples = np.hstack([segment.chi, segment.zeta])
-        for end in range(family.window, len(samples) + 1, EVERY):
-            theta, covariance = family.update(theta, covariance, samples[end - family.window : end], model.step)
+        *_, (_, theta) = family.estimates(np.hstack([segment.chi, segment.zeta]), model.step)
         found.append(theta)
-        weights.append(len(segment))
+    weights = [len(segment) for segment in segments]
     family = dc.replace(family, mean=np.average(found, axis=0, weights=weights))
     return dc.replace(model, encoder=family, system=family.system(family.mean, model.step))
 
@@ -143,7 +141,7 @@ def _trained_axis(
     goals = [np.stack([s.goal / chi_scale @ view.selected[0] for view in block.views]) for s in segments]
     horizons = horizon_grid(c.horizon, c.horizons)
     noise = (c.label_noise, c.zeta_noise)
-    moments = flight_moments(seen, goals, delay=c.delay, horizons=horizons, noise=noise)
+    moments = window_moments(seen, goals, delay=c.delay, horizons=horizons, noise=noise, level=c.level)
     return TrainedAxis(moments, horizons, modes=modes, decays=c.decays, size=c.size, rng=rng)
 
 

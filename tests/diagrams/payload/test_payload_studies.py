@@ -91,7 +91,7 @@ def test_attach_flies_twenty_seeds_in_its_own_reality_unless_told(monkeypatch, c
     said = capsys.readouterr().out
     assert "0.981 N over the thrust scale 0.96" in said
     assert "slack for 0.24 s" in said
-    assert "when its window of 1.5 s is full" in said
+    assert "when its window of 1.0 s is full" in said
     assert run(["reproduce", "attach", "--seed", "7", "--seeds", "2", "--reality", "paper_vehicle"]) == 0
     assert realities == [None, None, *[FOLDER / "paper_vehicle.yaml"] * 2]
 

@@ -8,7 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from np_drake.lifting.model.adaptive_family import EVERY, AdaptiveFamily, family_of, family_tensors
+from np_drake.lifting.model.lifted_model import LIFTED, LiftedModel
 from np_drake.lifting.model.modal_axis import ModalAxis
+from np_drake.residual_model import Sample
+from np_drake.residual_models.neural_predictor import NeuralPredictor
 
 STEP, D, r = 0.02, 6, 2
 PLAIN = np.array([[1.0, *np.zeros(11)], [*np.zeros(6), 1.0, *np.zeros(5)]])  # f_x, v_x
@@ -87,6 +90,24 @@ def test_of_a_flight_of_one_member_its_theta_is_found():
         theta, covariance = dut.update(theta, covariance, samples[k - dut.window : k], STEP)
     assert theta[0] == pytest.approx(0.4, abs=0.05)
     assert covariance[0, 0] < 0.1 * dut.covariance[0, 0]
+    *_, (_, along) = dut.estimates(samples, STEP)
+    assert along[0] == pytest.approx(0.4, abs=0.05)
+
+
+def test_a_forecast_waits_for_the_encoder_and_theta_for_the_window():
+    dut = family()
+    model = NeuralPredictor(LiftedModel(LIFTED, dut.system(dut.mean, STEP), dut, dut.window, *np.ones((2, 6)), False))
+    samples, memory = flown(dut, np.array([0.4, 0.0]), 1.0), model.initial_memory()
+    course = model.along(samples[:, :6], samples[:, 6:])
+    assert course.first == D - 1
+    for k, row in enumerate(samples, start=1):
+        memory = model.update(memory, Sample(np.array([0, 0, 1.0, 1, 0, 0, 0, *row[6:]]), np.zeros(4), row[:6]))
+        forecast = model.forecast(memory, horizon=3, stride=1)
+        assert forecast.z.any() == (k >= D and samples[:k, :6].any())
+        assert np.array_equal(memory["theta"], dut.mean) == (k < -(-dut.window // EVERY) * EVERY)
+        if k >= D:
+            np.testing.assert_allclose(course.z[k - D], memory["z"], atol=1e-12)
+            np.testing.assert_allclose(course.A[k - D], forecast.A, atol=1e-12)
 
 
 def test_a_vehicle_at_rest_leaves_theta_at_its_prior():
