@@ -74,7 +74,7 @@ def require_rows(names: Collection[str], known: Collection[str]) -> None:
 
 def _present(row: str) -> str:
     """Return the present name of a row, and say so where an old one was given."""
-    present = row.replace("np: pendulum", "payload_filter").replace("np: default", "np: delay-modal")
+    present = row.replace("np: pendulum", "payload_filter")
     if present != row:
         _log.warning("--only: row %s is now called %s.", row, present)
     return present

@@ -110,7 +110,7 @@ def _others(
     with progress("predictor, simulator", 1.0):
         update = {
             name: measure.time_predictor(NeuralPredictor.load(measure.model_file(run.folder, name)), **span)
-            for name in ("delay-modal", "paper")
+            for name in ("lifted", "paper")
         }
         factors = measure.real_time_factors(seconds=seconds, seed=run.seed)
     rows: list[tuple] = [
@@ -119,10 +119,10 @@ def _others(
         *((f"training `{name}`, 3000 points", value, "s") for name, value in walls.items()),
     ]
     lines, table = _against_the_pseudo_inverse(run.seed)
-    times = {"update_ms": update["delay-modal"], "update_ms_paper": update["paper"]}
+    times = {"update_ms": update["lifted"], "update_ms_paper": update["paper"]}
     content = {
         "predictor": {**times, "against_pseudo_inverse": lines},
         "simulator": {"real_time_factor": factors},
-        "training": {"wall": walls["delay-modal"], "wall_paper": walls["paper"]},
+        "training": {"wall": walls["lifted"], "wall_paper": walls["paper"]},
     }
     return content, [("the rest", ["what", "value", "unit"], rows), table]

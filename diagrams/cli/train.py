@@ -83,8 +83,6 @@ def train(
     family = None
     if name in ("", LIFTED) and frame == "world" and not envelope:
         family = _placed(flights, prior, step, envelope)
-    if not name and (family or envelope):
-        name = LIFTED
     configuration = configuration_for(name, frame)
     if configuration != LIFTED and (envelope or prior):
         raise ValueError(f"--envelope and --prior: must be of {LIFTED}; got {configuration}.")
@@ -157,21 +155,20 @@ def _placed(flights: "Sequence[Flight]", prior: Path | None, step: float, envelo
 
 
 def asked_configuration(name: str | None, option: str, known: Sequence[str]) -> str:
-    """Return the configuration of a name, old or present; empty where the axes of the flights choose it.
+    """Return the configuration of a name; empty where the axes of the flights choose it.
 
     Args:
         name: of the configuration, or None.
         option: that gives it.
-        known: present names.
+        known: names that there are.
     Raises: ValueError: on an unknown name.
     """
-    from np_drake.lifting.model.lifted_model import OLD_NAMES
     from np_drake.payload_filter.model_file import OLD_NAME
 
     if name == OLD_NAME:
         say(f"{option}: {OLD_NAME} is now called {PAYLOAD_FILTER}.")
         return PAYLOAD_FILTER
-    if name is not None and name not in (*known, *OLD_NAMES):
+    if name is not None and name not in known:
         raise ValueError(f"{option}: must be one of {', '.join(known)}; got {name}.")
     return name or ""
 
@@ -183,9 +180,9 @@ def configuration_for(name: str, frame: str) -> str:
         name: of the configuration; empty for the one that suits the axes.
         frame: axes of the wrenches, world | body.
     """
-    from np_drake.lifting.training.train import present_name
+    from np_drake.lifting.training.train import suited
 
-    configuration = present_name(name, frame)
+    configuration = suited(name, frame)
     if not name:
         say(f"configuration: {configuration}, as the wrenches are in {frame} axes.")
     return configuration

@@ -10,11 +10,14 @@ from pydrake.systems.analysis import ApplySimulatorConfig, Simulator
 from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight import FlightConfig
 from diagrams.loop.flight_diagram import make_flight_diagram, set_initial_state
-from diagrams.prediction.learning import train_predictor
 from diagrams.tracking.tracking import training_flight
+from np_drake.lifting.model.model_file import save_model
+from np_drake.lifting.training.train import make_config
 from np_drake.mpc.problem import MpcProblem, MpcSolution, MpcSolver
 from np_drake.residual_model import Sample
 from np_drake.residual_models.neural_predictor import NeuralPredictor
+from np_drake.residual_models.predictor_training import train_on_flights
+from np_drake.training_data.training_segments import Flight
 from systems.initial_state import set_hover
 from systems.tethered_quadrotor import make_tethered_quadrotor
 
@@ -144,9 +147,13 @@ def time_training(folder: Path, *, seed: int) -> dict[str, float]:
     """
     flight = training_flight("training_circle", seed=seed, solver="sqp")
     walls = {}
-    for configuration in ("delay-modal", "paper"):
+    for configuration in ("lifted", "paper"):
         start = time.perf_counter()
-        train_predictor(flight, model_file(folder, configuration), configuration=configuration, seed=seed)
+        config, loop = make_config(configuration, seed=seed), flight.config.controller
+        learnt = train_on_flights(
+            [Flight(flight.log(), flight.config.vehicle)], config, step=loop.period, label=loop.label
+        )
+        save_model(learnt.model, model_file(folder, configuration))
         walls[configuration] = time.perf_counter() - start
     return walls
 

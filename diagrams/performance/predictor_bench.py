@@ -104,7 +104,7 @@ def models(seed: int) -> dict[str, LiftedModel]:
     segment = synthetic_flight(SAMPLES, seed)
     configs = {
         "paper": make_config(PAPER, seed=seed, epochs=1),
-        "delay-modal": make_config("delay-modal", seed=seed, iterations=5),
+        "lifted": make_config("lifted", seed=seed, steps=20),
         "mode-dictionary": make_config("mode-dictionary", frame="body", seed=seed),
     }
     return {name: train([segment], config).model for name, config in configs.items()}

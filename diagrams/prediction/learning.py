@@ -9,7 +9,7 @@ from diagrams.loop.controllers import NP_MODEL
 from diagrams.loop.flight_result import FlightResult
 from np_drake.flight_log import FlightLog
 from np_drake.labels import LabelConfig, default_labels
-from np_drake.lifting.model.lifted_model import DELAY_MODAL, LIFTED, LiftedModel
+from np_drake.lifting.model.lifted_model import LIFTED, LiftedModel
 from np_drake.lifting.model.model_file import load_model, save_model
 from np_drake.lifting.model.origin import origin_of, require_origin
 from np_drake.lifting.training.train import TrainingResult, make_config
@@ -25,7 +25,7 @@ from np_drake.vehicle import Vehicle
 def train_predictor(flight: FlightResult, path: Path, *, configuration: str = LIFTED, seed: int = 0) -> TrainingResult:
     """Train on the flight's log after the ramp and write the model file.
 
-    `lifted` places the packaged family, see `placed_family`; where there is none, `delay-modal` learns from the flight.
+    `lifted` places the packaged family, see `placed_family`; where there is none, it learns from the flight alone.
 
     Args:
         flight: to train on.
@@ -38,8 +38,7 @@ def train_predictor(flight: FlightResult, path: Path, *, configuration: str = LI
     flights, step, label = [Flight(_scored(flight), vehicle)], controller.period, controller.label
     family = placed_family(flights, step=step, label=label)[0] if configuration == LIFTED else None
     if family is None:
-        alone = DELAY_MODAL if configuration == LIFTED else configuration
-        result = train_on_flights(flights, make_config(alone, seed=seed), step=step, label=label)
+        result = train_on_flights(flights, make_config(configuration, seed=seed), step=step, label=label)
     else:
         result = TrainingResult(family, [])
     save_model(result.model, path)

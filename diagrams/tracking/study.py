@@ -23,7 +23,7 @@ from np_drake.payload_filter.model_file import PAYLOAD_FILTER
 from np_drake.payload_filter.predictor import DEFAULT_BANK
 from np_drake.residual_models.motion_training import CONFIGURATIONS
 
-FOUR = {"nominal": "", "gp": "gp", "knode": "knode", "np": "delay-modal"}  # the paper's: kind, configuration
+FOUR = {"nominal": "", "gp": "gp", "knode": "knode", "np": "lifted"}  # the paper's: kind, configuration
 
 
 @dc.dataclass(frozen=True)

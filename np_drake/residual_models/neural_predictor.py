@@ -9,7 +9,7 @@ from np_drake import rigid_body
 from np_drake.lifting.model.adaptive_family import EVERY, AdaptiveFamily
 from np_drake.lifting.model.encoders import DelayEncoder, Phi
 from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem, advance
-from np_drake.lifting.model.lifted_model import BY_AXES, LIFTED, LiftedModel
+from np_drake.lifting.model.lifted_model import BY_AXES, LiftedModel
 from np_drake.lifting.model.model_file import load_model
 from np_drake.lifting.model.origin import rotor_lag_of
 from np_drake.lifting.model.window_refit import WindowRefit
@@ -51,8 +51,6 @@ class NeuralPredictor:
 
     A label that is known to be late is lifted at its own time, and z then taken to the present with the zeta since.
 
-    Where the model has `onsets`, z also holds what may have begun within the window, which takes no memory.
-
     Memory: window (W, 12) of [chi, zeta], oldest first; z (K,); where A (K, K) and B (K, 6) change in flight, these;
     of a refit rows (W - late, K + 6), the window as it reads it, so that every sample is lifted once; of a family theta
     (r,) and its covariance (r, r), its recursive estimate; lowpass (6,) of the labels; count of samples in the window,
@@ -72,7 +70,7 @@ class NeuralPredictor:
             raise ValueError(f"NeuralPredictor: torque must be hold | predict; got {options.torque}.")
         if options.torque == "predict" and not model.predicts_torque:
             raise ValueError("NeuralPredictor: this model must not predict torque; it was trained without. Use hold.")
-        self.name = "np" if model.configuration in (LIFTED, *BY_AXES.values()) else f"np-{model.configuration}"
+        self.name = "np" if model.configuration in BY_AXES.values() else f"np-{model.configuration}"
         self.step = model.step
         self.model, self.options = model, options
         self.rotor_lag = rotor_lag_of(model)  # through which its labels want the command [s]
@@ -149,8 +147,6 @@ class NeuralPredictor:
             before = np.zeros(len(z))
         elif isinstance(self.model.encoder, DelayEncoder):
             z = self.model.encoder.along(samples)
-            if self.model.onsets is not None:
-                z = z + self.model.onsets.along(samples)
         else:
             if self._refit is not None:
                 A, B, before = self._refit.along(samples, self.model.window)

@@ -14,7 +14,7 @@ from systems.neural_predictor import NeuralPredictor
 
 STEP, HORIZON, STRIDE = 0.02, 5, 2
 U = Vehicle().hover_input
-SMALL = {"delay-modal": {"iterations": 3, "starts": 1}, "paper": {"epochs": 1}, "lifted": {"steps": 20}}
+SMALL = {"paper": {"epochs": 1}, "lifted": {"steps": 20}}
 TRAINED: dict[str, NeuralPredictorModel] = {}
 
 

@@ -13,7 +13,7 @@ from diagrams.loop.real_vehicle import DRAKE, RealVehicle
 from diagrams.loop.reality import RealityConfig
 from np_drake.command_delay import LONGEST_DELAY
 from np_drake.flight_log import FlightLog
-from np_drake.lifting.model.lifted_model import DELAY_MODAL
+from np_drake.lifting.model.lifted_model import LIFTED
 from np_drake.lifting.model.model_file import save_model
 from np_drake.lifting.training.train import make_config
 from np_drake.payload_filter.model_file import PAYLOAD_FILTER
@@ -103,7 +103,7 @@ def learned(
     """
     flights = [Flight(log, vehicle) for log in logs]
     lifted, filters = (folder / f"{kind}.safetensors" for kind in TRAINED)
-    save_model(train_on_flights(flights, make_config(DELAY_MODAL, seed=seed), step=STEP).model, lifted)
+    save_model(train_on_flights(flights, make_config(LIFTED, seed=seed), step=STEP).model, lifted)
     train_payload_filter(opened_logs(flights), step=STEP).save(filters)
     return [Design(kind, str(path), delay) for kind, path in zip(TRAINED, (lifted, filters), strict=True)]
 

@@ -106,8 +106,6 @@ class TheoremBound:
         """
         if horizon < 1:
             raise ValueError(f"bound: horizon must be at least 1 [steps]; got {horizon}.")
-        if model.onsets is not None:
-            raise ValueError("bound: the encoder must be linear in its window. Train with onset_odds = 0.")
         # A forecast from the time of the label: a late one is not taken to the present
         self.model, self.horizon = dc.replace(model, late=0), horizon
         self.change = Change(_over_steps(alpha_chi, horizon), _over_steps(alpha_zeta, horizon))

@@ -1,1 +1,1 @@
-"""The trained predictor: encoder, lifted linear system, onsets, trust, in-flight refit, model file."""
+"""The trained predictor: encoder, lifted linear system, trust, in-flight refit, model file."""

@@ -19,32 +19,22 @@ _ZETA = {"vx": 0, "vy": 1, "vz": 2, "wx": 3, "wy": 4, "wz": 5}  # index of each 
 class View:
     """Signed selections of the channels of chi and zeta that one view of a block uses."""
 
-    labels: np.ndarray  # (l, 6) selection from chi [1]
+    output: np.ndarray  # (6,) selection from chi of what is foreseen [1]
     inputs: np.ndarray  # (p, 6) selection from zeta [1]
-    outputs: int  # number of labels, counted from the first, that are fitted [1]
-
-    @property
-    def selected(self) -> np.ndarray:
-        """Selection of the predicted channels of chi, (outputs, 6) [1]."""
-        return self.labels[: self.outputs]
 
 
 @dc.dataclass(frozen=True)
 class Block:
     """One fitted block of the lifted linear system, whose views share its matrices.
 
-    swings: whether an oscillation may begin by itself, as that of a payload that is pushed; the vertical force
-    oscillates with the horizontal swing only.
+    lateral: whether it swings as a payload does; the vertical force oscillates with the horizontal swing only.
     """
 
-    name: str  # for messages and checkpoints
     views: tuple[View, ...]
-    size: int  # lifted states of a view [1]
-    pairs: int  # pairs of lifted states that oscillate [1]
-    swings: bool = False
+    lateral: bool
 
 
-def symmetric_blocks(size: int, *, torque: bool) -> list[Block]:
+def symmetric_blocks(*, torque: bool) -> list[Block]:
     """Return blocks tied by symmetry about the vertical.
 
     Rotation by 90 degrees takes x to y and y to -x, so that w_y, t_y of the first view are -w_x, -t_x of the
@@ -52,33 +42,12 @@ def symmetric_blocks(size: int, *, torque: bool) -> list[Block]:
     forbids any coupling between the horizontal and the vertical.
 
     Args:
-        size: lifted states of a view [1]; the force in x, y and z takes 3 `size` in all.
         torque: whether it is predicted too.
     """
-    horizontal = (_view("fx", "vx wy", 1), _view("fy", "vy -wx", 1))
-    blocks = [
-        Block("horizontal force", horizontal, size, (size - 1) // 2, swings=True),
-        Block("vertical force", (_view("fz", "vz", 1),), size, (size - 1) // 2),
-    ]
+    blocks = [Block((_view("fx", "vx wy"), _view("fy", "vy -wx")), True), Block((_view("fz", "vz"),), False)]
     if torque:
-        tilting = (_view("ty fx", "vx wy", 1), _view("-tx fy", "vy -wx", 1))
-        blocks.append(Block("tilting torque", tilting, size, (size - 1) // 2))
-        blocks.append(Block("yaw torque", (_view("tz", "wz", 1),), size, (size - 1) // 2))
-    return blocks
-
-
-def free_blocks(size: int, *, torque: bool) -> list[Block]:
-    """Return blocks without symmetry, for chi in any frame.
-
-    Args:
-        size: lifted states of a block [1], which sees all of zeta and has three outputs.
-        torque: whether it is predicted too.
-    """
-    force = "fx fy fz tx ty tz" if torque else "fx fy fz"
-    blocks = [Block("force", (_view(force, "vx vy vz wx wy wz", 3),), size, (size - 3) // 3)]
-    if torque:
-        view = _view("tx ty tz fx fy fz", "vx vy vz wx wy wz", 3)
-        blocks.append(Block("torque", (view,), size, (size - 3) // 3))
+        blocks.append(Block((_view("ty", "vx wy"), _view("-tx", "vy -wx")), True))
+        blocks.append(Block((_view("tz", "wz"),), False))
     return blocks
 
 
@@ -90,8 +59,8 @@ def turns(zeta: np.ndarray) -> list[np.ndarray]:
     return images + [image * mirror for image in images]
 
 
-def _view(labels: str, inputs: str, outputs: int) -> View:
-    return View(_selection(labels, _CHI), _selection(inputs, _ZETA), outputs)
+def _view(output: str, inputs: str) -> View:
+    return View(_selection(output, _CHI)[0], _selection(inputs, _ZETA))
 
 
 def _selection(names: str, index: dict[str, int]) -> np.ndarray:

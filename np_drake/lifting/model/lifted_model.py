@@ -1,4 +1,4 @@
-"""A trained predictor: encoder, lifted linear system, onsets and trust."""
+"""A trained predictor: encoder, lifted linear system and trust."""
 
 import dataclasses as dc
 from functools import cached_property
@@ -9,23 +9,19 @@ import numpy as np
 from np_drake.lifting.model.adaptive_family import AdaptiveFamily
 from np_drake.lifting.model.encoders import DelayEncoder, Phi
 from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem, advance
-from np_drake.lifting.model.onsets import Onsets
 from np_drake.lifting.model.trust import Trust
 
-PAPER, DELAY_MODAL, MODE_DICTIONARY = "paper", "delay-modal", "mode-dictionary"
-LIFTED = "lifted"
+PAPER, LIFTED, MODE_DICTIONARY = "paper", "lifted", "mode-dictionary"
 DMDC, DELAY_DMDC, RIDGE = "dmdc", "delay-dmdc", "ridge"
 ENCODERS: dict[str, type[Phi] | type[DelayEncoder] | type[AdaptiveFamily]] = {  # of each configuration, by name
-    DELAY_MODAL: DelayEncoder,
+    LIFTED: AdaptiveFamily,
     PAPER: Phi,
     MODE_DICTIONARY: DelayEncoder,
     DMDC: DelayEncoder,
     DELAY_DMDC: DelayEncoder,
     RIDGE: DelayEncoder,
-    LIFTED: AdaptiveFamily,
 }
-BY_AXES = {"world": DELAY_MODAL, "body": MODE_DICTIONARY}  # configuration that suits flights in these axes alone
-OLD_NAMES = ("default", "dictionary")  # earlier names of the two
+BY_AXES = {"world": LIFTED, "body": MODE_DICTIONARY}  # configuration that suits wrenches in these axes
 
 
 @dc.dataclass(frozen=True)
@@ -33,8 +29,7 @@ class LiftedModel:
     """Trained predictor as held by a model file, with all matrices in physical units.
 
     late: samples by which the labels that Phi sees lag behind the wrench; z is taken to the present by the zeta since.
-    trust: correction of z in flight by the outcome of earlier forecasts; None for none.   onsets: addition to a delay
-    encoder's z where a motion began within the window; None for none.
+    trust: correction of z in flight by the outcome of earlier forecasts; None for none.
     """
 
     configuration: str  # a key of `ENCODERS`; a label only, as all that flies is in the other fields
@@ -49,7 +44,6 @@ class LiftedModel:
     ridge: float = 0.0  # precision of `system` as the prior of a refit [samples of unit size]; 0 for no refit
     late: int = 0
     trust: Trust | None = None
-    onsets: Onsets | None = None
 
     def __post_init__(self):
         require_configuration(self.configuration)
@@ -61,9 +55,6 @@ class LiftedModel:
             raise ValueError(f"LiftedModel: encoder and system must agree on K; got {sizes}.")
         if not 0 <= self.late < self.window:
             raise ValueError(f"LiftedModel: late must be 0 to less than the window; got {self.late}.")
-        if self.onsets is not None and (self.onsets.K, self.onsets.delay) != (self.system.K, self.window):
-            sizes = f"K = {self.onsets.K}, {self.onsets.delay} samples"
-            raise ValueError(f"LiftedModel: onsets must have the model's K and window; got {sizes}.")
 
     @property
     def refits(self) -> bool:
@@ -95,8 +86,7 @@ class LiftedModel:
     def lift(self, window: np.ndarray) -> np.ndarray:
         """Return z (..., K) now from samples [chi, zeta] (..., window, 12), oldest first."""
         if isinstance(self.encoder, DelayEncoder):
-            z = self.encoder(window)
-            return z if self.onsets is None else z + self.onsets.correction(window)
+            return self.encoder(window)
         if isinstance(self.encoder, AdaptiveFamily):
             return self.linear_encoder(window[..., -self.encoder.delay :, :])
         z, s = self.encoder(window[..., -1, :6]), self.system
@@ -114,4 +104,4 @@ def require_configuration(name: str) -> None:
     Raises: ValueError: if there is none.
     """
     if name not in ENCODERS:
-        raise ValueError(f"configuration must be {' | '.join(ENCODERS)}; got {name}.")
+        raise ValueError(f"configuration must be {' | '.join(ENCODERS)}; got {name}. Train again.")

@@ -5,7 +5,7 @@
 f is the force along a view (x; y turned by 90 degrees; z), u the inputs of that view, w its last D samples [f, u],
 all scaled. A is block diagonal: rotations by w_i h, shrunk by exp(-d_i h), and real modes exp(-r_j h), with the
 logarithms of w, d and r linear in theta. So it is stable for every theta.
-Source: own choice; the modal form and the multi-step loss as in `delay-modal`.
+Source: own choice.
 """
 
 import dataclasses as dc

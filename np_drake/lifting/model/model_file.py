@@ -1,8 +1,6 @@
 """Model files: safetensors with the configuration in the header. Nothing pickled is ever read."""
 
-import dataclasses as dc
 import json
-import logging
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
@@ -16,12 +14,10 @@ from np_drake.files.input_file import parse_json
 from np_drake.lifting.model.adaptive_family import AdaptiveFamily, family_of, family_tensors
 from np_drake.lifting.model.encoders import DelayEncoder, Phi
 from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
-from np_drake.lifting.model.lifted_model import BY_AXES, ENCODERS, OLD_NAMES, LiftedModel, require_configuration
+from np_drake.lifting.model.lifted_model import ENCODERS, LiftedModel, require_configuration
 from np_drake.lifting.model.model_header import LARGEST_RIDGE, LONGEST_WINDOW, STEPS, number_in, summary_in, truth_in
-from np_drake.lifting.model.onsets import Onsets
 from np_drake.lifting.model.trust import Trust
 
-_log = logging.getLogger(__name__)
 SCHEMA = "np_drake.lifted_model/1"  # format of the file and its version
 # What building a model of damaged content raises.
 _DAMAGED = (KeyError, TypeError, ValueError, AttributeError, IndexError, ArithmeticError)
@@ -48,8 +44,6 @@ def save_model(model: LiftedModel, path: str | Path) -> None:
             tensors["offset"] = model.encoder.offset
     if model.trust is not None:
         tensors |= {f"trust/{name}": np.asarray(value, float) for name, value in vars(model.trust).items()}
-    if model.onsets is not None:
-        tensors |= {f"onsets/{name}": np.asarray(value, float) for name, value in vars(model.onsets).items()}
     header = {
         "configuration": model.configuration, "step": s.step, "window": model.window,
         "predicts_torque": model.predicts_torque, "ridge": model.ridge, "summary": model.summary,
@@ -164,7 +158,7 @@ def read_model(path: str | Path, schema: str, build: Callable[[dict[str, np.ndar
 
 
 def _model(tensors: dict[str, np.ndarray], header: dict[str, Any]) -> LiftedModel:
-    configuration, window = _configuration(header), int(number_in(header, "window", 1, LONGEST_WINDOW))
+    configuration, window = str(header["configuration"]), int(number_in(header, "window", 1, LONGEST_WINDOW))
     require_configuration(configuration)
     system = LiftedLinearSystem(tensors["A"], tensors["B"], tensors["C"], number_in(header, "step", *STEPS))
     if system.spectral_radius > 1.0 + 1e-9:
@@ -183,25 +177,8 @@ def _model(tensors: dict[str, np.ndarray], header: dict[str, Any]) -> LiftedMode
     return LiftedModel(
         configuration, system, encoder, window, tensors["chi_scale"], tensors["zeta_scale"],
         truth_in(header, "predicts_torque"), summary_in(header), number_in(header, "ridge", 0.0, LARGEST_RIDGE),
-        int(number_in({"late": 0} | header, "late", 0, LONGEST_WINDOW)), _trust(tensors, system.K), _onsets(tensors),
+        int(number_in({"late": 0} | header, "late", 0, LONGEST_WINDOW)), _trust(tensors, system.K),
     )  # fmt: skip
-
-
-def _configuration(header: dict[str, Any]) -> str:
-    """Return the configuration of a header, by its present name."""
-    name = str(header["configuration"])
-    if name not in OLD_NAMES:
-        return name
-    frame = summary_in(header).get("origin", {}).get("frame", "world")
-    present = BY_AXES.get(str(frame), name)
-    _log.warning("configuration %s of this model file is now called %s.", name, present)
-    return present
-
-
-def _onsets(tensors: dict[str, np.ndarray]) -> Onsets | None:
-    if not any(name.startswith("onsets/") for name in tensors):
-        return None
-    return Onsets(**{field.name: tensors[f"onsets/{field.name}"] for field in dc.fields(Onsets)})
 
 
 def _trust(tensors: dict[str, np.ndarray], K: int) -> Trust | None:

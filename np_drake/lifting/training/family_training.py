@@ -12,14 +12,15 @@ import dataclasses as dc
 from collections.abc import Sequence
 
 import numpy as np
+import scipy.linalg
 import torch
 
 from np_drake.lifting.model.adaptive_family import EVERY, AdaptiveFamily
-from np_drake.lifting.model.channel_views import Block, View, symmetric_blocks
+from np_drake.lifting.model.channel_views import Block, View, symmetric_blocks, turns
 from np_drake.lifting.model.lifted_model import LIFTED, LiftedModel
 from np_drake.lifting.model.modal_axis import ModalAxis
 from np_drake.lifting.training.checkpoint import Checkpoint, OnEpoch
-from np_drake.lifting.training.excitation import training_summary
+from np_drake.lifting.training.excitation import measure_excitation, training_summary
 from np_drake.lifting.training.family_axis import TrainedAxis, descend
 from np_drake.lifting.training.family_moments import window_moments
 from np_drake.lifting.training.horizon_ridge import horizon_grid
@@ -39,6 +40,7 @@ class LiftedConfig:
     horizon: int = 40  # longest prediction in the loss [steps]
     horizons: int = 10  # how many of it, closer together near 0 [1]
     size: int = 12  # entries of theta, fewer than flights [1]
+    torque: bool = False  # predict the torque too; else the predictor holds it
     lateral: tuple[float, ...] = (0.064, 0.1, 0.16)  # of the pairs of x and y at first [rad/sample]
     vertical: tuple[float, ...] = (0.12, 0.3)  # of those of z [rad/sample]
     decays: tuple[float, ...] = (4e-4, 0.1)  # of the real modes at first [1/sample]
@@ -74,10 +76,11 @@ def train_lifted(
     config = dc.replace(config, size=min(config.size, len(segments) - 1))
     views: list[tuple[np.ndarray, np.ndarray]] = []
     axes: list[TrainedAxis] = []
-    lateral, vertical = symmetric_blocks(4, torque=False)
-    for block, modes in ((lateral, config.lateral), (vertical, config.vertical)):
-        views.append(_views(block, chi_scale, zeta_scale))
-        axes.append(_trained_axis(block, views[-1][0], segments, chi_scale, config, modes, rng))
+    images = [image for segment in segments for image in turns(segment.zeta)]
+    seen = measure_excitation(images, step=step).shrink
+    for block in symmetric_blocks(torque=config.torque):
+        views.append(_views(block, chi_scale, zeta_scale, seen))
+        axes.append(_trained_axis(block, views[-1][0], segments, chi_scale, config, rng))
     theta = torch.from_numpy(0.1 * rng.standard_normal((len(segments), config.size))).float().requires_grad_()
 
     def loss(some: torch.Tensor) -> torch.Tensor:
@@ -93,7 +96,7 @@ def train_lifted(
     family = _family(trained, theta.detach().numpy().astype(float), config, segments, step)
     summary = training_summary(segments, losses[-1], step) | {"flights": len(segments)}
     system = family.system(family.mean, step)
-    return LiftedModel(LIFTED, system, family, family.window, chi_scale, zeta_scale, False, summary), losses
+    return LiftedModel(LIFTED, system, family, family.window, chi_scale, zeta_scale, config.torque, summary), losses
 
 
 def placed(model: LiftedModel, segments: Sequence[Segment]) -> LiftedModel:
@@ -118,30 +121,34 @@ def placed(model: LiftedModel, segments: Sequence[Segment]) -> LiftedModel:
     return dc.replace(model, encoder=family, system=family.system(family.mean, model.step))
 
 
-def _views(block: Block, chi_scale: np.ndarray, zeta_scale: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return channels (V, c, 12) and readout (V, 6) of a block's views, see `ModalAxis`."""
-    scale = 1.0 / np.concatenate([chi_scale, zeta_scale])
-    readout = np.stack([view.selected[0] for view in block.views]) * chi_scale
-    return np.stack([_channels(view) for view in block.views]) * scale, readout
+def _views(
+    block: Block, chi_scale: np.ndarray, zeta_scale: np.ndarray, seen: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return channels (V, c, 12), of zeta the part `seen` (6, 6), and readout (V, 6) of views, see `ModalAxis`."""
+    scaled = scipy.linalg.block_diag(np.diag(1.0 / chi_scale), seen / zeta_scale[:, None])
+    readout = np.stack([view.output for view in block.views]) * chi_scale
+    return np.stack([_channels(view) for view in block.views]) @ scaled, readout
 
 
 def _channels(view: View) -> np.ndarray:
     """Return (c, 12) what a view takes of [chi, zeta]."""
-    labels = np.hstack([view.selected, np.zeros((1, 6))])
-    return np.vstack([labels, np.hstack([np.zeros((len(view.inputs), 6)), view.inputs])])
+    return np.vstack(
+        [np.concatenate([view.output, np.zeros(6)]), np.hstack([np.zeros((len(view.inputs), 6)), view.inputs])]
+    )
 
 
 def _trained_axis(
     block: Block, channels: np.ndarray, segments: list[Segment], chi_scale: np.ndarray, config: LiftedConfig,
-    modes: tuple[float, ...], rng: np.random.Generator,
+    rng: np.random.Generator,
 ) -> TrainedAxis:  # fmt: skip
     """Return the axis of a block before its descent."""
     c = config
     seen = [np.hstack([s.chi, s.zeta]) @ channels.swapaxes(1, 2) for s in segments]
-    goals = [np.stack([s.goal / chi_scale @ view.selected[0] for view in block.views]) for s in segments]
+    goals = [np.stack([s.goal / chi_scale @ view.output for view in block.views]) for s in segments]
     horizons = horizon_grid(c.horizon, c.horizons)
     noise = (c.label_noise, c.zeta_noise)
     moments = window_moments(seen, goals, delay=c.delay, horizons=horizons, noise=noise, level=c.level)
+    modes = c.lateral if block.lateral else c.vertical
     return TrainedAxis(moments, horizons, modes=modes, decays=c.decays, size=c.size, rng=rng)
 
 

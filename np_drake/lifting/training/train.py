@@ -5,7 +5,6 @@ in closed form, made stable, in a model file, through the same predictor as the 
 """
 
 import dataclasses as dc
-import logging
 from collections.abc import Callable
 from pathlib import Path
 
@@ -17,17 +16,14 @@ from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
 from np_drake.lifting.model.lifted_model import (
     BY_AXES,
     DELAY_DMDC,
-    DELAY_MODAL,
     DMDC,
     LIFTED,
     MODE_DICTIONARY,
-    OLD_NAMES,
     PAPER,
     RIDGE,
     LiftedModel,
 )
 from np_drake.lifting.training.checkpoint import Checkpoint, OnEpoch
-from np_drake.lifting.training.delay_modal_training import DelayModalConfig, train_delay_modal
 from np_drake.lifting.training.dmdc import fit_dmdc_system, sample_scale
 from np_drake.lifting.training.excitation import training_summary
 from np_drake.lifting.training.family_training import LiftedConfig, train_lifted
@@ -35,8 +31,6 @@ from np_drake.lifting.training.horizon_ridge import horizon_ridge, moments_of, r
 from np_drake.lifting.training.mode_dictionary_training import ModeDictionaryConfig, train_mode_dictionary
 from np_drake.lifting.training.paper_training import PaperConfig, train_paper
 from np_drake.training_data.segments import Segment, check_segments
-
-_log = logging.getLogger(__name__)
 
 
 @dc.dataclass(frozen=True)
@@ -63,13 +57,11 @@ class RidgeConfig:
     seed: int = 0  # nothing is drawn; kept for the one interface of all configurations
 
 
-Config = DelayModalConfig | LiftedConfig | ModeDictionaryConfig | PaperConfig | DmdcConfig | RidgeConfig
-DEFAULT_CONFIG = DelayModalConfig()
-WORLD_ONLY = (LIFTED, DELAY_MODAL)  # configurations that tie x and y by symmetry about the vertical
+Config = LiftedConfig | ModeDictionaryConfig | PaperConfig | DmdcConfig | RidgeConfig
+DEFAULT_CONFIG = LiftedConfig()
 CONFIGURATIONS: dict[str, Config] = {
-    DELAY_MODAL: DEFAULT_CONFIG,
+    LIFTED: DEFAULT_CONFIG,
     PAPER: PaperConfig(),
-    LIFTED: LiftedConfig(),
     MODE_DICTIONARY: ModeDictionaryConfig(),
     DMDC: DmdcConfig(),
     DELAY_DMDC: DmdcConfig(delays=10),
@@ -100,8 +92,7 @@ def train(
         checkpoint: file that the run is saved to as it goes, and resumed from where it exists (same
             configuration and data); the result is that of an uninterrupted run. Configurations in closed form, done in
             seconds, leave it alone.
-        on_epoch: called with (epoch, total, loss); for `delay-modal` an epoch is one L-BFGS iteration, and
-            descents that converge early skip ahead.
+        on_epoch: called with (epoch, total, loss); for `lifted` an epoch is one step of gradient descent.
     Raises: ValueError: if the segments are unusable or the checkpoint is of another run.
     """
     run = _TRAINERS[type(config)]
@@ -110,36 +101,31 @@ def train(
     return TrainingResult(dc.replace(model, summary=summary), loss)
 
 
-def present_name(configuration: str, frame: str = "world") -> str:
-    """Return the present name of a configuration, and warn where an old one was given.
+def suited(configuration: str, frame: str) -> str:
+    """Return the configuration, or the one that suits the axes where none is named.
 
     Args:
-        configuration: any name; empty for the one that suits the axes.
+        configuration: any name, or empty.
         frame: axes of the wrenches, world | body.
     Raises: ValueError: on an unknown frame.
     """
     if frame not in BY_AXES:
         raise ValueError(f"train: frame must be {' | '.join(BY_AXES)}; got {frame}.")
-    if not configuration:
-        return BY_AXES[frame]
-    if configuration in OLD_NAMES:
-        _log.warning("configuration %s is now called %s.", configuration, BY_AXES[frame])
-        return BY_AXES[frame]
-    return configuration
+    return configuration or BY_AXES[frame]
 
 
 def make_config(configuration: str, *, frame: str = "world", epochs: int | None = None, **settings) -> Config:
     """Return the configuration of that name with the given settings.
 
     Args:
-        configuration: a key of `CONFIGURATIONS`, or an old name.
+        configuration: a key of `CONFIGURATIONS`; empty for the one that suits the axes.
         frame: axes of the wrenches, world | body.
-        epochs: of training, or iterations; None: the default. One in closed form has none.
+        epochs: of training, or steps; None: the default. One in closed form has none.
         settings: fields of the configuration.
     Raises: ValueError: on an unknown name, frame or setting.
     """
-    configuration = present_name(configuration, frame)
-    if (configuration in WORLD_ONLY and frame != "world") or (configuration == MODE_DICTIONARY and frame != "body"):
+    configuration = suited(configuration, frame)
+    if (configuration == LIFTED and frame != "world") or (configuration == MODE_DICTIONARY and frame != "body"):
         raise ValueError(f"train: wrenches in {frame} axes need {BY_AXES[frame]}; got {configuration}.")
     if configuration not in CONFIGURATIONS:
         raise ValueError(f"train: configuration must be {' | '.join(CONFIGURATIONS)}; got {configuration}.")
@@ -151,7 +137,7 @@ def make_config(configuration: str, *, frame: str = "world", epochs: int | None 
     if frame != "world" and "symmetric" in names:
         settings = {"symmetric": False} | settings
     if epochs is not None:
-        settings |= dict.fromkeys(names & {"epochs", "iterations", "steps"}, epochs)
+        settings |= dict.fromkeys(names & {"epochs", "steps"}, epochs)
     return dc.replace(config, **settings)
 
 
@@ -221,7 +207,6 @@ def _one_step_error(
 
 
 _TRAINERS: dict[type, Callable[..., tuple[LiftedModel, list[float]]]] = {
-    DelayModalConfig: train_delay_modal,
     ModeDictionaryConfig: train_mode_dictionary,
     PaperConfig: train_paper,
     LiftedConfig: train_lifted,

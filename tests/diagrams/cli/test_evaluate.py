@@ -48,7 +48,7 @@ def rest(logs, tmp_path):
 
 
 def test_nothing_is_trained_on_a_log_in_which_nothing_moves_unless_forced(logs, rest, capsys):
-    command = ["evaluate", str(logs[1]), "--train", rest, "--only", "delay-modal", "--epochs", "2"]
+    command = ["evaluate", str(logs[1]), "--train", rest, "--only", "lifted", "--epochs", "2"]
     assert run([*command, "--horizons", "1"]) == 2
     assert "the vehicle must move in the logs" in capsys.readouterr().err
     run([*command, "--horizons", "1", "--force"])
@@ -65,7 +65,7 @@ def test_a_bad_model_is_refused_before_a_scenario_is_flown(tmp_path, monkeypatch
 
 
 def test_a_log_at_rest_is_scored(logs, rest, capsys):
-    assert run(["evaluate", rest, "--train", str(logs[0]), "--only", "delay-modal", "--epochs", "2"]) in (0, 1)
+    assert run(["evaluate", rest, "--train", str(logs[0]), "--only", "lifted", "--epochs", "2"]) in (0, 1)
     assert "must move" not in capsys.readouterr().err
 
 
@@ -81,23 +81,23 @@ def test_a_predictor_is_scored_beside_the_naive_rows(logs, model, tmp_path, caps
     captured = capsys.readouterr()
     assert code == 0, captured.err
     rows = rows_of(out)
-    assert {row["model"] for row in rows} == {"persistence", "linear", "mean", "past mean", "delay-modal"}
+    assert {row["model"] for row in rows} == {"persistence", "linear", "mean", "past mean", "lifted"}
     assert {row["horizon"] for row in rows} == {0.02, 0.2}
     assert set(rows[0]) >= {"flight", "force_rmse", "torque_rmse", "force_skill", "torque_skill"}
     for horizon in (0.02, 0.2):
         naive = [r["force_skill"] for r in rows if r["horizon"] == horizon and r["model"] in NAIVE]
         assert min(naive) == pytest.approx(1.0)
     assert "force RMSE [N]" in captured.out
-    assert "delay-modal: spectral radius above 1 in 0 of " in captured.out
-    assert "delay-modal: 0 of 1 flights diverge up to 0.2 s" in captured.out
+    assert "lifted: spectral radius above 1 in 0 of " in captured.out
+    assert "lifted: 0 of 1 flights diverge up to 0.2 s" in captured.out
     (line,) = json.loads(out.read_text())["stability"]
     assert line["windows"] > 1000
     assert line["unstable"] == 0
     assert line["largest"] <= 1.0
     assert max(map(len, captured.out.splitlines())) <= 100
-    skill = min((r["force_skill"], r["horizon"]) for r in rows if r["model"] == "delay-modal" and r["zeta"] == "held")
+    skill = min((r["force_skill"], r["horizon"]) for r in rows if r["model"] == "lifted" and r["zeta"] == "held")
     said = " ".join(captured.out.split("With the coming motion held, ")[-1].split())
-    assert said.startswith("delay-modal forecasts force better than every naive one at ")
+    assert said.startswith("lifted forecasts force better than every naive one at ")
     assert f" of its error at {skill[1]:g} s)" in said
 
 
@@ -148,7 +148,7 @@ def test_a_force_of_motion_is_predicted_better_than_by_any_naive_row(logs, model
     """The force is mass times dv/dt of a multisine: its past tells its future, persistence does not."""
     out = tmp_path / "rows.json"
     assert run(["evaluate", str(logs[1]), "--predictor", str(model), "--json", str(out), "--horizons", "10"]) == 0
-    assert next(row for row in rows_of(out) if row["model"] == "delay-modal")["force_skill"] < 1.0
+    assert next(row for row in rows_of(out) if row["model"] == "lifted")["force_skill"] < 1.0
 
 
 def test_both_configurations_are_trained_and_scored(logs, tmp_path, capsys):
@@ -156,13 +156,13 @@ def test_both_configurations_are_trained_and_scored(logs, tmp_path, capsys):
     arguments = ["evaluate", str(logs[1]), "--train", str(logs[0]), "--epochs", "1", "--json", str(out)]
     assert run(arguments) == 0, capsys.readouterr().err
     rows = [(row["model"], (row["horizon"], row["zeta"])) for row in rows_of(out)]
-    assert {model for model, _ in rows} == {"paper", "delay-modal", *UNTRAINED, *TRAINED}
+    assert {model for model, _ in rows} == {"paper", "lifted", *UNTRAINED, *TRAINED}
     assert len(rows) == len(set(rows))
 
 
 def test_gp_and_knode_are_rows_where_they_are_asked_for(logs, tmp_path, capsys):
     out = tmp_path / "rows.json"
-    arguments = ["evaluate", str(logs[1]), "--train", str(logs[0]), "--only", "delay-modal", "--epochs", "1"]
+    arguments = ["evaluate", str(logs[1]), "--train", str(logs[0]), "--only", "lifted", "--epochs", "1"]
     arguments += ["--horizons", "1,20", "--json", str(out)]
     assert run([*arguments, "--also", "gp", "--also", "knode"]) == 0, capsys.readouterr().err
     rows = {(row["model"], row["horizon"], row["zeta"]): row["force_rmse"] for row in rows_of(out)}
@@ -200,7 +200,7 @@ BAD = {  # arguments: what the line must say
     "no flight": (["--predictor", "MODEL"], "flights to score"),
     "no model": (["LOG", "--predictor", "LOG"], "not a model file"),
     "no folder": (["--neurobem", "nowhere"], "nowhere"),
-    "configuration": (["LOG", "--train", "LOG", "--only", "best"], "delay-modal, paper"),
+    "configuration": (["LOG", "--train", "LOG", "--only", "best"], "lifted, paper"),
     "alone": (["LOG", "--leave-one-out"], "two LOG or more"),
     "trained on": (["LOG", "--train", "LOG"], "must be held out of training"),
     "twice": (["LOG", "LOG", "--leave-one-out"], "must be given once"),
@@ -237,11 +237,11 @@ def test_without_a_predictor_it_is_the_packaged_one(logs, monkeypatch, capsys):
 
 def test_every_flight_left_out_in_turn_is_scored_by_models_blind_to_it(logs, tmp_path, capsys):
     out = tmp_path / "rows.json"
-    arguments = ["evaluate", *map(str, logs[:2]), "--leave-one-out", "--only", "delay-modal", "--epochs", "1"]
+    arguments = ["evaluate", *map(str, logs[:2]), "--leave-one-out", "--only", "lifted", "--epochs", "1"]
     assert run([*arguments, "--horizons", "1,5", "--json", str(out)]) == 0, capsys.readouterr().err
     rows = rows_of(out)
     assert len({row["flight"] for row in rows}) == 2
-    assert {row["model"] for row in rows} == {"delay-modal", *UNTRAINED, *TRAINED}
+    assert {row["model"] for row in rows} == {"lifted", *UNTRAINED, *TRAINED}
     assert all(low <= row["force_ratio"] <= high for row in rows for low, high in [row["force_interval"]])
     assert "mean over flights: torque" in capsys.readouterr().out
 
@@ -302,7 +302,7 @@ def test_a_bad_log_is_one_line_and_leaves_nothing(logs, model, tmp_path, capsys,
 def test_a_log_without_accelerations_is_scored_and_says_how(logs, model, tmp_path, capsys):
     bare = altered(logs[1], tmp_path / "bare.csv", lambda lines: without(lines, "ax", "ay", "az", "alx", "aly", "alz"))
     assert run(["evaluate", str(bare), "--predictor", str(model), "--horizons", "1"]) == 0
-    assert "delay-modal: spectral radius above 1 in 0 of " in capsys.readouterr().out
+    assert "lifted: spectral radius above 1 in 0 of " in capsys.readouterr().out
 
 
 def test_the_first_seconds_of_a_real_flights_csv_are_scored(neurobem, tmp_path, capsys):

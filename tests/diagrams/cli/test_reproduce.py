@@ -20,7 +20,7 @@ BAD = {  # arguments: what the line must say
         ["nothing"],
         "must be one of tracking, configurations, weights, gap, mhe, theorem, tether, estimation, sample-eff",
     ),
-    "unknown row": (["configurations", "--only", "np"], "must name rows of the table (nominal; hold; np: delay-modal"),
+    "unknown row": (["configurations", "--only", "np"], "must name rows of the table (nominal; hold; np: lifted"),
     "no flights": (["theorem"], "NP_DRAKE_NEUROBEM"),
     "no folder": (["theorem", "--neurobem", "nowhere"], "nowhere"),
 }

@@ -15,7 +15,7 @@ from np_drake.logs.opening import open_flights
 from np_drake.payload_filter import training as payload_filter_training  # noqa: F401 - before a child
 from np_drake.residual_models import motion_training, predictor_training  # noqa: F401
 
-SHORT = {"knode": ("--epochs", "5")}  # a third of what it has by itself: a run of seconds
+SHORT = {"knode": ("--epochs", "5"), "lifted": ("--envelope", "0", "--epochs", "300")}  # runs of seconds
 
 
 def train(folder, log, configuration):
@@ -40,7 +40,7 @@ def log(logs, tmp_path_factory):
     return path
 
 
-@pytest.mark.parametrize("configuration", ["gp", "knode", "payload_filter", "delay-modal"])
+@pytest.mark.parametrize("configuration", ["gp", "knode", "payload_filter", "lifted"])
 def test_killed_at_any_instant(configuration, log, tmp_path, forked):
     def start(folder):
         folder.mkdir(exist_ok=True)

@@ -1,10 +1,8 @@
-"""What `np` flies, trains and loads is the lifted linear system, by every name; old names are answered."""
+"""What `np` flies, trains and loads is the lifted linear system, by every name."""
 
-import logging
 from pathlib import Path
 
 from diagrams.loop.controllers import FILTER_MODEL, NP_MODEL, ControllerConfig, make_residual_model
-from np_drake.lifting.training.train import make_config
 from np_drake.payload_filter.predictor import PayloadFilter
 from np_drake.residual_models.neural_predictor import NeuralPredictor
 from np_drake.vehicle import Vehicle
@@ -32,10 +30,3 @@ def test_a_payload_filter_flown_as_np_is_answered_with_a_warning(caplog):
     model = make_residual_model(ControllerConfig("np", predictor=str(FILTER_MODEL)), Vehicle())
     assert isinstance(model, PayloadFilter)
     assert "use payload_filter" in caplog.text
-
-
-def test_the_old_name_of_a_configuration_chooses_by_axes_and_warns(caplog):
-    with caplog.at_level(logging.WARNING):
-        assert make_config("default") == make_config("delay-modal")
-        assert make_config("default", frame="body") == make_config("mode-dictionary", frame="body")
-    assert caplog.text.count("is now called") == 2

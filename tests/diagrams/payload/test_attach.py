@@ -12,7 +12,7 @@ from diagrams.payload import attach, attach_study
 from diagrams.payload.figures import event_responses
 from np_drake.lifting.model.encoders import DelayEncoder
 from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
-from np_drake.lifting.model.lifted_model import DELAY_MODAL, LiftedModel
+from np_drake.lifting.model.lifted_model import DELAY_DMDC, LiftedModel
 
 T = 0.02 * np.arange(-200, 200)  # since the event [s]
 
@@ -73,7 +73,7 @@ def test_an_encoder_that_averages_its_window_shows_a_step_in_proportion():
     E[np.arange(6), :, np.arange(6)] = 0.1
     system = LiftedLinearSystem(np.eye(6), np.zeros((6, 6)), np.eye(6), 0.02)
     encoder = DelayEncoder(E.reshape(6, -1), 10, offset=np.ones(6))
-    model = LiftedModel(DELAY_MODAL, system, encoder, 10, np.ones(6), np.ones(6), False)
+    model = LiftedModel(DELAY_DMDC, system, encoder, 10, np.ones(6), np.ones(6), False)
     np.testing.assert_allclose(attach_study.encoder_step(model), np.linspace(0.0, 1.0, 11), atol=1e-12)
 
 

@@ -13,7 +13,7 @@ def timings():
 
 def test_a_sample_of_the_default_costs_no_more_than_the_pseudo_inverse(timings):
     assert timings[dut.REFERENCE].ratio == 1.0
-    assert timings["delay-modal"].ratio < 0.8
+    assert timings["lifted"].ratio < 0.8
     assert timings["mode-dictionary"].ratio < 1.6  # 0.9 on a machine that does nothing else
 
 

@@ -27,10 +27,7 @@ def lines(flown):
     segments = [flown[0].segment]
     models = {
         "paper": train(segments, make_config("paper", epochs=1)).model,
-        "delay-modal": train(
-            segments,
-            make_config("delay-modal", symmetric=False, torque=True, delay=25, starts=1, iterations=30, onset_odds=0.0),
-        ).model,
+        "delay-dmdc": train(segments, make_config("delay-dmdc")).model,
     }
     return theorem.bound_table(Run(), models, flown, spacing=1, config={})
 
@@ -40,14 +37,14 @@ def of(lines, alpha, *models):
 
 
 def test_the_bound_holds_in_every_window_of_every_real_flight(lines, flown):
-    own = of(lines, "own", "paper", "delay-modal")
+    own = of(lines, "own", "paper", "delay-dmdc")
     assert len(own) == 2 * len(flown)
     assert sum(line["windows"] for line in own) > 4000
     assert all(line["premise"] == line["holds"] == 1.0 for line in own)
 
 
 def test_it_holds_where_alphas_known_before_the_flight_hold(lines):
-    foreseen = of(lines, "others", "paper", "delay-modal")
+    foreseen = of(lines, "others", "paper", "delay-dmdc")
     assert any(line["premise"] > 0.9 for line in foreseen)
     assert all(line["holds_on_premise"] == 1.0 for line in foreseen if line["premise"] > 0)
 
@@ -59,7 +56,7 @@ def test_it_is_no_empty_bound(lines):
 
 
 def test_a_sound_model_violates_nothing_and_a_broken_one_what_was_broken(lines):
-    assert all(not line["violated"] for line in of(lines, "own", "paper", "delay-modal"))
+    assert all(not line["violated"] for line in of(lines, "own", "paper", "delay-dmdc"))
     broken = {line["model"]: set(line["violated"]) for line in lines[-3:]}
     assert broken == {
         "A not stable, no refit": {"stability"},
@@ -71,7 +68,7 @@ def test_a_sound_model_violates_nothing_and_a_broken_one_what_was_broken(lines):
 def test_the_table_has_a_row_for_every_line_and_one_for_every_model(lines, flown):
     _, header, rows = theorem.printed(lines)
     models = [row[0] for row in rows if not row[0].startswith("  ")]
-    assert models == ["paper", "delay-modal", "A not stable, no refit", "Phi not normalised", "alphas halved"]
+    assert models == ["paper", "delay-dmdc", "A not stable, no refit", "Phi not normalised", "alphas halved"]
     assert len(rows) - len(models) == len(lines) == 2 * 2 * len(flown) + 3
     assert all(len(row) == len(header) for row in rows)
 

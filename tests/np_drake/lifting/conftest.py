@@ -5,7 +5,7 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.lifting.training.delay_modal_training import DelayModalConfig
+from np_drake.lifting.training.family_training import LiftedConfig
 from np_drake.lifting.training.train import TrainingResult, train
 from np_drake.training_data.segments import Segment
 
@@ -122,4 +122,4 @@ def lemniscate() -> Flight:
 @pytest.fixture(scope="session")
 def trained(dithered) -> TrainingResult:
     """The default configuration as it comes."""
-    return train([dithered.segment], DelayModalConfig())
+    return train([dithered.segment], LiftedConfig())

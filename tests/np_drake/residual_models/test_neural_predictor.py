@@ -7,9 +7,8 @@ from hypothesis import strategies as st
 
 from np_drake.lifting.model.encoders import DelayEncoder, Phi
 from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
-from np_drake.lifting.model.lifted_model import DELAY_MODAL, PAPER, LiftedModel
+from np_drake.lifting.model.lifted_model import DELAY_DMDC, PAPER, LiftedModel
 from np_drake.lifting.model.model_file import save_model
-from np_drake.lifting.model.onsets import Onsets
 from np_drake.residual_model import Sample
 from np_drake.residual_models.neural_predictor import NeuralPredictor, PredictorOptions
 
@@ -24,7 +23,7 @@ def last_sample_model(torque: bool = True) -> LiftedModel:
     E = np.zeros((6, 12 * D))
     E[:, 12 * (D - 1) : 12 * (D - 1) + 6] = np.eye(6)
     system = LiftedLinearSystem(A, B, np.eye(6), STEP)
-    return LiftedModel(DELAY_MODAL, system, DelayEncoder(E, D), D, np.ones(6), np.ones(6), torque)
+    return LiftedModel(DELAY_DMDC, system, DelayEncoder(E, D), D, np.ones(6), np.ones(6), torque)
 
 
 def paper_model() -> LiftedModel:
@@ -136,7 +135,7 @@ def test_a_long_gap_starts_the_window_afresh():
 
 @given(st.lists(st.sampled_from(["good", "label", "state", "both", "huge"]), max_size=60))
 @settings(max_examples=40)
-@pytest.mark.parametrize("model", [last_sample_model(), paper_model()], ids=[DELAY_MODAL, PAPER])
+@pytest.mark.parametrize("model", [last_sample_model(), paper_model()], ids=[DELAY_DMDC, PAPER])
 def test_no_course_of_samples_makes_the_forecast_unusable(model, course):
     dut = NeuralPredictor(model)
     memory = dut.initial_memory()
@@ -152,7 +151,7 @@ def test_no_course_of_samples_makes_the_forecast_unusable(model, course):
     assert np.all(np.isfinite(chi))
 
 
-@pytest.mark.parametrize("model", [last_sample_model(), paper_model()], ids=[DELAY_MODAL, PAPER])
+@pytest.mark.parametrize("model", [last_sample_model(), paper_model()], ids=[DELAY_DMDC, PAPER])
 def test_updates_are_pure(model):
     dut, samples = NeuralPredictor(model), sequence(60)
     memory = fed(dut, samples[:50])
@@ -217,19 +216,3 @@ def test_impossible_options_are_refused():
         NeuralPredictor(last_sample_model(torque=False), PREDICT)
     with pytest.raises(ValueError, match="must be Phi"):
         NeuralPredictor(last_sample_model(), PredictorOptions(refit=True))
-
-
-def test_what_began_within_a_window_is_seen_as_sample_by_sample():
-    rng = np.random.default_rng(4)
-    watch, jump = 0.2 * rng.standard_normal((2, 3, 2, 12 * D)), rng.standard_normal((2, 3, 3, 2))
-    onsets = Onsets(rng.standard_normal((2, 12, 12)), watch, np.ones((2, 3)), jump, 0.5)
-    dut = NeuralPredictor(dc.replace(last_sample_model(), onsets=onsets), PREDICT)
-    samples = sequence(20)
-    chi, zeta = np.array([s.chi for s in samples]), np.array([s.x[7:] for s in samples])
-    course = dut.along(chi, zeta)
-    memory = dut.initial_memory()
-    for k, sample in enumerate(samples):
-        memory = dut.update(memory, sample)
-        if k >= course.first:
-            np.testing.assert_allclose(course.z[k - course.first], memory["z"], atol=1e-12)
-    assert np.abs(course.z[-1] - chi[-1]).max() > 0.01  # the onsets did something

@@ -38,7 +38,7 @@ def test_the_lag_of_the_rotors_is_found(lag, noise):
     assert learned_rotor_lag([(flight(lag, noise=noise), Vehicle())]) == pytest.approx(lag, abs=0.003)  # [s]
 
 
-@pytest.mark.parametrize("configuration", ["delay-modal", "paper"])
+@pytest.mark.parametrize("configuration", ["lifted", "paper"])
 def test_a_predictor_carries_the_lag_of_the_rotors_it_was_trained_on(configuration):
     config = make_config(configuration, epochs=1)
     model = train_on_flights([Flight(flight(0.03, noise=0.1), Vehicle())], config, step=STEP).model

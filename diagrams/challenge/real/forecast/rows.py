@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from np_drake.flight_log import FlightLog
-from np_drake.lifting.model.lifted_model import DELAY_MODAL, LIFTED, PAPER
+from np_drake.lifting.model.lifted_model import LIFTED, PAPER
 from np_drake.lifting.training.train import make_config, train
 from np_drake.payload_filter.model_file import PAYLOAD_FILTER
 from np_drake.payload_filter.predictor import PayloadFilter
@@ -65,14 +65,8 @@ def _paper(flights: Sequence[Opened], step: float) -> NeuralPredictor:
 
 
 def _lifted(flights: Sequence[Opened], step: float) -> NeuralPredictor:
-    """Return `lifted` with its usual settings, but for a window of `HISTORY` and a loss over `LONGEST`."""
-    config = make_config(LIFTED, delay=round(HISTORY / step), horizon=round(LONGEST / step))
-    return NeuralPredictor(train(_segments(flights, step), config).model)
-
-
-def _delay_modal(flights: Sequence[Opened], step: float) -> NeuralPredictor:
-    """Return `delay-modal` with its usual settings, but for torque, a window of `HISTORY` and a loss over `LONGEST`."""
-    config = make_config(DELAY_MODAL, torque=True, delay=round(HISTORY / step), horizon=round(LONGEST / step))
+    """Return `lifted` with its usual settings, but for torque, a window of `HISTORY` and a loss over `LONGEST`."""
+    config = make_config(LIFTED, torque=True, delay=round(HISTORY / step), horizon=round(LONGEST / step))
     model = train(_segments(flights, step), config).model
     return NeuralPredictor(model, PredictorOptions(torque="predict"))
 
@@ -88,7 +82,6 @@ ROWS: Mapping[str, Trainer] = {
     KNODE: _knode,
     PAPER: _paper,
     LIFTED: _lifted,
-    DELAY_MODAL: _delay_modal,
     PAYLOAD_FILTER: lambda flights, step: PayloadFilter(train_payload_filter(flights, step=step)),
 }
 TOLD, TOLD_WITH_DRAG = "oracle pendulum", "told + drag"  # not predictors: they are told the truth

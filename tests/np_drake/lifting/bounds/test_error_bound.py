@@ -9,8 +9,7 @@ from np_drake.lifting.bounds.bound_check import check_flight
 from np_drake.lifting.bounds.error_bound import TheoremBound, largest_changes
 from np_drake.lifting.model.encoders import DelayEncoder, Phi
 from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
-from np_drake.lifting.model.lifted_model import DELAY_MODAL, PAPER, LiftedModel
-from np_drake.lifting.model.onsets import Onsets
+from np_drake.lifting.model.lifted_model import DELAY_DMDC, PAPER, LiftedModel
 
 ONES = np.ones(6)
 CHI_SCALE, ZETA_SCALE = np.array([2.0, 2.0, 2.0, 0.1, 0.1, 0.1]), np.array([3.0, 3.0, 3.0, 0.5, 0.5, 0.5])
@@ -37,7 +36,7 @@ def random_model(seed: int, kind: str, K: int = 8) -> LiftedModel:
     system = LiftedLinearSystem(A, B, C, 0.02)
     if kind == "delay":
         E = generator.standard_normal((K, 12 * 5))
-        return LiftedModel(DELAY_MODAL, system, DelayEncoder(E, 5), 5, CHI_SCALE, ZETA_SCALE, bool(seed % 2))
+        return LiftedModel(DELAY_DMDC, system, DelayEncoder(E, 5), 5, CHI_SCALE, ZETA_SCALE, bool(seed % 2))
     phi = Phi((generator.standard_normal((12, 6)), generator.standard_normal((K, 12))), CHI_SCALE)
     ridge = 0.5 if kind == "refit" else 0.0
     return LiftedModel(PAPER, system, phi, 12, CHI_SCALE, ZETA_SCALE, True, ridge=ridge)
@@ -166,13 +165,6 @@ def test_a_delay_encoder_knows_most_of_its_next_window():
     newest = np.linalg.norm(model.encoder.E[:, -12:-6] * CHI_SCALE, 2)
     assert dut.reach.radius[0] == pytest.approx(0.5 * newest)
     assert dut.reach.travel[0] > dut.reach.radius[0]
-
-
-def test_an_encoder_that_is_not_linear_in_its_window_is_refused():
-    model = random_model(1, "delay")
-    onsets = Onsets(np.ones((1, 1, 12)), np.ones((1, 2, 1, 5)), np.ones((1, 2)), np.ones((1, 2, 8, 1)), 0.1)
-    with pytest.raises(ValueError, match=r"must be linear in its window\. Train with onset_odds = 0"):
-        TheoremBound(dc.replace(model, onsets=onsets), 0.1, 0.1)
 
 
 @pytest.mark.parametrize(

@@ -13,10 +13,9 @@ from safetensors.numpy import load_file, save_file
 from np_drake.lifting.model.adaptive_family import AdaptiveFamily
 from np_drake.lifting.model.encoders import DelayEncoder, Phi
 from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
-from np_drake.lifting.model.lifted_model import DELAY_MODAL, ENCODERS, LIFTED, PAPER, LiftedModel
+from np_drake.lifting.model.lifted_model import DELAY_DMDC, ENCODERS, LIFTED, PAPER, LiftedModel
 from np_drake.lifting.model.modal_axis import ModalAxis
 from np_drake.lifting.model.model_file import SCHEMA, load_model, save_model
-from np_drake.lifting.model.onsets import Onsets
 from np_drake.lifting.model.origin import require_origin, rotor_lag_of
 
 
@@ -47,7 +46,7 @@ def rewrite(path: Path, change) -> None:
     """Tensors and header of a good file, changed by `change(tensors, header, metadata)`."""
     tensors = load_file(path)
     metadata = {"schema": SCHEMA, "model": ""}
-    header = {"configuration": DELAY_MODAL, "step": 0.02, "window": 5, "predicts_torque": True, "ridge": 0.0}
+    header = {"configuration": DELAY_DMDC, "step": 0.02, "window": 5, "predicts_torque": True, "ridge": 0.0}
     header["summary"] = {}
     change(tensors, header, metadata)
     save_file(tensors, path, {**metadata, "model": json.dumps(header)})
@@ -55,14 +54,14 @@ def rewrite(path: Path, change) -> None:
 
 @pytest.fixture
 def path(tmp_path: Path) -> Path:
-    save_model(model(DELAY_MODAL), tmp_path / "model.safetensors")
+    save_model(model(DELAY_DMDC), tmp_path / "model.safetensors")
     return tmp_path / "model.safetensors"
 
 
 def test_equal_models_are_equal_files(tmp_path):
     # The library's order of names is drawn anew at every call: two of eight calls differ but for 1 in 128.
     for number in range(8):
-        save_model(model(DELAY_MODAL), tmp_path / f"{number}.safetensors")
+        save_model(model(DELAY_DMDC), tmp_path / f"{number}.safetensors")
     assert len({path.read_bytes() for path in tmp_path.iterdir()}) == 1
 
 
@@ -77,39 +76,6 @@ def test_what_is_read_is_what_was_written(configuration, tmp_path):
         np.testing.assert_array_equal(getattr(read.system, name), getattr(saved.system, name))
     window = np.random.default_rng(1).standard_normal((5, 12))
     np.testing.assert_array_equal(read.lift(window), saved.lift(window))
-
-
-def with_onsets(odds: np.ndarray | float = 0.1) -> LiftedModel:
-    generator = np.random.default_rng(2)
-    channels, watch = generator.standard_normal((2, 3, 12)), 0.3 * generator.standard_normal((2, 4, 2, 15))
-    onsets = Onsets(channels, watch, np.ones((2, 4)), generator.standard_normal((2, 4, 2, 2)), odds)
-    return dc.replace(model(DELAY_MODAL), onsets=onsets)
-
-
-@pytest.mark.parametrize("odds", [0.1, np.array([0.1, 0.2, 0.3, 4.0])], ids=["one for all", "one an age"])
-def test_onsets_are_read_as_they_were_written(tmp_path, odds):
-    saved = with_onsets(odds)
-    save_model(saved, tmp_path / "m.safetensors")
-    read, window = load_model(tmp_path / "m.safetensors"), np.random.default_rng(1).standard_normal((5, 12))
-    np.testing.assert_array_equal(read.lift(window), saved.lift(window))
-    assert np.abs(saved.lift(window) - saved.encoder(window)).max() > 0.01  # they do something
-
-
-@pytest.mark.parametrize(
-    "fault, match",
-    [
-        (lambda t: t.pop("onsets/watch"), "lacks 'onsets/watch'"),
-        (lambda t: t.update({"onsets/cost": np.ones((2, 3))}), "Onsets: watch .* must agree"),
-        (lambda t: t.update({"onsets/odds": np.zeros(())}), "odds must be positive"),
-        (lambda t: t.update({"onsets/watch": np.ones((2, 4, 2, 12))}), "the model's K and window"),
-    ],
-)
-def test_broken_onsets_have_their_line(tmp_path, fault, match):
-    save_model(with_onsets(), tmp_path / "m.safetensors")
-    rewrite(tmp_path / "m.safetensors", lambda tensors, header, metadata: fault(tensors))
-    with pytest.raises(ValueError, match=match) as caught:
-        load_model(tmp_path / "m.safetensors")
-    assert "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize("share", [0.0, 0.1, 0.5, 0.99])
@@ -140,7 +106,7 @@ def test_a_missing_file_and_a_folder_are_named(tmp_path):
 
 
 def test_another_configuration_is_refused(path):
-    with pytest.raises(ValueError, match="configuration must be paper; got delay-modal"):
+    with pytest.raises(ValueError, match="configuration must be paper; got delay-dmdc"):
         load_model(path, PAPER)
 
 
@@ -148,7 +114,7 @@ FAULTS = {
     "schema must be": lambda t, h, m: m.update(schema="np_drake.lifted_model/0"),
     "lacks 'E'": lambda t, h, m: t.pop("E"),
     "lacks 'step'": lambda t, h, m: h.pop("step"),
-    r"must be delay-modal \| paper \| mode-dictionary": lambda t, h, m: h.update(configuration="theirs"),
+    r"must be lifted \| paper \| mode-dictionary": lambda t, h, m: h.update(configuration="theirs"),
     "lacks the layers of Phi": lambda t, h, m: h.update(configuration=PAPER),
     "must hold finite": lambda t, h, m: t.update(B=np.full((4, 6), np.nan)),
     "must hold finite floating": lambda t, h, m: t.update(B=np.zeros((4, 6), int)),
@@ -186,7 +152,7 @@ def test_a_failed_write_leaves_the_old_file(path, monkeypatch):
     before = path.read_bytes()
     monkeypatch.setattr(Path, "write_bytes", half)
     with pytest.raises(OSError, match="no space left"):
-        save_model(model(DELAY_MODAL), path)
+        save_model(model(DELAY_DMDC), path)
     assert path.read_bytes() == before
     assert list(path.parent.iterdir()) == [path]
 

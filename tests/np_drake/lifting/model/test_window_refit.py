@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from np_drake.lifting.model.encoders import DelayEncoder, Phi
 from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
-from np_drake.lifting.model.lifted_model import DELAY_MODAL, PAPER, LiftedModel
+from np_drake.lifting.model.lifted_model import DELAY_DMDC, PAPER, LiftedModel
 from np_drake.lifting.model.stabilized import stabilized
 from np_drake.lifting.model.window_refit import RADIUS, WindowRefit
 
@@ -96,7 +96,7 @@ def test_there_is_no_refit_without_a_prior_or_without_phi():
     with pytest.raises(ValueError, match="ridge must be positive"):
         WindowRefit(dc.replace(paper_model(), ridge=0.0))
     model = paper_model()
-    delay = LiftedModel(DELAY_MODAL, model.system, DelayEncoder(np.zeros((8, 60)), 5), 5, SCALE, SCALE, False)
+    delay = LiftedModel(DELAY_DMDC, model.system, DelayEncoder(np.zeros((8, 60)), 5), 5, SCALE, SCALE, False)
     with pytest.raises(ValueError, match="must be Phi"):
         WindowRefit(dc.replace(delay, ridge=1.0))
 

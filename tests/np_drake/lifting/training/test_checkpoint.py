@@ -15,7 +15,7 @@ from np_drake.lifting.training.checkpoint import REMEDY, SCHEMA, Checkpoint
 from np_drake.lifting.training.train import make_config, train
 from np_drake.training_data.segments import Segment
 
-SETTINGS = {"paper": {"epochs": 12}, "delay-modal": {"iterations": 60}}
+SETTINGS = {"paper": {"epochs": 12}}  # of the configurations that train for long enough
 
 
 def noise():

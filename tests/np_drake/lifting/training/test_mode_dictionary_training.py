@@ -41,10 +41,10 @@ def dut(model):
 def test_default_in_body_axes_is_this_configuration():
     assert isinstance(make_config("mode-dictionary", frame="body"), ModeDictionaryConfig)
     assert not isinstance(make_config(""), ModeDictionaryConfig)
-    with pytest.raises(ValueError, match="world axes need delay-modal"):
+    with pytest.raises(ValueError, match="world axes need lifted"):
         make_config("mode-dictionary")
     with pytest.raises(ValueError, match="frame must be"):
-        make_config("delay-modal", frame="moon")
+        make_config("lifted", frame="moon")
 
 
 def test_it_is_stable_whatever_the_data_say(model):
