@@ -9,11 +9,12 @@ import numpy as np
 from np_drake.lifting.model.adaptive_family import AdaptiveFamily
 from np_drake.lifting.model.encoders import DelayEncoder, Phi
 from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem, advance
+from np_drake.lifting.model.neural_family import NeuralFamily
 from np_drake.lifting.model.onsets import Onsets
 from np_drake.lifting.model.trust import Trust
 
 PAPER, DELAY_MODAL, MODE_DICTIONARY = "paper", "delay-modal", "mode-dictionary"
-LIFTED = "lifted"
+LIFTED, NEURAL = "lifted", "neural"
 DMDC, DELAY_DMDC, RIDGE = "dmdc", "delay-dmdc", "ridge"
 ENCODERS: dict[str, type[Phi] | type[DelayEncoder] | type[AdaptiveFamily]] = {  # of each configuration, by name
     DELAY_MODAL: DelayEncoder,
@@ -23,7 +24,9 @@ ENCODERS: dict[str, type[Phi] | type[DelayEncoder] | type[AdaptiveFamily]] = {  
     DELAY_DMDC: DelayEncoder,
     RIDGE: DelayEncoder,
     LIFTED: AdaptiveFamily,
+    NEURAL: NeuralFamily,
 }
+FAMILIES = (LIFTED, NEURAL)  # configurations of many payloads, of which one's own flights only place theta
 BY_AXES = {"world": DELAY_MODAL, "body": MODE_DICTIONARY}  # configuration that suits flights in these axes alone
 OLD_NAMES = ("default", "dictionary")  # earlier names of the two
 
@@ -86,10 +89,10 @@ class LiftedModel:
 
         Raises: TypeError: where the encoder is a network.
         """
-        if isinstance(self.encoder, AdaptiveFamily):
-            return self.encoder.encoder(self.encoder.mean)
         if isinstance(self.encoder, DelayEncoder):
             return self.encoder
+        if isinstance(self.encoder, AdaptiveFamily) and not isinstance(self.encoder, NeuralFamily):
+            return self.encoder.encoder(self.encoder.mean)
         raise TypeError(f"LiftedModel: the encoder of {self.configuration} is not linear.")
 
     def lift(self, window: np.ndarray) -> np.ndarray:
@@ -97,6 +100,9 @@ class LiftedModel:
         if isinstance(self.encoder, DelayEncoder):
             z = self.encoder(window)
             return z if self.onsets is None else z + self.onsets.correction(window)
+        if isinstance(self.encoder, NeuralFamily):
+            mean = self.encoder.mean
+            return self.encoder.read(window, np.broadcast_to(mean, (*window.shape[:-2], len(mean))))[1]
         if isinstance(self.encoder, AdaptiveFamily):
             return self.linear_encoder(window[..., -self.encoder.delay :, :])
         z, s = self.encoder(window[..., -1, :6]), self.system

@@ -21,6 +21,7 @@ from np_drake.lifting.model.lifted_model import (
     DMDC,
     LIFTED,
     MODE_DICTIONARY,
+    NEURAL,
     OLD_NAMES,
     PAPER,
     RIDGE,
@@ -33,6 +34,7 @@ from np_drake.lifting.training.excitation import training_summary
 from np_drake.lifting.training.family_training import LiftedConfig, train_lifted
 from np_drake.lifting.training.horizon_ridge import horizon_ridge, moments_of, relative_error
 from np_drake.lifting.training.mode_dictionary_training import ModeDictionaryConfig, train_mode_dictionary
+from np_drake.lifting.training.network_training import NeuralConfig, train_neural
 from np_drake.lifting.training.paper_training import PaperConfig, train_paper
 from np_drake.training_data.segments import Segment, check_segments
 
@@ -63,13 +65,14 @@ class RidgeConfig:
     seed: int = 0  # nothing is drawn; kept for the one interface of all configurations
 
 
-Config = DelayModalConfig | LiftedConfig | ModeDictionaryConfig | PaperConfig | DmdcConfig | RidgeConfig
+Config = DelayModalConfig | LiftedConfig | NeuralConfig | ModeDictionaryConfig | PaperConfig | DmdcConfig | RidgeConfig
 DEFAULT_CONFIG = DelayModalConfig()
-WORLD_ONLY = (LIFTED, DELAY_MODAL)  # configurations that tie x and y by symmetry about the vertical
+WORLD_ONLY = (LIFTED, NEURAL, DELAY_MODAL)  # configurations that tie x and y by symmetry about the vertical
 CONFIGURATIONS: dict[str, Config] = {
     DELAY_MODAL: DEFAULT_CONFIG,
     PAPER: PaperConfig(),
     LIFTED: LiftedConfig(),
+    NEURAL: NeuralConfig(),
     MODE_DICTIONARY: ModeDictionaryConfig(),
     DMDC: DmdcConfig(),
     DELAY_DMDC: DmdcConfig(delays=10),
@@ -225,6 +228,7 @@ _TRAINERS: dict[type, Callable[..., tuple[LiftedModel, list[float]]]] = {
     ModeDictionaryConfig: train_mode_dictionary,
     PaperConfig: train_paper,
     LiftedConfig: train_lifted,
+    NeuralConfig: train_neural,
     DmdcConfig: _train_dmdc,
     RidgeConfig: _train_ridge,
 }
