@@ -51,8 +51,8 @@ Configuration = Annotated[
     Option(
         "--configuration",
         metavar="NAME",
-        help="lifted | delay-modal (world axes) | mode-dictionary (body axes) | paper | dmdc | delay-dmdc | ridge, "
-        "of np; payload_filter; gp | knode. Default: the first that suits the axes.",
+        help="neural | lifted | delay-modal (world axes) | mode-dictionary (body axes) | paper | dmdc | delay-dmdc | "
+        "ridge, of np; payload_filter; gp | knode. Default: the first that suits the axes.",
     ),
 ]
 Step = Annotated[

@@ -95,6 +95,13 @@ class LiftedModel:
             return self.encoder.encoder(self.encoder.mean)
         raise TypeError(f"LiftedModel: the encoder of {self.configuration} is not linear.")
 
+    @property
+    def without_network(self) -> "LiftedModel":
+        """Model of the same family without the network, where there is one; else the model itself."""
+        if not isinstance(self.encoder, NeuralFamily):
+            return self
+        return dc.replace(self, configuration=LIFTED, encoder=self.encoder.plain)
+
     def lift(self, window: np.ndarray) -> np.ndarray:
         """Return z (..., K) now from samples [chi, zeta] (..., window, 12), oldest first."""
         if isinstance(self.encoder, DelayEncoder):

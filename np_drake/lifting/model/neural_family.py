@@ -8,6 +8,7 @@ Source: own choice.
 """
 
 import dataclasses as dc
+from typing import Any
 
 import numpy as np
 
@@ -29,6 +30,11 @@ class NeuralFamily(AdaptiveFamily):
             raise ValueError("NeuralFamily: the network must see the family's windows, and correct its z.")
         if len(self.network.center) != len(self.mean):
             raise ValueError(f"NeuralFamily: the network must have the {len(self.mean)} entries of theta.")
+
+    @property
+    def plain(self) -> AdaptiveFamily:
+        """Family without the network."""
+        return AdaptiveFamily(**_fields(self))
 
     def read(self, window: np.ndarray, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return theta (..., r) at which windows are forecast, and z (..., K), see `AdaptiveFamily.read`.
@@ -96,5 +102,8 @@ def with_network(family: AdaptiveFamily, network: WindowNetwork) -> NeuralFamily
         family: whose window the network sees.
         network: that corrects its theta and z.
     """
-    own = {field.name: getattr(family, field.name) for field in dc.fields(AdaptiveFamily)}
-    return NeuralFamily(**own, network=network)
+    return NeuralFamily(**_fields(family), network=network)
+
+
+def _fields(family: AdaptiveFamily) -> dict[str, Any]:
+    return {field.name: getattr(family, field.name) for field in dc.fields(AdaptiveFamily)}

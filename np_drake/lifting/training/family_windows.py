@@ -15,7 +15,7 @@ HORIZONS = (2, 5, 10, 20, 40)  # of the loss, up to that of the controller [step
 
 @dc.dataclass(frozen=True)
 class AxisWindows:
-    """Of n windows, what one axis needs for their forecasts, scaled.
+    """Windows as one axis sees them, n, with what their forecasts need, scaled.
 
     seen: (n, V, m) principal components.   lifted: (n, V, K, 1 + r) what each entry of [1, theta] multiplies in z.
     coming: (n, V, H, c - 1) inputs.   goal: (n, V, h) force at the horizons.

@@ -154,7 +154,7 @@ def make_config(configuration: str, *, frame: str = "world", epochs: int | None 
     if frame != "world" and "symmetric" in names:
         settings = {"symmetric": False} | settings
     if epochs is not None:
-        settings |= dict.fromkeys(names & {"epochs", "iterations", "steps"}, epochs)
+        settings |= dict.fromkeys(names & {"epochs", "iterations", "steps", "updates"}, epochs)
     return dc.replace(config, **settings)
 
 

@@ -13,11 +13,13 @@ from safetensors.numpy import load_file, save_file
 from np_drake.lifting.model.adaptive_family import AdaptiveFamily
 from np_drake.lifting.model.encoders import DelayEncoder, Phi
 from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
-from np_drake.lifting.model.lifted_model import DELAY_MODAL, ENCODERS, LIFTED, PAPER, LiftedModel
+from np_drake.lifting.model.lifted_model import DELAY_MODAL, ENCODERS, FAMILIES, NEURAL, PAPER, LiftedModel
 from np_drake.lifting.model.modal_axis import ModalAxis
 from np_drake.lifting.model.model_file import SCHEMA, load_model, save_model
+from np_drake.lifting.model.neural_family import with_network
 from np_drake.lifting.model.onsets import Onsets
 from np_drake.lifting.model.origin import require_origin, rotor_lag_of
+from np_drake.lifting.model.window_network import WindowNetwork
 
 
 def family(generator: np.random.Generator) -> AdaptiveFamily:
@@ -37,8 +39,13 @@ def model(configuration: str) -> LiftedModel:
         if configuration == PAPER
         else DelayEncoder(generator.standard_normal((4, 60)), 5)
     )
-    if configuration == LIFTED:
+    if configuration in FAMILIES:
         encoder = family(generator)
+    if configuration == NEURAL:
+        layers = tuple(generator.standard_normal(shape) for shape in ((3, 5), (5, 3)))
+        biases, ones = (np.zeros(3), np.zeros(5)), np.ones(1)
+        white = (generator.standard_normal((2, 6)),)
+        encoder = with_network(encoder, WindowNetwork(white, ((2, 2),), layers, biases, ones, ones, np.ones(4), 0.5))
     system = LiftedLinearSystem(A, B, C, 0.02)
     return LiftedModel(configuration, system, encoder, 5, scale, scale, True, {"samples": 7}, 0.5, late=2)
 
