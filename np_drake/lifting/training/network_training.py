@@ -18,7 +18,7 @@ from torch import nn
 from np_drake.lifting.model.adaptive_family import AdaptiveFamily
 from np_drake.lifting.model.lifted_model import NEURAL, LiftedModel
 from np_drake.lifting.model.neural_family import NeuralFamily, with_network
-from np_drake.lifting.model.window_network import WindowNetwork, images
+from np_drake.lifting.model.window_network import WindowNetwork, images, saturated
 from np_drake.lifting.training.checkpoint import Checkpoint, OnEpoch
 from np_drake.lifting.training.family_training import LiftedConfig, train_lifted
 from np_drake.lifting.training.family_windows import HORIZONS, FamilyWindows, family_windows, principal_components
@@ -37,7 +37,7 @@ class NeuralConfig(LiftedConfig):
 
     width: int = 64  # of two hidden layers [1]
     components: int = 12  # of each view's window that the network sees [1]
-    gain: float = 2.0  # largest singular value of a hidden layer, in scaled inputs [1]
+    gain: float = 3.0  # largest singular value of a hidden layer, in scaled inputs [1]
     flights: int = 600  # that the network is trained on, drawn from all [1]
     windows: int = 80  # of a flight [1]
     updates: int = 2500  # of its descent [1]
@@ -104,7 +104,7 @@ def judged(model: LiftedModel, segments: Sequence[Segment]) -> LiftedModel:
         return model
     network = family.network
     data = family_windows(family, network.white, long, step=model.step, count=JUDGED, noise=0.01)
-    x = np.concatenate([data.inputs.numpy().astype(float), (data.theta.numpy() - network.center) / network.spread], 1)
+    x = saturated(np.concatenate([data.inputs, (data.theta - network.center) / network.spread], axis=1))
     dz, change = (torch.from_numpy(part).float() for part in network.correction(x))
     losses = [float(data.loss(share * dz, share * change)) for share in SHARES]
     share = network.share * SHARES[int(np.argmin(losses))]
@@ -136,13 +136,13 @@ class _Module(nn.Module):
     def forward(self, data: FamilyWindows, image: int | None = None) -> tuple[torch.Tensor, torch.Tensor]:
         """Return dz (n, K) and dtheta (n, r), of one turn or mirror image, or the mean over all."""
         center, spread = self._scaled
-        x = torch.cat([data.inputs, (data.theta - center) / spread], dim=1)
+        x = saturated(torch.cat([data.inputs, (data.theta - center) / spread], dim=1))
         some = self._images if image is None else [self._images[image]]
         weights, outputs = [normalised(W, self._gain) for W in self.hidden], torch.zeros(len(x), len(self._unit))
         for before, after in some:
             h = x @ before.T
             for W, b in zip(weights, self.biases, strict=False):
-                h = torch.tanh(h @ W.T + b)
+                h = nn.functional.silu(h @ W.T + b)
             outputs = outputs + (h @ self.last.T + self.biases[-1]) @ after
         outputs = outputs / len(some) * self._unit
         K = len(self._size)

@@ -12,7 +12,7 @@ from np_drake.lifting.model.lifted_model import LIFTED, NEURAL, LiftedModel
 from np_drake.lifting.model.modal_axis import ModalAxis
 from np_drake.lifting.model.model_file import load_model, read_tensors, save_model, schema_of, write_tensors
 from np_drake.lifting.model.neural_family import NeuralFamily, with_network
-from np_drake.lifting.model.window_network import WindowNetwork
+from np_drake.lifting.model.window_network import MOST, WindowNetwork
 from np_drake.residual_model import Sample
 from np_drake.residual_models.neural_predictor import NeuralPredictor
 
@@ -104,9 +104,13 @@ def test_along_a_flight_it_is_what_it_is_sample_by_sample():
 @given(st.floats(1.0, 1e9))
 def test_the_correction_is_bounded_however_wild_the_window(size):
     dut = network()
-    dz, change = dut.correction(1e3 * size * np.random.default_rng(2).standard_normal((5, 8 + 3 + r)))
-    most = np.abs(dut.weights[-1]).sum(axis=1).max() + np.abs(dut.biases[-1]).max()
-    assert max(np.abs(dz).max(), np.abs(change).max()) <= most * 2
+    seen = [size * part for part in family().seen(np.random.default_rng(2).standard_normal((5, D, 12)))]
+    x = dut.inputs(seen, size * np.ones((5, r)))
+    dz, change = dut.correction(x)
+    unit = np.concatenate([dut.size, dut.spread])
+    least, most = dut.correction(np.zeros_like(x)), dut.lipschitz_bound * MOST * np.sqrt(x.shape[1])
+    moved = (np.concatenate([dz, change], axis=1) - np.concatenate(least, axis=1)) / unit
+    assert np.linalg.norm(moved, axis=1).max() <= most
     system = with_network(family(), dut).system(family().mean + change[0], STEP)
     assert system.spectral_radius <= 1.0
 

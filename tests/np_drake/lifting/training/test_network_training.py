@@ -8,7 +8,7 @@ import torch
 
 from np_drake.lifting.model.lifted_model import NEURAL
 from np_drake.lifting.model.neural_family import NeuralFamily, with_network
-from np_drake.lifting.model.window_network import WindowNetwork
+from np_drake.lifting.model.window_network import WindowNetwork, saturated
 from np_drake.lifting.training.checkpoint import Checkpoint
 from np_drake.lifting.training.family_training import train_lifted
 from np_drake.lifting.training.family_windows import HORIZONS, family_windows, principal_components
@@ -94,11 +94,10 @@ def test_the_loss_is_the_error_over_that_of_persistence(family, neural):
         encoder = model.encoder
         white = principal_components(encoder, some, 3)
         data = family_windows(encoder, white, some, step=STEP, count=1000, noise=0.0)
-        dz = change = torch.zeros(1)
         if isinstance(encoder, NeuralFamily):
             own = family_windows(encoder, encoder.network.white, some, step=STEP, count=1000, noise=0.0)
             theta = (own.theta.numpy() - encoder.network.center) / encoder.network.spread
-            x = np.concatenate([own.inputs.numpy(), theta], axis=1)
+            x = saturated(np.concatenate([own.inputs.numpy(), theta], axis=1))
             dz, change = (torch.from_numpy(part).float() for part in encoder.network.correction(x))
         else:
             dz, change = torch.zeros(len(data), encoder.K), torch.zeros(len(data), len(encoder.mean))
