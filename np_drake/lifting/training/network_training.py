@@ -38,11 +38,11 @@ class NeuralConfig(LiftedConfig):
     width: int = 64  # of two hidden layers [1]
     components: int = 12  # of each view's window that the network sees [1]
     gain: float = 3.0  # largest singular value of a hidden layer, in scaled inputs [1]
-    flights: int = 600  # that the network is trained on, drawn from all [1]
+    flights: int = 500  # that the network is trained on, drawn from all [1]
     windows: int = 80  # of a flight [1]
-    updates: int = 2500  # of its descent [1]
+    updates: int = 2000  # of its descent [1]
     group: int = 512  # windows of an update [1]
-    learning: float = 3e-3  # its rate, falling to a hundredth along a cosine [1]
+    learning: float = 5e-3  # its rate, falling to a hundredth along a cosine [1]
     decay: float = 1e-2  # of the weights, times the rate [1]
 
 
