@@ -51,7 +51,7 @@ Configuration = Annotated[
     Option(
         "--configuration",
         metavar="NAME",
-        help="lifted (world axes) | mode-dictionary (body axes) | paper | dmdc | delay-dmdc | ridge, "
+        help="neural | lifted (world axes) | mode-dictionary (body axes) | paper | dmdc | delay-dmdc | ridge, "
         "of np; payload_filter; gp | knode. Default: the first that suits the axes.",
     ),
 ]

@@ -69,6 +69,7 @@ STUDIES = {
     "tether": Study("payload.tether", "The tether's length from the payload's mode."),
     "estimation": Study("prediction.estimation", "The paper's table, one step ahead."),
     "sample-efficiency": Study("prediction.sample_efficiency", "Error against training samples."),
+    "envelope": Study("prediction.envelope_study", "What the network adds on fresh simulated payloads."),
     "response": Study("prediction.response", "How late the prediction is."),
     "hover": Study("payload.hover_study", "Hover while the payload swings."),
     "attach": Study("payload.attach_study", "The payload changes in flight: attached, cut off, taut."),

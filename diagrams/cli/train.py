@@ -58,9 +58,10 @@ def train(
     from diagrams.cli.flights import open_flights
     from diagrams.prediction.envelope import train_on_envelope
     from np_drake.files.figure_file import save
-    from np_drake.lifting.model.lifted_model import LIFTED
+    from np_drake.lifting.model.lifted_model import FAMILIES, LIFTED, NEURAL
     from np_drake.lifting.model.model_file import save_model
     from np_drake.lifting.model.origin import rotor_lag_of
+    from np_drake.lifting.training.network_training import PART
     from np_drake.lifting.training.train import CONFIGURATIONS, TrainingResult, make_config
     from np_drake.residual_models.motion_model import KNODE, REACTIONS
     from np_drake.residual_models.predictor_training import train_on_flights
@@ -81,11 +82,14 @@ def train(
     step = step or sampling_period(flown)
     frame = flights[0].frame if flights else "world"
     family = None
-    if name in ("", LIFTED) and frame == "world" and not envelope:
+    if name in ("", *FAMILIES) and frame == "world" and not envelope:
         family = _placed(flights, prior, step, envelope)
+        family = family.without_network if family and name == LIFTED else family
+    if not name and (family or envelope):
+        name = family.configuration if family else NEURAL if (envelope or 0) >= PART else LIFTED
     configuration = configuration_for(name, frame)
-    if configuration != LIFTED and (envelope or prior):
-        raise ValueError(f"--envelope and --prior: must be of {LIFTED}; got {configuration}.")
+    if configuration not in FAMILIES and (envelope or prior):
+        raise ValueError(f"--envelope and --prior: must be of {' | '.join(FAMILIES)}; got {configuration}.")
     if configuration == PAYLOAD_FILTER:
         return _payload_filter_report(flights, out, step=step)
     if configuration in REACTIONS:
@@ -100,7 +104,7 @@ def train(
     else:
         config = make_config(configuration, frame=frame, seed=run.seed, epochs=epochs)
         start = time.perf_counter()
-        if configuration == LIFTED and envelope:
+        if configuration in FAMILIES and envelope:
             result = train_on_envelope(envelope, config, run=run, vehicle=flown, flights=flights, step=step)
             wall = time.perf_counter() - start
         elif family is not None:

@@ -24,7 +24,7 @@ from diagrams.tracking.model_files import (
 )
 from diagrams.tracking.tracking import PLAIN, Row, configure, named, training_config
 from np_drake import attitude
-from np_drake.lifting.model.lifted_model import LIFTED
+from np_drake.lifting.model.lifted_model import NEURAL
 from np_drake.metrics import half_width
 from np_drake.payload_filter.model_file import PAYLOAD_FILTER
 from systems.payload_event import PayloadEvent, push, release
@@ -42,7 +42,7 @@ EVENTS: dict[str, Callable[[PayloadEvent], PayloadEvent]] = {
 }
 
 ROWS = (
-    Row("np", "np", training=TRAINING, configuration=LIFTED),
+    Row("np", "np", training=TRAINING, configuration=NEURAL),
     Row("payload_filter", PAYLOAD_FILTER, training=TRAINING, configuration=PAYLOAD_FILTER),
     Row("np: paper, plain circle", "np", training=PLAIN, configuration="paper"),
 )

@@ -23,7 +23,7 @@ from diagrams.tracking.model_files import (
 )
 from diagrams.tracking.tracking import PLAIN, Row, configure, named, training_config
 from np_drake import metrics
-from np_drake.lifting.model.lifted_model import LIFTED
+from np_drake.lifting.model.lifted_model import NEURAL
 from np_drake.payload_filter.model_file import PAYLOAD_FILTER
 from np_drake.residual_models.motion_model import GP, KNODE
 
@@ -50,9 +50,9 @@ ROWS = (
     HoverRow("gp", "gp", training=TRAINING, configuration=GP),
     HoverRow("knode", "knode", training=TRAINING, configuration=KNODE),
     HoverRow("np: paper, plain circle", "np", training=PLAIN, configuration="paper"),
-    HoverRow("np", "np", training=TRAINING, configuration=LIFTED),
+    HoverRow("np", "np", training=TRAINING, configuration=NEURAL),
     # The weight on the body rates keeps tilting as slow as the swing; without it motor lag makes pitch oscillate.
-    HoverRow(DAMPED, "np", training=TRAINING, configuration=LIFTED, weight_swing=10.0, weight_rate=3.0),
+    HoverRow(DAMPED, "np", training=TRAINING, configuration=NEURAL, weight_swing=10.0, weight_rate=3.0),
     HoverRow("payload_filter", PAYLOAD_FILTER, training=TRAINING, configuration=PAYLOAD_FILTER),
     # Three times the weight: what the vehicle can do against the swing is less than the lifted model makes of it.
     HoverRow(

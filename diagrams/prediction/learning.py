@@ -9,7 +9,7 @@ from diagrams.loop.controllers import NP_MODEL
 from diagrams.loop.flight_result import FlightResult
 from np_drake.flight_log import FlightLog
 from np_drake.labels import LabelConfig, default_labels
-from np_drake.lifting.model.lifted_model import LIFTED, LiftedModel
+from np_drake.lifting.model.lifted_model import FAMILIES, LIFTED, NEURAL, LiftedModel
 from np_drake.lifting.model.model_file import load_model, save_model
 from np_drake.lifting.model.origin import origin_of, require_origin
 from np_drake.lifting.training.train import TrainingResult, make_config
@@ -22,10 +22,11 @@ from np_drake.training_data.training_segments import Flight
 from np_drake.vehicle import Vehicle
 
 
-def train_predictor(flight: FlightResult, path: Path, *, configuration: str = LIFTED, seed: int = 0) -> TrainingResult:
+def train_predictor(flight: FlightResult, path: Path, *, configuration: str = NEURAL, seed: int = 0) -> TrainingResult:
     """Train on the flight's log after the ramp and write the model file.
 
-    `lifted` places the packaged family, see `placed_family`; where there is none, it learns from the flight alone.
+    `neural` places the packaged family, see `placed_family`, and `lifted` does so without its network; where there is
+    none, `lifted` learns from the flight alone.
 
     Args:
         flight: to train on.
@@ -36,9 +37,12 @@ def train_predictor(flight: FlightResult, path: Path, *, configuration: str = LI
     """
     controller, vehicle = flight.config.controller, flight.config.vehicle
     flights, step, label = [Flight(_scored(flight), vehicle)], controller.period, controller.label
-    family = placed_family(flights, step=step, label=label)[0] if configuration == LIFTED else None
+    family = placed_family(flights, step=step, label=label)[0] if configuration in FAMILIES else None
+    if family is not None and configuration == LIFTED:
+        family = family.without_network
     if family is None:
-        result = train_on_flights(flights, make_config(configuration, seed=seed), step=step, label=label)
+        alone = LIFTED if configuration in FAMILIES else configuration
+        result = train_on_flights(flights, make_config(alone, seed=seed), step=step, label=label)
     else:
         result = TrainingResult(family, [])
     save_model(result.model, path)

@@ -1,4 +1,4 @@
-"""The models that ship with the package, made anew: a family of systems over an envelope, and a payload filter."""
+"""The models that ship with the package, made anew: a family of systems with its network, and a payload filter."""
 
 import dataclasses as dc
 from pathlib import Path
@@ -12,6 +12,7 @@ from diagrams.loop.controllers import FILTER_MODEL, MODELS, NP_MODEL
 from diagrams.prediction.envelope import train_on_envelope
 from diagrams.prediction.learning import train_payload_filter_model
 from diagrams.tracking.tracking import DITHERED, training_flight
+from np_drake.lifting.model.lifted_model import NEURAL
 from np_drake.lifting.model.model_file import read_tensors, save_model, schema_of
 from np_drake.lifting.training.train import make_config
 from np_drake.vehicle import Vehicle
@@ -28,7 +29,7 @@ def make_packaged_models(run: Run, flights: int = FLIGHTS) -> list[Path]:
         flights: of the envelope.
     """
     family, run = run.folder / NP_MODEL.name, dc.replace(run, seed=SEED)
-    result = train_on_envelope(flights, make_config("lifted", seed=SEED), run=run, vehicle=Vehicle())
+    result = train_on_envelope(flights, make_config(NEURAL, seed=SEED), run=run, vehicle=Vehicle())
     save_model(result.model, family)
     return [family, make_filter(run.folder)]
 

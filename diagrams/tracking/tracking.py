@@ -12,7 +12,7 @@ from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight import FlightConfig
 from diagrams.loop.flight_result import FlightResult, fly
 from diagrams.prediction.learning import train_payload_filter_model, train_predictor, train_reaction
-from np_drake.lifting.model.lifted_model import LIFTED
+from np_drake.lifting.model.lifted_model import LIFTED, NEURAL
 from np_drake.metrics import half_width
 from np_drake.payload_filter.model_file import PAYLOAD_FILTER
 from np_drake.residual_models.motion_model import GP, KNODE, REACTIONS
@@ -68,7 +68,7 @@ ROWS = (
     Row("np: plain circle", "np", training=PLAIN, configuration=LIFTED),
     Row("payload_filter: plain circle", PAYLOAD_FILTER, training=PLAIN, configuration=PAYLOAD_FILTER),
     Row("np: paper, dithered circle", "np", training=DITHERED, configuration="paper"),
-    Row("np", "np", training=DITHERED, configuration=LIFTED),
+    Row("np", "np", training=DITHERED, configuration=NEURAL),
     Row("payload_filter", PAYLOAD_FILTER, training=DITHERED, configuration=PAYLOAD_FILTER),
     Row("oracle", "oracle"),
 )

@@ -9,7 +9,7 @@ from np_drake import rigid_body
 from np_drake.lifting.model.adaptive_family import EVERY, AdaptiveFamily
 from np_drake.lifting.model.encoders import DelayEncoder, Phi
 from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem, advance
-from np_drake.lifting.model.lifted_model import BY_AXES, LiftedModel
+from np_drake.lifting.model.lifted_model import FAMILIES, MODE_DICTIONARY, LiftedModel
 from np_drake.lifting.model.model_file import load_model
 from np_drake.lifting.model.origin import rotor_lag_of
 from np_drake.lifting.model.window_refit import WindowRefit
@@ -70,7 +70,7 @@ class NeuralPredictor:
             raise ValueError(f"NeuralPredictor: torque must be hold | predict; got {options.torque}.")
         if options.torque == "predict" and not model.predicts_torque:
             raise ValueError("NeuralPredictor: this model must not predict torque; it was trained without. Use hold.")
-        self.name = "np" if model.configuration in BY_AXES.values() else f"np-{model.configuration}"
+        self.name = "np" if model.configuration in (*FAMILIES, MODE_DICTIONARY) else f"np-{model.configuration}"
         self.step = model.step
         self.model, self.options = model, options
         self.rotor_lag = rotor_lag_of(model)  # through which its labels want the command [s]
@@ -221,9 +221,12 @@ class NeuralPredictor:
             full = memory["count"][0] == self.model.window
             if full and labelled and memory["labels"][0] % EVERY == 0:
                 theta, covariance = self._family.update(theta, memory["covariance"], memory["window"], self.step)
-                s = self._family.system(theta, self.step)
-                found = {"theta": theta, "covariance": covariance, "A": s.A, "B": s.B}
-            return {"z": self._family.lift(memory["window"], theta), **found}
+                found = {"theta": theta, "covariance": covariance}
+            at, z = self._family.read(memory["window"], theta)
+            if at is not memory["theta"]:
+                s = self._family.system(at, self.step)
+                found |= {"A": s.A, "B": s.B}
+            return {"z": z, **found}
         z, chi = self.model.lift(memory["window"]), memory["window"][-1, :6]
         if self.model.trust is None:
             return {"z": z}

@@ -12,6 +12,7 @@ from np_drake.lifting.model.lifted_model import LiftedModel
 from np_drake.lifting.model.origin import origin_of, require_origin, with_origin, with_rotor_lag
 from np_drake.lifting.training.excitation import measure_excitation
 from np_drake.lifting.training.family_training import placed
+from np_drake.lifting.training.network_training import judged
 from np_drake.lifting.training.train import Config, TrainingResult, train
 from np_drake.residual_models.neural_predictor import NeuralPredictor
 from np_drake.training_data.actuator_timing import learned_rotor_lag
@@ -59,6 +60,8 @@ def place_on_flights(
 ) -> LiftedModel:
     """Return a family of systems whose theta starts where these flights leave it, its `foresight` in the summary.
 
+    Of its network, where it has one, that share is used which foresees these flights best.
+
     Args:
         flights: opened ones, with the payload that is expected.
         prior: family, trained on labels like theirs.
@@ -70,7 +73,7 @@ def place_on_flights(
     require_origin(prior, origin_of(flights[0].frame, vehicle, label or default_labels(vehicle)))
     lag = rotor_lag_in(flights)
     segments = lagged_segments(flights, lag, step=step, label=label)
-    model = _signed(placed(prior, segments), flights, None, lag, label)
+    model = _signed(judged(placed(prior, segments), segments), flights, None, lag, label)
     placement = {"samples": sum(map(len, segments)), "foresight": foresight(model, segments)}
     excitation = measure_excitation([segment.zeta for segment in segments], step=step).text
     return dc.replace(model, summary={**model.summary, "placed": placement, "excitation": excitation})

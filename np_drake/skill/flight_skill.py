@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from np_drake.flight_log import FlightLog
-from np_drake.lifting.model.lifted_model import BY_AXES, PAPER, LiftedModel
+from np_drake.lifting.model.lifted_model import FAMILIES, MODE_DICTIONARY, PAPER, LiftedModel
 from np_drake.lifting.model.origin import origin_of, require_origin
 from np_drake.logs.formats.neurobem_wrenches import TESTS
 from np_drake.payload_filter.model_file import PAYLOAD_FILTER, PayloadFilterModel
@@ -21,7 +21,7 @@ from np_drake.training_data.sampled_flight import SampledFlight
 from np_drake.training_data.segments import Segment, WrenchSequence
 from np_drake.training_data.training_segments import Flight, flown_segments
 
-OURS = (PAPER, *BY_AXES.values(), PAYLOAD_FILTER)
+OURS = (PAPER, *FAMILIES, MODE_DICTIONARY, PAYLOAD_FILTER)
 WARM_UP = 40  # samples before the first origin, at least [1]
 Model = LiftedModel | PayloadFilterModel
 DIVERGED = 10.0  # longest forecast over longest label from which a flight counts as diverged [1]

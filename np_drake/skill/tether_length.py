@@ -54,9 +54,10 @@ def pendulum_length(segments: list[Segment], *, gravity: float = GRAVITY, seed: 
     """
     driven = [_driven_by_velocity(s) for s in segments]
     step = segments[0].step if segments else 1.0
-    spans = {"delay": max(2, round(LONGEST_DELAY / step)), "horizon": max(2, round(SPAN / step))}
+    delay, horizon = (max(2, round(span / step)) for span in (LONGEST_DELAY, SPAN))
     results = [
-        train(driven, LiftedConfig(**spans, size=0, lateral=(start,), vertical=(start,), seed=seed)) for start in STARTS
+        train(driven, LiftedConfig(delay, horizon, size=0, lateral=(start,), vertical=(start,), seed=seed))
+        for start in STARTS
     ]
     trained = min(results, key=lambda result: result.loss[-1]).model.system
     # Training saw no body rates

@@ -45,6 +45,7 @@ VERBS: dict[str, Verb] = {
     "reproduce theorem": Verb("--neurobem {arrays} --spacing 1000"),
     "reproduce estimation": Verb("--neurobem {neurobem}"),
     "reproduce sample-efficiency": Verb("--neurobem {arrays}"),
+    "reproduce envelope": Verb("--flights 3"),
     "reproduce response": Verb("--neurobem {arrays}"),
     "reproduce payload-flights": Verb(
         "{real} --only ridge --only payload_filter", times=frozenset({"wall", "training"})

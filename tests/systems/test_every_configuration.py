@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from np_drake.lifting.model.lifted_model import MODE_DICTIONARY
+from np_drake.lifting.model.lifted_model import FAMILIES, MODE_DICTIONARY, NEURAL, PAPER
 from np_drake.lifting.training.train import CONFIGURATIONS, make_config, train
 from np_drake.mpc.horizon import eliminate
 from np_drake.residual_model import Sample
@@ -14,7 +14,7 @@ from systems.neural_predictor import NeuralPredictor
 
 STEP, HORIZON, STRIDE = 0.02, 5, 2
 U = Vehicle().hover_input
-SMALL = {"paper": {"epochs": 1}, "lifted": {"steps": 20}}
+SMALL = {"paper": {"epochs": 1}, "lifted": {"steps": 20}, "neural": {"steps": 20, "updates": 5}}
 TRAINED: dict[str, NeuralPredictorModel] = {}
 
 
@@ -33,7 +33,9 @@ def model(request) -> NeuralPredictorModel:
     if name not in TRAINED:
         frame = "body" if name == MODE_DICTIONARY else "world"
         config = make_config(name, frame=frame, **SMALL.get(name, {}))
-        TRAINED[name] = NeuralPredictorModel(train([swinging(0)], config).model)
+        TRAINED[name] = NeuralPredictorModel(
+            train([swinging(i) for i in range(10 if name == NEURAL else 1)], config).model
+        )
     return TRAINED[name]
 
 
@@ -104,5 +106,5 @@ def test_missing_samples_leave_a_usable_forecast(model):
 def test_only_what_changes_in_flight_keeps_its_system_in_the_state(model):
     state = NeuralPredictor(model, horizon=HORIZON, stride=STRIDE)
     names = set(state.memory(state.CreateDefaultContext()))
-    assert ({"A", "B"} <= names) == (model.model.configuration in ("paper", "lifted"))
-    assert ({"theta", "covariance"} <= names) == (model.model.configuration == "lifted")
+    assert ({"A", "B"} <= names) == (model.model.configuration in (PAPER, *FAMILIES))
+    assert ({"theta", "covariance"} <= names) == (model.model.configuration in FAMILIES)

@@ -104,6 +104,20 @@ class AdaptiveFamily:
         last = window[len(window) - self.delay :]
         return np.concatenate([axis.lift(axis.seen(last), theta).ravel() for axis in self.axes])
 
+    def seen(self, windows: np.ndarray) -> list[np.ndarray]:
+        """Return windows (..., D, 12) as the views of each axis see them, (..., V, D c), scaled."""
+        views = [windows[..., None, :, :] @ axis.channels.swapaxes(1, 2) for axis in self.axes]
+        return [view.reshape(*view.shape[:-2], -1) for view in views]
+
+    def read(self, window: np.ndarray, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return theta (r,) at which a window is forecast, and z (K,).
+
+        Args:
+            window: (W, 12) samples, oldest first, W >= D [N, N·m, m/s, rad/s].
+            theta: (r,) as estimated.
+        """
+        return theta, self.lift(window, theta)
+
     def update(
         self, theta: np.ndarray, covariance: np.ndarray, window: np.ndarray, step: float
     ) -> tuple[np.ndarray, np.ndarray]:
@@ -138,6 +152,18 @@ class AdaptiveFamily:
         for seen in range(-(-self.window // EVERY) * EVERY, len(samples) + 1, EVERY):
             theta, covariance = self.update(theta, covariance, samples[seen - self.window : seen], step)
             yield seen, theta
+
+    def thetas(self, samples: np.ndarray, step: float) -> np.ndarray:
+        """Return theta (o, r) as estimated at every sample from D on, o = n - D + 1.
+
+        Args:
+            samples: (n, 12) without gaps, n >= D [N, N·m, m/s, rad/s].
+            step: [s].
+        """
+        found = np.tile(self.mean, (len(samples) - self.delay + 1, 1))
+        for seen, theta in self.estimates(samples, step):
+            found[seen - self.delay :] = theta
+        return found
 
     def along(self, samples: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return A (o, K, K), B (o, K, 6) and z (o, K) at every sample from D on, o = n - D + 1.

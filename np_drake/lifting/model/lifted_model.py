@@ -9,19 +9,22 @@ import numpy as np
 from np_drake.lifting.model.adaptive_family import AdaptiveFamily
 from np_drake.lifting.model.encoders import DelayEncoder, Phi
 from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem, advance
+from np_drake.lifting.model.neural_family import NeuralFamily
 from np_drake.lifting.model.trust import Trust
 
-PAPER, LIFTED, MODE_DICTIONARY = "paper", "lifted", "mode-dictionary"
+PAPER, LIFTED, NEURAL, MODE_DICTIONARY = "paper", "lifted", "neural", "mode-dictionary"
 DMDC, DELAY_DMDC, RIDGE = "dmdc", "delay-dmdc", "ridge"
 ENCODERS: dict[str, type[Phi] | type[DelayEncoder] | type[AdaptiveFamily]] = {  # of each configuration, by name
     LIFTED: AdaptiveFamily,
+    NEURAL: NeuralFamily,
     PAPER: Phi,
     MODE_DICTIONARY: DelayEncoder,
     DMDC: DelayEncoder,
     DELAY_DMDC: DelayEncoder,
     RIDGE: DelayEncoder,
 }
-BY_AXES = {"world": LIFTED, "body": MODE_DICTIONARY}  # configuration that suits wrenches in these axes
+FAMILIES = (LIFTED, NEURAL)  # configurations of many payloads, of which one's own flights only place theta
+BY_AXES = {"world": LIFTED, "body": MODE_DICTIONARY}  # configuration that suits flights in these axes alone
 
 
 @dc.dataclass(frozen=True)
@@ -77,16 +80,26 @@ class LiftedModel:
 
         Raises: TypeError: where the encoder is a network.
         """
-        if isinstance(self.encoder, AdaptiveFamily):
-            return self.encoder.encoder(self.encoder.mean)
         if isinstance(self.encoder, DelayEncoder):
             return self.encoder
+        if isinstance(self.encoder, AdaptiveFamily) and not isinstance(self.encoder, NeuralFamily):
+            return self.encoder.encoder(self.encoder.mean)
         raise TypeError(f"LiftedModel: the encoder of {self.configuration} is not linear.")
+
+    @property
+    def without_network(self) -> "LiftedModel":
+        """Model of the same family without the network, where there is one; else the model itself."""
+        if not isinstance(self.encoder, NeuralFamily):
+            return self
+        return dc.replace(self, configuration=LIFTED, encoder=self.encoder.plain)
 
     def lift(self, window: np.ndarray) -> np.ndarray:
         """Return z (..., K) now from samples [chi, zeta] (..., window, 12), oldest first."""
         if isinstance(self.encoder, DelayEncoder):
             return self.encoder(window)
+        if isinstance(self.encoder, NeuralFamily):
+            mean = self.encoder.mean
+            return self.encoder.read(window, np.broadcast_to(mean, (*window.shape[:-2], len(mean))))[1]
         if isinstance(self.encoder, AdaptiveFamily):
             return self.linear_encoder(window[..., -self.encoder.delay :, :])
         z, s = self.encoder(window[..., -1, :6]), self.system

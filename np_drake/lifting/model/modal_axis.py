@@ -104,7 +104,7 @@ class ModalAxis:
         seen, at = self.seen(window), np.hstack([np.ones((len(thetas), 1)), thetas])
         ends = seen.shape[1] - np.concatenate([[0], lags])
         w = np.stack([seen[:, end - self.delay : end].reshape(len(seen), -1) for end in ends], axis=1)
-        z = (w @ self._by_theta).reshape(*w.shape[:2], self.K, -1) @ at.T  # (V, 1 + l, K, T)
+        z = (w @ self.by_theta).reshape(*w.shape[:2], self.K, -1) @ at.T  # (V, 1 + l, K, T)
         CA = self._readouts(at, step, int(max(lags)))
         response = np.einsum("tkh,kct->thc", CA[:, :, :-1], self.inputs @ at.T)
         found = np.empty((len(thetas), len(seen), len(lags)))
@@ -125,6 +125,6 @@ class ModalAxis:
         return np.concatenate([pairs.reshape(len(at), -1, longest + 1), real], axis=1)
 
     @cached_property
-    def _by_theta(self) -> np.ndarray:
+    def by_theta(self) -> np.ndarray:
         """Encoder as a map from a window to what each entry of [1, theta] multiplies, (D c, K (1 + r))."""
         return self.encoder.transpose(1, 0, 2).reshape(self.encoder.shape[1], -1)

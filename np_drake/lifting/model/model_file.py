@@ -16,6 +16,7 @@ from np_drake.lifting.model.encoders import DelayEncoder, Phi
 from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
 from np_drake.lifting.model.lifted_model import ENCODERS, LiftedModel, require_configuration
 from np_drake.lifting.model.model_header import LARGEST_RIDGE, LONGEST_WINDOW, STEPS, number_in, summary_in, truth_in
+from np_drake.lifting.model.neural_family import NeuralFamily, neural_family_of, neural_tensors
 from np_drake.lifting.model.trust import Trust
 
 SCHEMA = "np_drake.lifted_model/1"  # format of the file and its version
@@ -36,6 +37,8 @@ def save_model(model: LiftedModel, path: str | Path) -> None:
     tensors = {"A": s.A, "B": s.B, "C": s.C, "chi_scale": model.chi_scale, "zeta_scale": model.zeta_scale}
     if isinstance(model.encoder, Phi):
         tensors |= {f"W{i}": W for i, W in enumerate(model.encoder.weights)}
+    elif isinstance(model.encoder, NeuralFamily):
+        tensors |= neural_tensors(model.encoder)
     elif isinstance(model.encoder, AdaptiveFamily):
         tensors |= family_tensors(model.encoder)
     else:
@@ -170,6 +173,8 @@ def _model(tensors: dict[str, np.ndarray], header: dict[str, Any]) -> LiftedMode
     encoder: Phi | DelayEncoder | AdaptiveFamily
     if kind is Phi:
         encoder = _phi(tensors)
+    elif kind is NeuralFamily:
+        encoder = neural_family_of(tensors)
     elif kind is AdaptiveFamily:
         encoder = family_of(tensors)
     else:

@@ -68,12 +68,7 @@ class TrainedAxis:
         """Return the map from [window, coming inputs] to the force at the horizons, (F, p, h)."""
         at = torch.cat([torch.ones(len(theta), 1), theta], dim=1)
         ahead = torch.arange(int(self.horizons[-1]) + 1, dtype=theta.dtype)
-        turn = torch.exp(at @ self.frequency.T)[..., None] * ahead
-        shrink = torch.exp(-torch.exp(at @ self.damping.T)[..., None] * ahead)
-        real = torch.exp(-torch.exp(at @ self.decay.T)[..., None] * ahead)
-        # C A^j, (F, K, H + 1)
-        pairs = torch.stack([shrink * torch.cos(turn), -shrink * torch.sin(turn)], dim=2).flatten(1, 2)
-        CA = torch.cat([pairs, real], dim=1)
+        CA = readouts(at, self.frequency, self.damping, self.decay, ahead)
         encoder = torch.einsum("knr,fr->fnk", self.encoder, at)
         inputs = torch.einsum("kcr,fr->fck", self.inputs, at)
         response = inputs @ CA[..., :-1]  # (F, c - 1, H)
@@ -94,6 +89,25 @@ class TrainedAxis:
             arrays[name][..., 0] -= np.log(step)
         arrays["encoder"] = np.einsum("knr,nd->kdr", arrays["encoder"], self.whitening)
         return ModalAxis(channels, readout, **arrays)
+
+
+def readouts(
+    at: torch.Tensor, frequency: torch.Tensor, damping: torch.Tensor, decay: torch.Tensor, ahead: torch.Tensor
+) -> torch.Tensor:
+    """Return C A^j at the times j ahead, (n, K, len(ahead)).
+
+    Args:
+        at: (n, 1 + r) [1, theta].
+        frequency: (p, 1 + r) logarithms, see `ModalAxis`, in the unit of `ahead`.
+        damping: (p, 1 + r), likewise.
+        decay: (q, 1 + r), likewise.
+        ahead: times.
+    """
+    turn = torch.exp(at @ frequency.T)[..., None] * ahead
+    shrink = torch.exp(-torch.exp(at @ damping.T)[..., None] * ahead)
+    real = torch.exp(-torch.exp(at @ decay.T)[..., None] * ahead)
+    pairs = torch.stack([shrink * torch.cos(turn), -shrink * torch.sin(turn)], dim=2).flatten(1, 2)
+    return torch.cat([pairs, real], dim=1)
 
 
 def _single(values: np.ndarray) -> torch.Tensor:

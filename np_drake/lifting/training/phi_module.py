@@ -36,7 +36,7 @@ class PhiModule(nn.Module):
 
     def weights(self) -> list[torch.Tensor]:
         """Return the normalised weights, each of largest singular value gamma^(1/(L+1))."""
-        return [self._normalised(W) for W in self.raw]
+        return [normalised(W, self._layer_gain) for W in self.raw]
 
     def forward(self, chi: torch.Tensor) -> torch.Tensor:
         """Return z (..., K) of chi (..., 6) [N, N·m]."""
@@ -54,10 +54,17 @@ class PhiModule(nn.Module):
             exact.append(array * (self._layer_gain / np.linalg.norm(array, 2)))
         return Phi(tuple(exact), self._scale.numpy().copy())
 
-    def _normalised(self, W: torch.Tensor) -> torch.Tensor:
-        with torch.no_grad():
-            U, _, Vh = torch.linalg.svd(W, full_matrices=False)
-        return W * (self._layer_gain / (U[:, 0] @ W @ Vh[0]))
+
+def normalised(W: torch.Tensor, gain: float) -> torch.Tensor:
+    """Return a matrix of largest singular value `gain` along W, with its gradient.
+
+    Args:
+        W: any matrix but zero.
+        gain: [1].
+    """
+    with torch.no_grad():
+        U, _, Vh = torch.linalg.svd(W, full_matrices=False)
+    return W * (gain / (U[:, 0] @ W @ Vh[0]))
 
 
 def _initial_weights(sizes: list[int], generator: torch.Generator) -> list[torch.Tensor]:

@@ -17,8 +17,10 @@ from np_drake.lifting.model.lifted_model import (
     BY_AXES,
     DELAY_DMDC,
     DMDC,
+    FAMILIES,
     LIFTED,
     MODE_DICTIONARY,
+    NEURAL,
     PAPER,
     RIDGE,
     LiftedModel,
@@ -29,6 +31,7 @@ from np_drake.lifting.training.excitation import training_summary
 from np_drake.lifting.training.family_training import LiftedConfig, train_lifted
 from np_drake.lifting.training.horizon_ridge import horizon_ridge, moments_of, relative_error
 from np_drake.lifting.training.mode_dictionary_training import ModeDictionaryConfig, train_mode_dictionary
+from np_drake.lifting.training.network_training import NeuralConfig, train_neural
 from np_drake.lifting.training.paper_training import PaperConfig, train_paper
 from np_drake.training_data.segments import Segment, check_segments
 
@@ -57,11 +60,12 @@ class RidgeConfig:
     seed: int = 0  # nothing is drawn; kept for the one interface of all configurations
 
 
-Config = LiftedConfig | ModeDictionaryConfig | PaperConfig | DmdcConfig | RidgeConfig
+Config = LiftedConfig | NeuralConfig | ModeDictionaryConfig | PaperConfig | DmdcConfig | RidgeConfig
 DEFAULT_CONFIG = LiftedConfig()
 CONFIGURATIONS: dict[str, Config] = {
     LIFTED: DEFAULT_CONFIG,
     PAPER: PaperConfig(),
+    NEURAL: NeuralConfig(),
     MODE_DICTIONARY: ModeDictionaryConfig(),
     DMDC: DmdcConfig(),
     DELAY_DMDC: DmdcConfig(delays=10),
@@ -125,7 +129,7 @@ def make_config(configuration: str, *, frame: str = "world", epochs: int | None 
     Raises: ValueError: on an unknown name, frame or setting.
     """
     configuration = suited(configuration, frame)
-    if (configuration == LIFTED and frame != "world") or (configuration == MODE_DICTIONARY and frame != "body"):
+    if (configuration in FAMILIES and frame != "world") or (configuration == MODE_DICTIONARY and frame != "body"):
         raise ValueError(f"train: wrenches in {frame} axes need {BY_AXES[frame]}; got {configuration}.")
     if configuration not in CONFIGURATIONS:
         raise ValueError(f"train: configuration must be {' | '.join(CONFIGURATIONS)}; got {configuration}.")
@@ -137,7 +141,7 @@ def make_config(configuration: str, *, frame: str = "world", epochs: int | None 
     if frame != "world" and "symmetric" in names:
         settings = {"symmetric": False} | settings
     if epochs is not None:
-        settings |= dict.fromkeys(names & {"epochs", "steps"}, epochs)
+        settings |= dict.fromkeys(names & {"epochs", "steps", "updates"}, epochs)
     return dc.replace(config, **settings)
 
 
@@ -210,6 +214,7 @@ _TRAINERS: dict[type, Callable[..., tuple[LiftedModel, list[float]]]] = {
     ModeDictionaryConfig: train_mode_dictionary,
     PaperConfig: train_paper,
     LiftedConfig: train_lifted,
+    NeuralConfig: train_neural,
     DmdcConfig: _train_dmdc,
     RidgeConfig: _train_ridge,
 }

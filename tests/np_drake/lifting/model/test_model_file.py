@@ -13,10 +13,12 @@ from safetensors.numpy import load_file, save_file
 from np_drake.lifting.model.adaptive_family import AdaptiveFamily
 from np_drake.lifting.model.encoders import DelayEncoder, Phi
 from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
-from np_drake.lifting.model.lifted_model import DELAY_DMDC, ENCODERS, LIFTED, PAPER, LiftedModel
+from np_drake.lifting.model.lifted_model import DELAY_DMDC, ENCODERS, FAMILIES, NEURAL, PAPER, LiftedModel
 from np_drake.lifting.model.modal_axis import ModalAxis
 from np_drake.lifting.model.model_file import SCHEMA, load_model, save_model
+from np_drake.lifting.model.neural_family import with_network
 from np_drake.lifting.model.origin import require_origin, rotor_lag_of
+from np_drake.lifting.model.window_network import WindowNetwork
 
 
 def family(generator: np.random.Generator) -> AdaptiveFamily:
@@ -36,8 +38,13 @@ def model(configuration: str) -> LiftedModel:
         if configuration == PAPER
         else DelayEncoder(generator.standard_normal((4, 60)), 5)
     )
-    if configuration == LIFTED:
+    if configuration in FAMILIES:
         encoder = family(generator)
+    if configuration == NEURAL:
+        layers = tuple(generator.standard_normal(shape) for shape in ((3, 5), (5, 3)))
+        biases, ones = (np.zeros(3), np.zeros(5)), np.ones(1)
+        white = (generator.standard_normal((2, 6)),)
+        encoder = with_network(encoder, WindowNetwork(white, ((2, 2),), layers, biases, ones, ones, np.ones(4), 0.5))
     system = LiftedLinearSystem(A, B, C, 0.02)
     return LiftedModel(configuration, system, encoder, 5, scale, scale, True, {"samples": 7}, 0.5, late=2)
 
@@ -114,7 +121,7 @@ FAULTS = {
     "schema must be": lambda t, h, m: m.update(schema="np_drake.lifted_model/0"),
     "lacks 'E'": lambda t, h, m: t.pop("E"),
     "lacks 'step'": lambda t, h, m: h.pop("step"),
-    r"must be lifted \| paper \| mode-dictionary": lambda t, h, m: h.update(configuration="theirs"),
+    r"must be lifted \| neural \| paper": lambda t, h, m: h.update(configuration="theirs"),
     "lacks the layers of Phi": lambda t, h, m: h.update(configuration=PAPER),
     "must hold finite": lambda t, h, m: t.update(B=np.full((4, 6), np.nan)),
     "must hold finite floating": lambda t, h, m: t.update(B=np.zeros((4, 6), int)),
