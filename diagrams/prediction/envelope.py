@@ -28,17 +28,18 @@ from systems.payload_config import PayloadConfig
 
 DURATION = 14.0  # of a flight after its ramp [s]
 MASS = (0.03, 0.5)  # of the payload, up to a third of the paper's vehicle [kg]
-BARE = 0.07  # share of flights without payload [1]
+BARE = 0.1  # share of flights without payload [1]
 LENGTH = (0.37, 1.75)  # of the tether, evenly in its logarithm [m]
-SPEED = (0.4, 2.75)  # along the track; fast flights oftener, as they differ more [m/s]
+SPEED = (0.4, 2.75)  # along the track [m/s]
 RADIUS = (0.8, 1.6)  # of a circle [m]
+RAMP = (2.5, 5.0)  # to the track's speed [s]
 DITHER = (0.0, 0.04, 0.08)  # RMS of the dither in x and y, half of it in z [m]
 THRUST = (0.92, 1.02)  # real over nominal thrust [1]
-WIND = 2.0  # standard deviation of the wind in x and y, in one flight of three [m/s]
+WIND = 4.0  # standard deviation of the wind in x and y, in one flight of three [m/s]
 GUST = 0.4  # largest standard deviation of its gusts [m/s]
 HEIGHT = 2.5  # of the track, room for the longest tether [m]
 CABLE_STEP = 0.0015  # of the simulator, or less where a short cable with a light payload is stiffer [s]
-TRACKS, HOW_OFTEN = ("circle", "lemniscate", "hover"), (0.6, 0.33, 0.07)
+TRACKS, HOW_OFTEN = ("circle", "lemniscate", "hover"), (0.6, 0.3, 0.1)
 # The oracle keeps fast flights with heavy payloads on the track; holding the last wrench lets them swing.
 CONTROLLERS, HOW_OFTEN_FLOWN = ("oracle", "hold", "nominal"), (0.6, 0.3, 0.1)
 
@@ -56,8 +57,7 @@ def envelope_flight(number: int, *, seed: int, vehicle: Vehicle) -> FlightConfig
     track = str(rng.choice(TRACKS, p=HOW_OFTEN))
     dither = 0.08 if track == "hover" else float(rng.choice(DITHER))
     reference = ReferenceConfig(track=track, height=HEIGHT, dither=[dither, dither, dither / 2])
-    speed = SPEED[0] + (SPEED[1] - SPEED[0]) * float(np.sqrt(rng.random()))
-    radius, ramp = float(rng.uniform(*RADIUS)), float(rng.uniform(2.5, 5.0))
+    speed, radius, ramp = (float(rng.uniform(*span)) for span in (SPEED, RADIUS, RAMP))
     if track != "hover":
         reference = dc.replace(reference, speed=speed, ramp=ramp)
     if track == "circle":

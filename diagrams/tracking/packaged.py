@@ -18,7 +18,7 @@ from np_drake.lifting.training.train import make_config
 from np_drake.vehicle import Vehicle
 
 SEED, SOLVER = 0, "sqp"  # of the flights; the seed also of the training
-FLIGHTS = 440  # of the envelope
+FLIGHTS = 1000  # of the envelope
 
 
 def make_packaged_models(run: Run, flights: int = FLIGHTS) -> list[Path]:

@@ -28,7 +28,7 @@ def flight(name: str, duration: float, seed: int) -> Segment:
 def main() -> None:
     """Trains on 10 s of a dithered circle, prints the force error on a lemniscate that it was not trained on."""
     learned, unseen = flight("training_circle", 10.0, seed=0), flight("lemniscate", 4.0, seed=1)
-    model = train([learned], make_config("delay-modal", seed=0)).model
+    model = train([learned], make_config("lifted", seed=0)).model
     A, B, C = model.system.A, model.system.B, model.system.C
     print(f"lifted linear system: A {A.shape}, B {B.shape}, C {C.shape}, {model.summary['samples']} samples")
     models: dict[str, ResidualModel] = {"np": NeuralPredictor(model)}
