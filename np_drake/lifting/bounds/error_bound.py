@@ -17,6 +17,7 @@ from np_drake.lifting.bounds.encoder_reach import (
     spectral_norms,
     standing_still,
 )
+from np_drake.lifting.model.adaptive_family import AdaptiveFamily
 from np_drake.lifting.model.encoders import Phi
 from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
 from np_drake.lifting.model.lifted_model import LiftedModel
@@ -102,10 +103,12 @@ class TheoremBound:
             horizon: number of steps N that are bounded [1].
             refit: whether A, B are refit on the window; None: as the model flies.
             gamma: limit that the Lipschitz constant of the encoder must keep; None: that of the training [1].
-        Raises: ValueError: if an alpha is negative or the horizon less than one step.
+        Raises: ValueError: if an alpha is negative, the horizon less than one step, or theta changes in flight.
         """
         if horizon < 1:
             raise ValueError(f"bound: horizon must be at least 1 [steps]; got {horizon}.")
+        if isinstance(model.encoder, AdaptiveFamily) and len(model.encoder.mean):
+            raise ValueError("bound: A, B and encoder must not change with theta. Train on one flight, --envelope 0.")
         # A forecast from the time of the label: a late one is not taken to the present
         self.model, self.horizon = dc.replace(model, late=0), horizon
         self.change = Change(_over_steps(alpha_chi, horizon), _over_steps(alpha_zeta, horizon))

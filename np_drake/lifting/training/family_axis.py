@@ -60,8 +60,12 @@ class TrainedAxis:
             some: (b,) numbers of the flights.
             theta: (b, r) of each.
         """
-        G = self._forecasts(theta)
-        error = ((self._gram[some] @ G - 2 * self._cross[some]) * G).sum(1) + self._square[some]
+        G, cross = self._forecasts(theta), self._cross[some]
+        with torch.no_grad():
+            M = self._gram[some] @ G
+            of_gradient = (M * G).sum(1)
+        # G' M - 2 G' cross, M = gram G; its gradient 2 (M - cross) needs no second product with gram
+        error = (2 * (M - cross) * G).sum(1) - of_gradient + self._square[some]
         return (error * self._weight[some]).sum(1)
 
     def _forecasts(self, theta: torch.Tensor) -> torch.Tensor:

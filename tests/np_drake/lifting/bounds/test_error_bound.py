@@ -10,6 +10,8 @@ from np_drake.lifting.bounds.error_bound import TheoremBound, largest_changes
 from np_drake.lifting.model.encoders import DelayEncoder, Phi
 from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
 from np_drake.lifting.model.lifted_model import DELAY_DMDC, PAPER, LiftedModel
+from np_drake.lifting.training.family_training import LiftedConfig
+from np_drake.lifting.training.train import train
 
 ONES = np.ones(6)
 CHI_SCALE, ZETA_SCALE = np.array([2.0, 2.0, 2.0, 0.1, 0.1, 0.1]), np.array([3.0, 3.0, 3.0, 0.5, 0.5, 0.5])
@@ -180,3 +182,10 @@ def test_a_delay_encoder_knows_most_of_its_next_window():
 def test_what_cannot_be_bounded_is_refused(arguments, match):
     with pytest.raises(ValueError, match=match):
         bound(plain_model(), *arguments)
+
+
+def test_a_family_whose_theta_changes_in_flight_is_refused(dithered, plain):
+    one, two = (train(s, LiftedConfig(steps=3)).model for s in ([dithered.segment], [dithered.segment, plain.segment]))
+    assert np.isfinite(bound(one, 0.1, 0.1).z).all()
+    with pytest.raises(ValueError, match="must not change with theta"):
+        TheoremBound(two, 0.1, 0.1)
