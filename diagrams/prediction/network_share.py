@@ -40,7 +40,7 @@ class Flying:
             path = Path(folder) / "np.safetensors"
             save_model(self.models[case["share"]], path)
             config.controller.kind, config.controller.predictor = "np", str(path)
-            return {"error": fly(config.check(), seed=case["flight"]).metrics["position_rmse"]}
+            return {"error": fly(config.check(), seed=case["flight"]).metrics()["position_rmse"]}
 
 
 def flown_share(model: LiftedModel, first: int, *, run: Run, vehicle: Vehicle) -> LiftedModel:
@@ -69,6 +69,10 @@ def flown_share(model: LiftedModel, first: int, *, run: Run, vehicle: Vehicle) -
     work = Flying(choices, run.seed, vehicle)
     records = run.cases("network", "flights", work, cases, config=config, part="network")
     errors = [record["result"]["error"] if "result" in record else np.inf for record in records]
+    if not np.any(np.isfinite(errors)):
+        raise ValueError(
+            f"network: none of {len(cases)} flights was flown to its end; the first: {records[0]['error']}"
+        )
     share = best_share(np.reshape(errors, (count, len(SHARES))))
     told = {**model.summary.get("network", {}), "flown_share": share, "flights_flown": count}
     return dc.replace(choices[share], summary={**model.summary, "network": told})
