@@ -57,6 +57,7 @@ def train(
     require_outputs(out, curve, checkpoint, run.json)
     from diagrams.cli.flights import open_flights
     from diagrams.prediction.envelope import train_on_envelope
+    from diagrams.prediction.network_share import flown_share
     from np_drake.files.figure_file import save
     from np_drake.lifting.model.lifted_model import FAMILIES, LIFTED, NEURAL
     from np_drake.lifting.model.model_file import save_model
@@ -106,6 +107,7 @@ def train(
         start = time.perf_counter()
         if configuration in FAMILIES and envelope:
             result = train_on_envelope(envelope, config, run=run, vehicle=flown, flights=flights, step=step)
+            result = dc.replace(result, model=flown_share(result.model, envelope, run=run, vehicle=flown))
             wall = time.perf_counter() - start
         elif family is not None:
             result, wall = TrainingResult(family, []), time.perf_counter() - start

@@ -11,6 +11,7 @@ from diagrams.batch.run import Report, Run
 from diagrams.loop.controllers import FILTER_MODEL, MODELS, NP_MODEL
 from diagrams.prediction.envelope import train_on_envelope
 from diagrams.prediction.learning import train_payload_filter_model
+from diagrams.prediction.network_share import flown_share
 from diagrams.tracking.tracking import DITHERED, training_flight
 from np_drake.lifting.model.lifted_model import NEURAL
 from np_drake.lifting.model.model_file import read_tensors, save_model, schema_of
@@ -30,7 +31,7 @@ def make_packaged_models(run: Run, flights: int = FLIGHTS) -> list[Path]:
     """
     family, run = run.folder / NP_MODEL.name, dc.replace(run, seed=SEED)
     result = train_on_envelope(flights, make_config(NEURAL, seed=SEED), run=run, vehicle=Vehicle())
-    save_model(result.model, family)
+    save_model(flown_share(result.model, flights, run=run, vehicle=Vehicle()), family)
     return [family, make_filter(run.folder)]
 
 
