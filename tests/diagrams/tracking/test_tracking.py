@@ -64,7 +64,7 @@ def test_a_campaign_trains_once_a_model_and_flies_every_row(tmp_path, short_expe
         yield lambda done, text="": seen.append((title, text))
 
     runs = campaign.run_tracking(FlownRun(1, tmp_path, bar=bar, count=1), rows)
-    assert [path.name for path in tmp_path.iterdir()] == ["lifted_training_circle.safetensors"]
+    assert [path.name for path in tmp_path.iterdir()] == ["neural_training_circle.safetensors"]
     assert seen[:1] == [("training", "1 of 1 models")]
     assert seen[1:] == [("tracking", f"{k} of 4 flights") for k in (1, 2, 3, 4)]
     assert {(r["row"], r["experiment"]) for r in runs} == {
