@@ -44,4 +44,4 @@ def test_the_shipped_model_is_stable_for_every_payload_and_small():
     family, rng = load_model(NP_MODEL).encoder, np.random.default_rng(0)
     for theta in rng.multivariate_normal(family.mean, 4 * family.covariance, size=50):
         assert family.system(theta, 0.02).spectral_radius <= 1.0
-    assert NP_MODEL.stat().st_size < 300_000
+    assert NP_MODEL.stat().st_size < 2_000_000  # asked: 2 MB
