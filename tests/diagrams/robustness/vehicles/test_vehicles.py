@@ -235,4 +235,4 @@ def test_a_changed_setting_of_one_track_is_another_campaign(monkeypatch, track):
 def test_what_a_campaign_depends_on_fits_in_every_file_of_a_case():
     text = json.dumps(plain(campaign_config(1, "sqp")), allow_nan=False)
     assert len(text) < 40_000  # [B], beside hundreds of cases
-    assert json.loads(text)["rows"]["np"]["configuration"] == "lifted"
+    assert json.loads(text)["rows"]["np"]["configuration"] == "neural"
