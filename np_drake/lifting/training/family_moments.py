@@ -17,9 +17,9 @@ class WindowMoments:
     """Moments of F flights along one axis, its views pooled.
 
     whitening: (n, D c) map of a window to its principal components, of unit variance over all flights.   gram:
-    (F, p, p) of [white window (n), coming inputs (H (c - 1))], the variance of white noise in them and of a constant
-    force added.   cross: (F, p, h) with the force at the horizons.   square: (F, h) of the force.   power: (F, h) mean
-    square of the error of persistence, the variance of the noise added.
+    (F, p, p) of [white window (n), coming inputs (H (c - 1))], the variance of white noise in them added.   cross:
+    (F, p, h) with the force at the horizons.   square: (F, h) of the force.   power: (F, h) mean square of the error of
+    persistence, the variance of the noise added.
     """
 
     whitening: np.ndarray
@@ -30,9 +30,8 @@ class WindowMoments:
 
 
 def window_moments(
-    seen: list[np.ndarray], goals: list[np.ndarray], *, delay: int, horizons: np.ndarray, noise: tuple[float, float],
-    level: float,
-) -> WindowMoments:  # fmt: skip
+    seen: list[np.ndarray], goals: list[np.ndarray], *, delay: int, horizons: np.ndarray, noise: tuple[float, float]
+) -> WindowMoments:
     """Return the moments of flights.
 
     Args:
@@ -41,7 +40,6 @@ def window_moments(
         delay: samples of a window, D.
         horizons: (h,) ascending [steps].
         noise: deviation of white noise that the window and the coming inputs are taken to have [scaled].
-        level: deviation of a constant force that each flight is taken to have besides, as of a trim or a wind [scaled].
     """
     H, total = int(horizons[-1]), sum(s.shape[0] * s.shape[1] for s in seen)
     stride = max(1, total // MOST_WINDOWS)
@@ -52,9 +50,6 @@ def window_moments(
     whitening = scale[:, None] * directions[:, told].T
     coming = seen[0].shape[2] - 1
     variance = np.concatenate([(noise[0] * scale) ** 2, np.full(H * coming, noise[1] ** 2)])
-    steady = np.zeros((delay, seen[0].shape[2]))
-    steady[:, 0] = level
-    steady = np.concatenate([whitening @ steady.ravel(), np.zeros(H * coming)])
     rows: list[tuple] = []
     for s, goal in zip(seen, goals, strict=True):
         now = np.arange(delay - 1, s.shape[1] - H)
@@ -63,9 +58,7 @@ def window_moments(
         X = np.concatenate([w, u], axis=2).reshape(-1, len(variance))
         Y = goal[:, now[:, None] + horizons].reshape(-1, len(horizons))
         still = np.mean((Y - s[:, now, 0].reshape(-1, 1)) ** 2, axis=0) + noise[0] ** 2
-        gram = X.T @ X / len(X) + np.diag(variance) + np.outer(steady, steady)
-        cross = X.T @ Y / len(X) + level * steady[:, None]
-        rows.append((gram, cross, np.mean(Y**2, axis=0) + level**2, still))
+        rows.append((X.T @ X / len(X) + np.diag(variance), X.T @ Y / len(X), np.mean(Y**2, axis=0), still))
     return WindowMoments(whitening, *(np.stack(part) for part in zip(*rows, strict=True)))
 
 

@@ -50,7 +50,6 @@ class LiftedConfig:
     penalty: float = 1e-3  # of theta, which sets its unit [1]
     zeta_noise: float = 0.01  # that the coming zeta is taken to have; it keeps B from amplifying noise [scaled]
     label_noise: float = 0.01  # that the encoder's samples are taken to have [scaled]
-    level: float = 0.1  # deviation of an unknown constant force, which a forecast must hold [scaled]
     lags: tuple[int, ...] = (12, 25)  # over which forecasts are compared in flight [steps]
     memory: float = 1000.0  # samples after which theta has returned to its prior; the payload may change
     seed: int = 0
@@ -147,7 +146,7 @@ def _trained_axis(
     goals = [np.stack([s.goal / chi_scale @ view.output for view in block.views]) for s in segments]
     horizons = horizon_grid(c.horizon, c.horizons)
     noise = (c.label_noise, c.zeta_noise)
-    moments = window_moments(seen, goals, delay=c.delay, horizons=horizons, noise=noise, level=c.level)
+    moments = window_moments(seen, goals, delay=c.delay, horizons=horizons, noise=noise)
     modes = c.lateral if block.lateral else c.vertical
     return TrainedAxis(moments, horizons, modes=modes, decays=c.decays, size=c.size, rng=rng)
 

@@ -55,7 +55,7 @@ def family():
 def test_the_loss_of_the_moments_is_that_of_every_window():
     rng, horizons = np.random.default_rng(0), np.array([0, 1, 3, 6])
     seen, goals = [rng.standard_normal((2, 40, 3))], [rng.standard_normal((2, 40))]
-    moments = window_moments(seen, goals, delay=4, horizons=horizons, noise=(1e-6, 1e-6), level=0.0)
+    moments = window_moments(seen, goals, delay=4, horizons=horizons, noise=(1e-6, 1e-6))
     dut = TrainedAxis(moments, horizons, modes=(0.1,), decays=(0.05,), size=1, rng=rng)
     dut.encoder = torch.from_numpy(rng.standard_normal(dut.encoder.shape)).float()
     theta = torch.tensor([[0.7]])

@@ -77,14 +77,6 @@ def test_turning_the_flight_turns_the_forecast(trained, lemniscate):
     np.testing.assert_allclose(turned, straight @ turn[:6, :6].T, atol=1e-9)
 
 
-def test_where_constants_are_expected_an_unknown_constant_force_is_held(dithered):
-    model = train([dithered.segment], LiftedConfig(level=1.0)).model
-    window = np.zeros((model.window, 12))
-    window[:, :3] = [0.5, -0.3, -2.0]  # [N], hovering
-    chi = model.system.rollout(model.lift(window), np.zeros((41, 6)))
-    np.testing.assert_allclose(chi[:, :3], np.tile([0.5, -0.3, -2.0], (41, 1)), atol=0.1)  # [N]
-
-
 def test_it_learns_to_undo_the_delay_of_the_label(trained, lemniscate):
     now = force_rows(trained.model, lemniscate)[0]
     label_error = np.sqrt(np.mean(np.sum((lemniscate.chi - lemniscate.truth)[:, :3] ** 2, axis=1)))
