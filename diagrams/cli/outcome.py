@@ -18,7 +18,7 @@ PROGRAM = "np-drake"
 BAD_INPUT, FAILED, FAULT, INTERRUPTED = 2, 1, 70, 130
 DEBUG = "--debug"  # anywhere on the command line
 CASE_FILES = ("vehicle.yaml", "train_*", "heldout*")  # that a verb reads of a case folder
-OUTPUTS = ("--out", "--json", "--markdown", "--mcap", "--checkpoint")  # options whose file is written
+OUTPUTS = ("--out", "--json", "--markdown", "--mcap")  # options whose file is written
 REPORT = "Please report it with this line and the command to the maintainers; --debug shows the traceback"
 
 

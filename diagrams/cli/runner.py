@@ -23,7 +23,7 @@ from np_drake.files.atomic_file import is_regular
 from np_drake.files.input_file import is_own
 from np_drake.files.run_lock import lock_outputs
 
-WRITTEN = ("out", "checkpoint")  # options of a body whose file or folder a run holds for itself
+WRITTEN = ("out",)  # options of a body whose file or folder a run holds for itself
 KEYWORD = inspect.Parameter.KEYWORD_ONLY
 Shared = tuple[str, Any, Any]  # an option: name, annotated type, default
 

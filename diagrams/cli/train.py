@@ -40,9 +40,6 @@ def train(
     logs: Annotated[list[Path] | None, Argument(metavar="LOG…", help=LOG_HELP)] = None,
     configuration: options.Configuration = None,
     epochs: options.Epochs = None,
-    checkpoint: Annotated[
-        Path | None, Option(metavar="FILE", help="Save the run here as it goes, and resume it.")
-    ] = None,
     envelope: Envelope = None,
     prior: Prior = None,
     step: options.Step = None,
@@ -54,10 +51,10 @@ def train(
     if out.suffix != ".safetensors":
         raise ValueError(f"--out: must end in .safetensors; got {out.name}.")
     curve = out.with_suffix(".png")
-    require_outputs(out, curve, checkpoint, run.json)
+    require_outputs(out, curve, run.json)
     from diagrams.cli.flights import open_flights
     from diagrams.prediction.envelope import train_on_envelope
-    from diagrams.prediction.network_share import flown_share
+    from diagrams.tracking.network_share import flown_share
     from np_drake.files.figure_file import save
     from np_drake.lifting.model.lifted_model import FAMILIES, LIFTED, NEURAL
     from np_drake.lifting.model.model_file import save_model
@@ -71,8 +68,6 @@ def train(
     from np_drake.vehicle import Vehicle, load_vehicle
 
     name = asked_configuration(configuration, "--configuration", (*CONFIGURATIONS, PAYLOAD_FILTER, *REACTIONS))
-    if name in (PAYLOAD_FILTER, *REACTIONS) and checkpoint is not None:
-        raise ValueError(f"--checkpoint: {name} has none; it trains in a minute or less.")
     logs = logs or []
     if not (logs or envelope):
         raise ValueError("train: must have something to learn from; give LOG, or --envelope N.")
@@ -83,11 +78,13 @@ def train(
     step = step or sampling_period(flown)
     frame = flights[0].frame if flights else "world"
     family = None
+    if not name and envelope:
+        name = NEURAL if envelope >= PART else LIFTED
     if name in ("", *FAMILIES) and frame == "world" and not envelope:
         family = _placed(flights, prior, step, envelope)
-        family = family.without_network if family and name == LIFTED else family
-    if not name and (family or envelope):
-        name = family.configuration if family else NEURAL if (envelope or 0) >= PART else LIFTED
+    if family is not None:
+        family = family.without_network if name == LIFTED else family
+        name = family.configuration
     configuration = configuration_for(name, frame)
     if configuration not in FAMILIES and (envelope or prior):
         raise ValueError(f"--envelope and --prior: must be of {' | '.join(FAMILIES)}; got {configuration}.")
@@ -112,7 +109,7 @@ def train(
         elif family is not None:
             result, wall = TrainingResult(family, []), time.perf_counter() - start
         else:
-            learn = partial(train_on_flights, flights, config, step=step, checkpoint=checkpoint)
+            learn = partial(train_on_flights, flights, config, step=step)
             result, wall = behind_bar(f"training {configuration}", learn)
         save_model(result.model, out)
         loss, summary = result.loss, result.model.summary

@@ -15,7 +15,7 @@ from diagrams.loop.flight import FlightConfig
 from diagrams.loop.flight_result import LostVehicle, simulate
 from diagrams.robustness.axes import BASE, FLOWN, Axis, Grid, axis_settings, distinct
 from diagrams.robustness.measures import LOST, SETTLING, lost_beyond, measures
-from diagrams.tracking.model_files import Training, digest_of, model_of, model_path
+from diagrams.tracking.model_files import Training, digest_of, model_of, model_path, training_case
 from diagrams.tracking.tracking import ROWS as TRACKING_ROWS
 from diagrams.tracking.tracking import Row, configure, frozen_weights, named
 from np_drake.mpc.solvers import require_solver
@@ -25,7 +25,7 @@ SCORED = 20.0  # flight after the ramp [s]
 HEIGHT = 2.4  # of the circle: room for the longest tether [m]
 GUSTS = 0.25  # standard deviation of each axis of the wind, over its mean speed [1]
 # Rows of the tracking comparison that are flown.
-SHOWN = ("nominal", "hold", "hold + total mass", "gp", "knode", "np", "payload_filter", "oracle")
+SHOWN = ("nominal", "hold", "hold + total mass", "gp", "knode", "np: lifted", "np", "payload_filter", "oracle")
 ROWS = tuple(named(TRACKING_ROWS, name) for name in SHOWN)
 
 
@@ -140,7 +140,7 @@ class Sweep(FlownRun):
 
     def train(self, rows: Sequence[Row]) -> tuple[list[Record], dict[str, bytes], list[Row]]:
         """Train what `rows` need; return the records, the model files by configuration, and the rows that can fly."""
-        work, cases = Training(self.seed, self.solver), [{"model": name} for name in configurations(rows)]
+        work, cases = Training(self.seed, self.solver), [training_case(name) for name in configurations(rows)]
         trainings = self.cases("training", "models", work, cases, config=self.config)
         models = {r["case"]["model"]: model_of(r) for r in trainings if "result" in r}
         able = [row for row in rows if not row.configuration or row.configuration in models]

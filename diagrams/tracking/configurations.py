@@ -12,14 +12,20 @@ from diagrams.batch.workers import failures
 from diagrams.tracking import campaign as flights
 from diagrams.tracking import tracking
 from diagrams.tracking.tracking import Row
+from np_drake.lifting.model.lifted_model import MODE_DICTIONARY
 from np_drake.lifting.training.train import CONFIGURATIONS, make_config
 
 TRAINING = "training_circle"  # experiment that all are trained on
+WORLD = tuple(name for name in CONFIGURATIONS if name != MODE_DICTIONARY)  # that suit a controller
 PREFIX = "np: "  # of a row's name, before that of its configuration
 ROWS = (
     Row("nominal", "nominal"),
     Row("hold", "hold"),
-    *(Row(f"{PREFIX}{name}", "np", training=TRAINING, configuration=name) for name in CONFIGURATIONS),
+    *(
+        Row(f"{PREFIX}{name}", "np", training=TRAINING, configuration=name)
+        for name in CONFIGURATIONS
+        if name != MODE_DICTIONARY
+    ),
     Row("oracle", "oracle"),
 )
 

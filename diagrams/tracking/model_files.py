@@ -11,8 +11,10 @@ from pathlib import Path
 
 from diagrams.batch.campaign import Case, Record
 from diagrams.batch.run import Run
+from diagrams.loop.controllers import NP_MODEL
 from diagrams.tracking.tracking import DITHERED, Row, train_models
 from np_drake.files.atomic_file import atomic_path
+from np_drake.lifting.model.lifted_model import FAMILIES
 from np_drake.vehicle import Vehicle
 
 Key = tuple[str, str]  # training experiment and configuration
@@ -45,6 +47,17 @@ def model_path(content: bytes | None) -> Iterator[str]:
         path = Path(folder) / "model.safetensors"
         path.write_bytes(content)
         yield str(path)
+
+
+def training_case(configuration: str, **more: str) -> Case:
+    """Return the case of a training; one that places the packaged family names its file by its digest.
+
+    Args:
+        configuration: of the model.
+        more: experiment, vehicle.
+    """
+    prior = {"prior": digest_of(NP_MODEL.read_bytes())} if configuration in FAMILIES else {}
+    return {"model": configuration, **more, **prior}
 
 
 def file_name(key: Key) -> str:
@@ -89,7 +102,7 @@ def trained_models(run: Run, rows: Sequence[Row], training: Callable[[Case], dic
         config: as of `run_campaign`.
     """
     keys = list(dict.fromkeys(key_of(row) for row in rows if row.training))
-    cases = [{"training": experiment, "model": configuration} for experiment, configuration in keys]
+    cases = [training_case(configuration, training=experiment) for experiment, configuration in keys]
     records = run.cases("training", "models", training, cases, config=config)
     models = {key: model_of(record) for key, record in zip(keys, records, strict=True) if "result" in record}
     for key, content in models.items():

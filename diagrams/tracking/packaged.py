@@ -11,7 +11,7 @@ from diagrams.batch.run import Report, Run
 from diagrams.loop.controllers import FILTER_MODEL, MODELS, NP_MODEL
 from diagrams.prediction.envelope import train_on_envelope
 from diagrams.prediction.learning import train_payload_filter_model
-from diagrams.prediction.network_share import flown_share
+from diagrams.tracking.network_share import flown_share
 from diagrams.tracking.tracking import DITHERED, training_flight
 from np_drake.lifting.model.lifted_model import NEURAL
 from np_drake.lifting.model.model_file import read_tensors, save_model, schema_of

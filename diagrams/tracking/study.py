@@ -18,12 +18,13 @@ from diagrams.tracking import tracking
 from diagrams.tracking.tracking import PAPER, PROTOCOLS, ROWS, Row
 from diagrams.tracking.tracking_figure import plane_tracks
 from np_drake.files.number_text import NOTHING
+from np_drake.lifting.model.lifted_model import NEURAL
 from np_drake.lifting.training.train import make_config
 from np_drake.payload_filter.model_file import PAYLOAD_FILTER
 from np_drake.payload_filter.predictor import DEFAULT_BANK
 from np_drake.residual_models.motion_training import CONFIGURATIONS
 
-FOUR = {"nominal": "", "gp": "gp", "knode": "knode", "np": "lifted"}  # the paper's: kind, configuration
+FOUR = {"nominal": "", "gp": "gp", "knode": "knode", "np": NEURAL}  # the paper's: kind, configuration
 
 
 @dc.dataclass(frozen=True)

@@ -223,7 +223,7 @@ class NeuralPredictor:
                 theta, covariance = self._family.update(theta, memory["covariance"], memory["window"], self.step)
                 found = {"theta": theta, "covariance": covariance}
             at, z = self._family.read(memory["window"], theta)
-            if at is not memory["theta"]:
+            if at is not memory["theta"]:  # newly estimated, or corrected by the network
                 s = self._family.system(at, self.step)
                 found |= {"A": s.A, "B": s.B}
             return {"z": z, **found}

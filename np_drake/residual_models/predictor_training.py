@@ -2,7 +2,6 @@
 
 import dataclasses as dc
 from collections.abc import Callable, Sequence
-from pathlib import Path
 
 import numpy as np
 
@@ -32,7 +31,6 @@ def train_on_flights(
     vehicle: Vehicle | None = None,
     envelope: Sequence[Segment] = (),
     rotor_lag: float | None = None,
-    checkpoint: Path | None = None,
     on_epoch: Callable[[int, int, float], None] = lambda *_: None,
 ) -> TrainingResult:
     """Return the predictor trained on `flights`, and its loss.
@@ -45,13 +43,12 @@ def train_on_flights(
         vehicle: None for that of the flights.
         envelope: further flights of the vehicle, simulated ones, whose labels are true to its rotors.
         rotor_lag: time constant of the rotors [s]; None: what the flights tell.
-        checkpoint: as of `train`.
-        on_epoch: likewise.
-    Raises: ValueError: if the flights are unusable or the checkpoint is of another run.
+        on_epoch: as of `train`.
+    Raises: ValueError: if the flights are unusable.
     """
     lag = rotor_lag_in(flights) if rotor_lag is None else rotor_lag
     segments = [*lagged_segments(flights, lag, step=step, label=label), *envelope]
-    result = train(segments, config, checkpoint=checkpoint, on_epoch=on_epoch)
+    result = train(segments, config, on_epoch=on_epoch)
     return dc.replace(result, model=_signed(result.model, flights, vehicle, lag, label))
 
 

@@ -23,7 +23,7 @@ from diagrams.robustness.measures import LOST, SETTLING
 from diagrams.robustness.robustness import SCORED, TRAINING, Sweep, configurations, flown, sweep_of
 from diagrams.robustness.vehicles.fleet import ROWS, TRACKS, VEHICLES, fleet
 from diagrams.robustness.vehicles.table import ORACLE, lost_flights, vehicle_table, vehicles_printed
-from diagrams.tracking.model_files import Training, digest_of, model_of
+from diagrams.tracking.model_files import Training, digest_of, model_of, training_case
 from diagrams.tracking.tracking import Row, configure, named, training_config
 from np_drake.scaling import ratios
 
@@ -103,7 +103,7 @@ def run_vehicles(
     Returns: the records of the trainings and of the flights. Rows whose training failed do not fly.
     """
     config = campaign_config(sweep.seed, sweep.solver, sweep.duration)
-    needed = [{"vehicle": vehicle, "model": name} for vehicle in vehicles for name in configurations(rows)]
+    needed = [training_case(name, vehicle=vehicle) for vehicle in vehicles for name in configurations(rows)]
     training = Training(sweep.seed, sweep.solver, vehicles=fleet())
     trainings = sweep.cases("training", "models", training, needed, config=config)
     models = {(r["case"]["vehicle"], r["case"]["model"]): model_of(r) for r in trainings if "result" in r}

@@ -22,6 +22,7 @@ from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
 from np_drake.lifting.model.modal_axis import ModalAxis
 
 EVERY = 5  # samples between updates of theta [1]
+CHUNK = 2000  # windows that are read at once [1]
 DIFFERENCE = 1e-4  # of theta, for derivatives, in units of its prior's deviation
 
 
@@ -94,29 +95,41 @@ class AdaptiveFamily:
             parts += [(E @ channels).reshape(axis.K, -1) for channels in axis.channels]
         return DelayEncoder(np.vstack(parts), self.delay)
 
-    def lift(self, window: np.ndarray, theta: np.ndarray) -> np.ndarray:
-        """Return z (K,) now from samples [chi, zeta] (W, 12), oldest first, W >= D.
+    def lift(self, windows: np.ndarray, theta: np.ndarray) -> np.ndarray:
+        """Return z (..., K) now, see `read`.
 
         Args:
-            window: [N, N·m, m/s, rad/s].
-            theta: (r,).
+            windows: (..., W, 12).
+            theta: (r,) or (..., r).
         """
-        last = window[len(window) - self.delay :]
-        return np.concatenate([axis.lift(axis.seen(last), theta).ravel() for axis in self.axes])
+        return self.read(windows, theta)[1]
+
+    def read(self, windows: np.ndarray, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return theta (..., r) at which windows are forecast, the one given where nothing corrects it, and z (..., K).
+
+        Args:
+            windows: (..., W, 12) samples, oldest first, W >= D [N, N·m, m/s, rad/s].
+            theta: (r,) or (..., r) as estimated.
+        """
+        seen = self.seen(windows[..., windows.shape[-2] - self.delay :, :])
+        theta, dz = self.corrected(seen, theta)
+        z = [axis.lift(s, theta[..., None, :]) for s, axis in zip(seen, self.axes, strict=True)]
+        return theta, dz + np.concatenate([part.reshape(*part.shape[:-2], -1) for part in z], axis=-1)
+
+    def corrected(self, seen: list[np.ndarray], theta: np.ndarray) -> tuple[np.ndarray, np.ndarray | float]:
+        """Return theta and what is added to z; a family by itself corrects neither.
+
+        Args:
+            seen: windows as of `seen`.
+            theta: as estimated.
+        """
+        del seen
+        return theta, 0.0
 
     def seen(self, windows: np.ndarray) -> list[np.ndarray]:
         """Return windows (..., D, 12) as the views of each axis see them, (..., V, D c), scaled."""
         views = [windows[..., None, :, :] @ axis.channels.swapaxes(1, 2) for axis in self.axes]
         return [view.reshape(*view.shape[:-2], -1) for view in views]
-
-    def read(self, window: np.ndarray, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return theta (r,) at which a window is forecast, and z (K,).
-
-        Args:
-            window: (W, 12) samples, oldest first, W >= D [N, N·m, m/s, rad/s].
-            theta: (r,) as estimated.
-        """
-        return theta, self.lift(window, theta)
 
     def update(
         self, theta: np.ndarray, covariance: np.ndarray, window: np.ndarray, step: float
@@ -172,14 +185,13 @@ class AdaptiveFamily:
             samples: (n, 12) of a flight without gaps, n >= D [N, N·m, m/s, rad/s].
             step: [s].
         """
-        count = len(samples) - self.delay + 1
-        A, B, z = np.empty((count, self.K, self.K)), np.empty((count, self.K, 6)), np.empty((count, self.K))
-        starts, thetas = zip((self.delay, self.mean), *self.estimates(samples, step), strict=True)
-        for start, stop, theta in zip(starts, [*starts[1:], len(samples) + 1], thetas, strict=True):
-            rows, s = slice(start - self.delay, stop - self.delay), self.system(theta, step)
-            A[rows], B[rows] = s.A, s.B
-            z[rows] = self.encoder(theta).along(samples[start - self.delay : stop - 1])
-        return A, B, z
+        windows = np.lib.stride_tricks.sliding_window_view(samples, self.delay, axis=0).swapaxes(1, 2)
+        parts = zip(_chunks(windows), _chunks(self.thetas(samples, step)), strict=True)
+        thetas, z = (np.concatenate(part) for part in zip(*(self.read(*part) for part in parts), strict=True))
+        new = np.append(True, np.any(thetas[1:] != thetas[:-1], axis=1))
+        systems = [self.system(theta, step) for theta in thetas[new]]
+        at = np.cumsum(new) - 1
+        return np.stack([s.A for s in systems])[at], np.stack([s.B for s in systems])[at], z
 
     def _departures(self, thetas: np.ndarray, window: np.ndarray, step: float) -> np.ndarray:
         """Return what is seen now less what was foreseen, over its deviation, of all axes, views and lags, (T, n)."""
@@ -189,6 +201,11 @@ class AdaptiveFamily:
             for axis, noise in zip(self.axes, self.noise, strict=True)
         ]
         return np.concatenate([part.reshape(len(thetas), -1) for part in found], axis=1)
+
+
+def _chunks(rows: np.ndarray) -> list[np.ndarray]:
+    """Return rows in parts, as what is computed of a window is larger than the window."""
+    return np.split(rows, range(CHUNK, len(rows), CHUNK))
 
 
 def family_tensors(family: AdaptiveFamily) -> dict[str, np.ndarray]:

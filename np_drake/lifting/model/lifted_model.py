@@ -97,11 +97,8 @@ class LiftedModel:
         """Return z (..., K) now from samples [chi, zeta] (..., window, 12), oldest first."""
         if isinstance(self.encoder, DelayEncoder):
             return self.encoder(window)
-        if isinstance(self.encoder, NeuralFamily):
-            mean = self.encoder.mean
-            return self.encoder.read(window, np.broadcast_to(mean, (*window.shape[:-2], len(mean))))[1]
         if isinstance(self.encoder, AdaptiveFamily):
-            return self.linear_encoder(window[..., -self.encoder.delay :, :])
+            return self.encoder.lift(window, self.encoder.mean)
         z, s = self.encoder(window[..., -1, :6]), self.system
         return advance(z, s.A, s.B, self.since_label(window))
 

@@ -83,14 +83,15 @@ class ModalAxis:
         """Return what the views see of samples (n, 12), (V, n, c), scaled."""
         return samples @ self.channels.swapaxes(1, 2)
 
-    def lift(self, seen: np.ndarray, theta: np.ndarray) -> np.ndarray:
-        """Return z (..., K) of windows (..., D, c) as the views see them.
+    def lift(self, windows: np.ndarray, theta: np.ndarray) -> np.ndarray:
+        """Return z (..., K) of windows (..., D c) as a view sees them.
 
         Args:
-            seen: oldest sample first.
-            theta: (r,).
+            windows: oldest sample first, scaled.
+            theta: (..., r).
         """
-        return seen.reshape(*seen.shape[:-2], -1) @ (self.encoder @ np.concatenate([[1.0], theta])).T
+        at = np.concatenate([np.ones((*theta.shape[:-1], 1)), theta], axis=-1)[..., None, :]
+        return np.sum((windows @ self.by_theta).reshape(*windows.shape[:-1], self.K, -1) * at, axis=-1)
 
     def departures(self, thetas: np.ndarray, window: np.ndarray, lags: np.ndarray, step: float) -> np.ndarray:
         """Return the force seen at the end of a window less what was foreseen some steps before, (T, V, l), scaled.

@@ -36,34 +36,15 @@ class NeuralFamily(AdaptiveFamily):
         """Family without the network."""
         return AdaptiveFamily(**_fields(self))
 
-    def read(self, window: np.ndarray, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return theta (..., r) at which windows are forecast, and z (..., K), see `AdaptiveFamily.read`.
+    def corrected(self, seen: list[np.ndarray], theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return theta (..., r) and what is added to z (..., K), see `AdaptiveFamily.corrected`.
 
         Args:
-            window: (..., W, 12), oldest first, W >= D [N, N·m, m/s, rad/s].
-            theta: (..., r) as estimated.
+            seen: windows as of `seen`.
+            theta: (r,) or (..., r) as estimated.
         """
-        seen = self.seen(window[..., window.shape[-2] - self.delay :, :])
         dz, change = self.network.correction(self.network.inputs(seen, theta))
-        theta = theta + change
-        at = np.concatenate([np.ones_like(theta[..., :1]), theta], axis=-1)[..., None, None, :]
-        z = [
-            np.sum((s @ axis.by_theta).reshape(*s.shape[:-1], axis.K, -1) * at, axis=-1)
-            for s, axis in zip(seen, self.axes, strict=True)
-        ]
-        return theta, dz + np.concatenate([part.reshape(*part.shape[:-2], -1) for part in z], axis=-1)
-
-    def along(self, samples: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return A (o, K, K), B (o, K, 6) and z (o, K) at every sample, see `AdaptiveFamily.along`.
-
-        Args:
-            samples: (n, 12) of a flight without gaps, n >= D [N, N·m, m/s, rad/s].
-            step: [s].
-        """
-        windows = np.lib.stride_tricks.sliding_window_view(samples, self.delay, axis=0).swapaxes(1, 2)
-        thetas, z = self.read(windows, self.thetas(samples, step))
-        systems = [self.system(theta, step) for theta in thetas]
-        return np.stack([s.A for s in systems]), np.stack([s.B for s in systems]), z
+        return theta + change, dz
 
 
 def neural_tensors(family: NeuralFamily) -> dict[str, np.ndarray]:

@@ -63,11 +63,12 @@ class WindowNetwork:
 
         Args:
             seen: (..., V, D c) windows of each axis as its views see them, scaled.
-            theta: (..., r) of the family now.
+            theta: (r,) or (..., r) of the family now.
         """
         parts = [s @ white.T for s, white in zip(seen, self.white, strict=True)]
         views = [part.reshape(*part.shape[:-2], -1) for part in parts]
-        return saturated(np.concatenate([*views, (theta - self.center) / self.spread], axis=-1))
+        at = np.broadcast_to((theta - self.center) / self.spread, (*views[0].shape[:-1], len(self.center)))
+        return saturated(np.concatenate([*views, at], axis=-1))
 
     def correction(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return dz (..., K) and dtheta (..., r) of `inputs` (..., n)."""

@@ -19,7 +19,7 @@ from np_drake.lifting.model.adaptive_family import EVERY, AdaptiveFamily
 from np_drake.lifting.model.channel_views import Block, View, symmetric_blocks, turns
 from np_drake.lifting.model.lifted_model import LIFTED, LiftedModel
 from np_drake.lifting.model.modal_axis import ModalAxis
-from np_drake.lifting.training.checkpoint import Checkpoint, OnEpoch
+from np_drake.lifting.training import OnEpoch
 from np_drake.lifting.training.excitation import measure_excitation, training_summary
 from np_drake.lifting.training.family_axis import TrainedAxis, descend
 from np_drake.lifting.training.family_moments import window_moments
@@ -55,18 +55,14 @@ class LiftedConfig:
     seed: int = 0
 
 
-def train_lifted(
-    segments: list[Segment], config: LiftedConfig, checkpoint: Checkpoint, on_epoch: OnEpoch
-) -> tuple[LiftedModel, list[float]]:
+def train_lifted(segments: list[Segment], config: LiftedConfig, on_epoch: OnEpoch) -> tuple[LiftedModel, list[float]]:
     """Return (model, loss after each step) of the `lifted` configuration.
 
     Args:
         segments: uninterrupted flights at one step, theta of each its own.
         config: of the training.
-        checkpoint: left alone, as training takes two minutes.
         on_epoch: called after each step.
     """
-    del checkpoint
     segments = check_segments(segments, max(config.delay + config.horizon, config.delay + max(config.lags)) + 1)
     step = float(np.median([segment.step for segment in segments]))
     chi_scale = group_scale([segment.goal for segment in segments], centred=True)

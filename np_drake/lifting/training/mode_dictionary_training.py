@@ -11,7 +11,7 @@ from np_drake.lifting.model.delay_taps import DelayTaps
 from np_drake.lifting.model.encoders import DelayEncoder
 from np_drake.lifting.model.lifted_model import MODE_DICTIONARY, LiftedModel
 from np_drake.lifting.model.trust import Trust
-from np_drake.lifting.training.checkpoint import Checkpoint, OnEpoch
+from np_drake.lifting.training import OnEpoch
 from np_drake.lifting.training.dmdc import sample_scale
 from np_drake.lifting.training.excitation import training_summary
 from np_drake.lifting.training.horizon_ridge import Moments, horizon_grid, horizon_ridge, moments_of, relative_error
@@ -56,7 +56,7 @@ class ModeDictionaryConfig:
 
 
 def train_mode_dictionary(
-    segments: list[Segment], config: ModeDictionaryConfig, checkpoint: Checkpoint, on_epoch: OnEpoch
+    segments: list[Segment], config: ModeDictionaryConfig, on_epoch: OnEpoch
 ) -> tuple[LiftedModel, list[float]]:
     """Return (model, [loss]) of the `mode-dictionary` configuration.
 
@@ -69,7 +69,6 @@ def train_mode_dictionary(
         checkpoint: unused.
         on_epoch: called after each flight and at the end.
     """
-    del checkpoint
     segments = check_segments(segments, config.delay + config.horizon + 1)
     step = float(np.median([segment.step for segment in segments]))
     scale = sample_scale(segments, "goal")

@@ -19,7 +19,7 @@ from np_drake.lifting.model.adaptive_family import AdaptiveFamily
 from np_drake.lifting.model.lifted_model import NEURAL, LiftedModel
 from np_drake.lifting.model.neural_family import NeuralFamily, with_network
 from np_drake.lifting.model.window_network import WindowNetwork, images, saturated
-from np_drake.lifting.training.checkpoint import Checkpoint, OnEpoch
+from np_drake.lifting.training import OnEpoch
 from np_drake.lifting.training.family_training import LiftedConfig, train_lifted
 from np_drake.lifting.training.family_windows import HORIZONS, FamilyWindows, family_windows, principal_components
 from np_drake.lifting.training.phi_module import normalised
@@ -46,20 +46,17 @@ class NeuralConfig(LiftedConfig):
     decay: float = 1e-2  # of the weights, times the rate [1]
 
 
-def train_neural(
-    segments: list[Segment], config: NeuralConfig, checkpoint: Checkpoint, on_epoch: OnEpoch
-) -> tuple[LiftedModel, list[float]]:
+def train_neural(segments: list[Segment], config: NeuralConfig, on_epoch: OnEpoch) -> tuple[LiftedModel, list[float]]:
     """Return (model, loss of the family after each step) of the `neural` configuration.
 
     Args:
         segments: uninterrupted flights at one step.
         config: of the training.
-        checkpoint: left alone, as of `lifted`.
         on_epoch: called after each step of the family, and of the network.
     """
     total = config.steps + config.updates
     _split(segments, config)
-    model, losses = train_lifted(segments, config, checkpoint, lambda n, _, loss: on_epoch(n, total, loss))
+    model, losses = train_lifted(segments, config, lambda n, _, loss: on_epoch(n, total, loss))
     return add_network(model, segments, config, lambda n, _, loss: on_epoch(config.steps + n, total, loss)), losses
 
 
@@ -103,7 +100,7 @@ def judged(model: LiftedModel, segments: Sequence[Segment]) -> LiftedModel:
     if not isinstance(family, NeuralFamily) or not long:
         return model
     network = family.network
-    data = family_windows(family, network.white, long, step=model.step, count=JUDGED, noise=0.01)
+    data = family_windows(family, network.white, long, step=model.step, count=JUDGED, noise=LiftedConfig.label_noise)
     x = saturated(np.concatenate([data.inputs, (data.theta - network.center) / network.spread], axis=1))
     dz, change = (torch.from_numpy(part).float() for part in network.correction(x))
     losses = [float(data.loss(share * dz, share * change)) for share in SHARES]

@@ -28,7 +28,7 @@ from torch import nn
 from np_drake.lifting.model.channel_views import turns
 from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
 from np_drake.lifting.model.lifted_model import PAPER, LiftedModel
-from np_drake.lifting.training.checkpoint import Checkpoint, OnEpoch
+from np_drake.lifting.training import OnEpoch
 from np_drake.lifting.training.excitation import measure_excitation
 from np_drake.lifting.training.phi_module import PhiModule
 from np_drake.lifting.training.window_fits import (
@@ -152,27 +152,6 @@ class PaperTrainer:
             summary, ridge=self.ridge, late=self.late,
         )  # fmt: skip
 
-    def state(self) -> dict[str, np.ndarray]:
-        """Return what the next epoch depends on: parameters, Adam's moments, history."""
-        tensors = {"history": np.array(self.history)}
-        for i, parameter in enumerate(self.parameters):
-            tensors[f"parameter{i}"] = parameter.detach().numpy()
-            for name, value in self.optimiser.state[parameter].items():
-                tensors[f"parameter{i}/{name}"] = value.numpy().astype(float)
-        return tensors
-
-    def restore(self, state: dict[str, np.ndarray]) -> None:
-        """Restore the `state()` of an earlier run; an empty one changes nothing."""
-        if not state:
-            return
-        self.history = state["history"].tolist()
-        self.epoch = len(self.history)
-        for i, parameter in enumerate(self.parameters):
-            parameter.data = torch.from_numpy(state[f"parameter{i}"].copy())
-            moments = {name: torch.tensor(state[f"parameter{i}/{name}"]) for name in ("exp_avg", "exp_avg_sq")}
-            count = torch.tensor(state[f"parameter{i}/step"].item(), dtype=torch.float32)
-            self.optimiser.state[parameter] = {"step": count, **moments}
-
     def _fit_priors(self) -> None:
         """Fit the priors of this epoch, and how surely they hold in a window, with the present Phi."""
         with torch.no_grad():
@@ -216,22 +195,17 @@ class PaperTrainer:
         return error / drive.shape[1]
 
 
-def train_paper(
-    segments: list[Segment], config: PaperConfig, checkpoint: Checkpoint, on_epoch: OnEpoch
-) -> tuple[LiftedModel, list[float]]:
-    """Return (model, loss after each epoch), continued from the checkpoint where there is one.
+def train_paper(segments: list[Segment], config: PaperConfig, on_epoch: OnEpoch) -> tuple[LiftedModel, list[float]]:
+    """Return (model, loss after each epoch).
 
     Args:
         segments: uninterrupted flights at one step.
         config: of the training.
-        checkpoint: of the run so far.
         on_epoch: called after each pass.
     """
     trainer = PaperTrainer(segments, config)
-    trainer.restore(checkpoint.load())
     while trainer.epoch < config.epochs:
         loss = trainer.run_epoch()
-        checkpoint.save(trainer.state())
         on_epoch(trainer.epoch, config.epochs, loss)
     return trainer.model(), trainer.history
 

@@ -6,7 +6,6 @@ in closed form, made stable, in a model file, through the same predictor as the 
 
 import dataclasses as dc
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 
@@ -25,7 +24,7 @@ from np_drake.lifting.model.lifted_model import (
     RIDGE,
     LiftedModel,
 )
-from np_drake.lifting.training.checkpoint import Checkpoint, OnEpoch
+from np_drake.lifting.training import OnEpoch
 from np_drake.lifting.training.dmdc import fit_dmdc_system, sample_scale
 from np_drake.lifting.training.excitation import training_summary
 from np_drake.lifting.training.family_training import LiftedConfig, train_lifted
@@ -82,25 +81,18 @@ class TrainingResult:
 
 
 def train(
-    segments: list[Segment],
-    config: Config = DEFAULT_CONFIG,
-    *,
-    checkpoint: str | Path | None = None,
-    on_epoch: OnEpoch = lambda *_: None,
+    segments: list[Segment], config: Config = DEFAULT_CONFIG, *, on_epoch: OnEpoch = lambda *_: None
 ) -> TrainingResult:
     """Train the configuration that `config` belongs to; deterministic by `config.seed`.
 
     Args:
         segments: uninterrupted flights at one step.
         config: of one of the `CONFIGURATIONS`.
-        checkpoint: file that the run is saved to as it goes, and resumed from where it exists (same
-            configuration and data); the result is that of an uninterrupted run. Configurations in closed form, done in
-            seconds, leave it alone.
         on_epoch: called with (epoch, total, loss); for `lifted` an epoch is one step of gradient descent.
-    Raises: ValueError: if the segments are unusable or the checkpoint is of another run.
+    Raises: ValueError: if the segments are unusable.
     """
     run = _TRAINERS[type(config)]
-    model, loss = run(segments, config, Checkpoint(checkpoint, config, segments), on_epoch)
+    model, loss = run(segments, config, on_epoch)
     summary = {**model.summary, "settings": dc.asdict(config)}
     return TrainingResult(dc.replace(model, summary=summary), loss)
 
@@ -145,11 +137,8 @@ def make_config(configuration: str, *, frame: str = "world", epochs: int | None 
     return dc.replace(config, **settings)
 
 
-def _train_dmdc(
-    segments: list[Segment], config: DmdcConfig, checkpoint: Checkpoint, on_epoch: OnEpoch
-) -> tuple[LiftedModel, list[float]]:
+def _train_dmdc(segments: list[Segment], config: DmdcConfig, on_epoch: OnEpoch) -> tuple[LiftedModel, list[float]]:
     """Return (model, [mean square of the scaled error one step ahead])."""
-    del checkpoint  # in closed form: there is nothing to resume
     segments = check_segments(segments, config.delays + 1)
     system, encoder = fit_dmdc_system(segments, config.delays)
     scale = sample_scale(segments)
@@ -162,11 +151,8 @@ def _train_dmdc(
     return model, [loss]
 
 
-def _train_ridge(
-    segments: list[Segment], config: RidgeConfig, checkpoint: Checkpoint, on_epoch: OnEpoch
-) -> tuple[LiftedModel, list[float]]:
+def _train_ridge(segments: list[Segment], config: RidgeConfig, on_epoch: OnEpoch) -> tuple[LiftedModel, list[float]]:
     """Return (model, [mean square error over that of the better naive row])."""
-    del checkpoint  # in closed form: there is nothing to resume
     segments = check_segments(segments, config.delay + config.horizon + 1)
     scale, taps = sample_scale(segments), DelayTaps(config.delay, config.dense, config.averages)
     horizons = np.arange(config.horizon + 1)

@@ -139,7 +139,6 @@ def test_the_same_seed_trains_the_same_model(logs, tmp_path):
 BAD = {  # extra arguments: what the line must say
     "no file": (["missing.csv"], "missing.csv: No such file"),
     "configuration": (["LOG", "--configuration", "papier"], "delay-dmdc, ridge, payload_filter, gp, knode; got papier"),
-    "checkpoint": (["LOG", "--configuration", "gp", "--checkpoint", "run"], "gp has none"),
     "folder": (["LOG", "--json", "nowhere/x.json"], "nowhere must exist"),
     "vehicle": (["LOG", "--vehicle", "missing.yaml"], "missing.yaml"),
     "step": (["LOG", "--step", "0.001"], "step must be at least"),
@@ -176,16 +175,6 @@ def test_arrays_and_logs_are_not_mixed(logs, tmp_path, capsys):
     code = run(["train", str(logs[0]), str(tmp_path / "array.npy"), "--out", str(tmp_path / "np.safetensors")])
     assert code == 2
     assert "one kind" in capsys.readouterr().err
-
-
-def test_a_run_can_be_resumed_but_not_as_another(logs, tmp_path, capsys):
-    arguments = ["train", str(logs[0]), "--out", str(tmp_path / "np.safetensors"), "--epochs", "3"]
-    arguments += ["--configuration", "paper", "--checkpoint", str(tmp_path / "run.ckpt")]
-    assert run(arguments) == 0
-    assert (tmp_path / "run.ckpt").is_file()
-    assert run(arguments) == 0
-    assert run([*arguments, "--seed", "1"]) == 2
-    assert "run.ckpt" in capsys.readouterr().err
 
 
 def test_a_log_in_which_nothing_moves_is_refused_unless_forced(logs, tmp_path, capsys):

@@ -1,4 +1,4 @@
-"""Law: a killed training without checkpoints leaves nothing half-written, and begins again to the same model."""
+"""Law: a killed training leaves nothing half-written, and begins again to the same model."""
 
 import os
 import signal
@@ -15,7 +15,12 @@ from np_drake.logs.opening import open_flights
 from np_drake.payload_filter import training as payload_filter_training  # noqa: F401 - before a child
 from np_drake.residual_models import motion_training, predictor_training  # noqa: F401
 
-SHORT = {"knode": ("--epochs", "5"), "lifted": ("--envelope", "0", "--epochs", "300")}  # runs of seconds
+# Runs of seconds
+SHORT = {
+    "knode": ("--epochs", "5"),
+    "lifted": ("--envelope", "0", "--epochs", "300"),
+    "paper": ("--epochs", "2"),
+}  # runs of seconds
 
 
 def train(folder, log, configuration):
@@ -40,7 +45,7 @@ def log(logs, tmp_path_factory):
     return path
 
 
-@pytest.mark.parametrize("configuration", ["gp", "knode", "payload_filter", "lifted"])
+@pytest.mark.parametrize("configuration", ["gp", "knode", "payload_filter", "lifted", "paper"])
 def test_killed_at_any_instant(configuration, log, tmp_path, forked):
     def start(folder):
         folder.mkdir(exist_ok=True)

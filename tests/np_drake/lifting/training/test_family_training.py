@@ -7,7 +7,6 @@ import pytest
 import torch
 
 from np_drake.lifting.model.adaptive_family import AdaptiveFamily
-from np_drake.lifting.training.checkpoint import Checkpoint
 from np_drake.lifting.training.family_axis import TrainedAxis
 from np_drake.lifting.training.family_moments import window_moments
 from np_drake.lifting.training.family_training import LiftedConfig, placed, train_lifted
@@ -42,7 +41,7 @@ def swinging(frequency, mass, seconds=14.0, seed=0):
 
 def fitted(segments, **changes):
     config = dc.replace(CONFIG, **changes)
-    return train_lifted(segments, config, Checkpoint(None, config, segments), lambda *_: None)
+    return train_lifted(segments, config, lambda *_: None)
 
 
 @pytest.fixture(scope="module")
@@ -64,7 +63,7 @@ def test_the_loss_of_the_moments_is_that_of_every_window():
     errors = []
     for v in range(2):
         for k in range(3, 40 - 6):
-            z = axis.lift(seen[0][v, k - 3 : k + 1], np.array([0.7]))
+            z = axis.lift(seen[0][v, k - 3 : k + 1].ravel(), np.array([0.7]))
             course = [axis.C @ z]
             for j in range(6):
                 z = A @ z + B @ seen[0][v, k + j, 1:]

@@ -9,7 +9,6 @@ import torch
 from np_drake.lifting.model.lifted_model import NEURAL
 from np_drake.lifting.model.neural_family import NeuralFamily, with_network
 from np_drake.lifting.model.window_network import WindowNetwork, saturated
-from np_drake.lifting.training.checkpoint import Checkpoint
 from np_drake.lifting.training.family_training import train_lifted
 from np_drake.lifting.training.family_windows import HORIZONS, family_windows, principal_components
 from np_drake.lifting.training.network_training import NeuralConfig, add_network, judged
@@ -51,7 +50,7 @@ def flights():
 @pytest.fixture(scope="module")
 def family(flights):
     """Family of the flights, without network."""
-    return train_lifted(flights, CONFIG, Checkpoint(None, CONFIG, flights), lambda *_: None)[0]
+    return train_lifted(flights, CONFIG, lambda *_: None)[0]
 
 
 @pytest.fixture(scope="module")

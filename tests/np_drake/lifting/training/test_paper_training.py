@@ -10,7 +10,6 @@ from np_drake.lifting.model.channel_views import turns
 from np_drake.lifting.model.lifted_model import PAPER
 from np_drake.lifting.model.stabilized import stabilized
 from np_drake.lifting.model.window_refit import RADIUS
-from np_drake.lifting.training.checkpoint import Checkpoint
 from np_drake.lifting.training.paper_training import PaperConfig, PaperTrainer
 from np_drake.lifting.training.train import train
 from np_drake.lifting.training.window_fits import most_likely_ridge, stable, window_fit
@@ -41,20 +40,11 @@ def test_chi_is_read_out_of_z_without_bias(paper, lemniscate):
     assert not paper.model.encoder(np.zeros(6)).any()
 
 
-def test_runs_are_deterministic_and_resumable(paper, dithered, tmp_path):
-    class Stop(Exception):
-        pass
-
-    def stop(*_):
-        raise Stop
-
-    checkpoint = tmp_path / "run.safetensors"
-    with pytest.raises(Stop):
-        train([dithered.segment], CONFIG, checkpoint=checkpoint, on_epoch=stop)
-    resumed = train([dithered.segment], CONFIG, checkpoint=checkpoint)
-    assert resumed.loss == paper.loss
+def test_runs_are_deterministic(paper, dithered):
+    again = train([dithered.segment], CONFIG)
+    assert again.loss == paper.loss
     for name in "ABC":
-        ours, theirs = getattr(resumed.model.system, name), getattr(paper.model.system, name)
+        ours, theirs = getattr(again.model.system, name), getattr(paper.model.system, name)
         np.testing.assert_array_equal(ours, theirs)
 
 
@@ -179,14 +169,3 @@ def test_a_circle_in_one_direction_is_learned_as_one_in_both(plain):
         return np.abs(straight - turned)[:, :3].max()
 
     assert asymmetry(s) < 0.3 * asymmetry(free)
-
-
-def test_a_finished_run_has_nothing_left_to_do(dithered, tmp_path):
-    checkpoint = Checkpoint(tmp_path / "run.safetensors", CONFIG, [dithered.segment])
-    trainer = PaperTrainer([dithered.segment], CONFIG)
-    trainer.run_epoch()
-    checkpoint.save(trainer.state())
-    again = PaperTrainer([dithered.segment], CONFIG)
-    again.restore(checkpoint.load())
-    assert again.epoch == 1
-    assert again.run_epoch() == trainer.run_epoch()

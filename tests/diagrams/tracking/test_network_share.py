@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from diagrams.loop.controllers import NP_MODEL
-from diagrams.prediction.network_share import SHARES, best_share, flown_share
+from diagrams.tracking.network_share import SHARES, best_share, flown_share
 from np_drake.lifting.model.model_file import load_model
 from np_drake.vehicle import Vehicle
 
@@ -29,6 +29,25 @@ def test_the_share_that_flies_best_is_used(error, best):
     chosen = flown_share(model, 40, run=run(error), vehicle=Vehicle())
     assert chosen.encoder.network.share == pytest.approx(best * model.encoder.network.share)
     assert chosen.summary["network"]["flights_flown"] == 4
+
+
+def test_a_flight_is_flown_with_the_model_of_its_share(monkeypatch):
+    def fly(config, seed):
+        assert (config.controller.kind, seed) == ("np", 5)
+        share = load_model(config.controller.predictor).encoder.network.share
+        return SimpleNamespace(metrics=lambda: {"position_rmse": 1 + share})
+
+    work = {}
+
+    def keep(title, what, flying, cases, **more):
+        work.update({case["share"]: flying({"flight": 5, "share": case["share"]}) for case in cases})
+        return [{"result": work[case["share"]]} for case in cases]
+
+    monkeypatch.setattr("diagrams.tracking.network_share.fly", fly)
+    model = load_model(NP_MODEL)
+    flown_share(model, 10, run=SimpleNamespace(seed=0, cases=keep), vehicle=Vehicle())
+    own = model.encoder.network.share
+    assert {share: found["error"] for share, found in work.items()} == {share: 1 + share * own for share in SHARES}
 
 
 def test_where_every_share_flies_worse_there_is_none():

@@ -14,10 +14,10 @@ from diagrams.batch.campaign import Case
 from diagrams.batch.run import Run
 from diagrams.loop.flight_result import fly
 from diagrams.prediction.envelope import envelope_flight
+from diagrams.tracking.model_files import digest_of, model_path
 from np_drake.lifting.model.lifted_model import LiftedModel
 from np_drake.lifting.model.model_file import save_model
-from np_drake.lifting.model.neural_family import NeuralFamily, neural_tensors, with_network
-from np_drake.lifting.training.checkpoint import digest_of
+from np_drake.lifting.model.neural_family import NeuralFamily, with_network
 from np_drake.lifting.training.network_training import PART
 from np_drake.vehicle import Vehicle
 
@@ -27,19 +27,20 @@ SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)  # of the network's own share, that are flo
 
 @dc.dataclass(frozen=True)
 class Flying:
-    """Work of a case {"flight", "share"} -> {"error": position RMSE [m]}, with the model of that share."""
+    """Work of a case {"flight", "share"} -> {"error": position RMSE [m]}.
 
-    models: dict[float, LiftedModel]
+    models: content of the model file of each share.
+    """
+
+    models: dict[float, bytes]
     seed: int
     vehicle: Vehicle
 
     def __call__(self, case: Case) -> dict:
         """Fly a flight of the envelope with the model."""
         config = envelope_flight(case["flight"], seed=self.seed, vehicle=self.vehicle)
-        with tempfile.TemporaryDirectory(prefix="np_drake_") as folder:
-            path = Path(folder) / "np.safetensors"
-            save_model(self.models[case["share"]], path)
-            config.controller.kind, config.controller.predictor = "np", str(path)
+        with model_path(self.models[case["share"]]) as path:
+            config.controller.kind, config.controller.predictor = "np", path
             return {"error": fly(config.check(), seed=case["flight"]).metrics()["position_rmse"]}
 
 
@@ -60,13 +61,10 @@ def flown_share(model: LiftedModel, first: int, *, run: Run, vehicle: Vehicle) -
         network = dc.replace(family.network, share=share * family.network.share)
         choices[share] = dc.replace(model, encoder=with_network(family, network))
     cases = [{"flight": first + number, "share": share} for number in range(count) for share in SHARES]
-    config = {
-        "study": "network share",
-        "seed": run.seed,
-        "vehicle": dc.asdict(vehicle),
-        "trained": digest_of(neural_tensors(family)),
-    }
-    work = Flying(choices, run.seed, vehicle)
+    contents = {share: _content(choice) for share, choice in choices.items()}
+    trained = digest_of(contents[SHARES[-1]])
+    config = {"study": "network share", "seed": run.seed, "vehicle": dc.asdict(vehicle), "trained": trained}
+    work = Flying(contents, run.seed, vehicle)
     records = run.cases("network", "flights", work, cases, config=config, part="network")
     errors = [record["result"]["error"] if "result" in record else np.inf for record in records]
     if not np.any(np.isfinite(errors)):
@@ -76,6 +74,14 @@ def flown_share(model: LiftedModel, first: int, *, run: Run, vehicle: Vehicle) -
     share = best_share(np.reshape(errors, (count, len(SHARES))))
     told = {**model.summary.get("network", {}), "flown_share": share, "flights_flown": count}
     return dc.replace(choices[share], summary={**model.summary, "network": told})
+
+
+def _content(model: LiftedModel) -> bytes:
+    """Return the content of the model's file."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "model.safetensors"
+        save_model(model, path)
+        return path.read_bytes()
 
 
 def best_share(errors: np.ndarray) -> float:
