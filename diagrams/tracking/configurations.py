@@ -21,11 +21,7 @@ PREFIX = "np: "  # of a row's name, before that of its configuration
 ROWS = (
     Row("nominal", "nominal"),
     Row("hold", "hold"),
-    *(
-        Row(f"{PREFIX}{name}", "np", training=TRAINING, configuration=name)
-        for name in CONFIGURATIONS
-        if name != MODE_DICTIONARY
-    ),
+    *(Row(f"{PREFIX}{name}", "np", training=TRAINING, configuration=name) for name in WORLD),
     Row("oracle", "oracle"),
 )
 
