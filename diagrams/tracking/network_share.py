@@ -1,7 +1,6 @@
 """Share of a network's correction that flies best, on simulated flights over the envelope.
 
-A network that foresees flights better, the coming motion known, may still let the swing of a fast heavy payload grow:
-its training cannot tell what a force does to the motion from what a controller did in answer. So it is flown.
+A network that foresees flights better, the coming motion known, does not always fly better. So it is flown.
 """
 
 import dataclasses as dc

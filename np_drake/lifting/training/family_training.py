@@ -26,6 +26,7 @@ from np_drake.lifting.training.family_moments import window_moments
 from np_drake.lifting.training.horizon_ridge import horizon_grid
 from np_drake.training_data.segments import Segment, check_segments, group_scale
 
+LEAST = 1e-12  # variance of what an axis misses, where nothing ever acts along it [scaled]
 NOISE_FLIGHTS = 40  # over which the noise of theta's update is measured, at most [1]
 
 
@@ -182,7 +183,7 @@ def _update_noise(
 
 def _spread(series: list[np.ndarray]) -> float:
     """Return the variance of courses (n, V) about zero, times their correlation time in samples."""
-    power = float(np.mean(np.concatenate([np.mean(s**2, axis=1) for s in series])))
+    power = max(float(np.mean(np.concatenate([np.mean(s**2, axis=1) for s in series]))), LEAST)
     total, lag = 1.0, 1
     while lag < 200:
         pairs = [s[lag:] * s[:-lag] for s in series if len(s) > lag]
