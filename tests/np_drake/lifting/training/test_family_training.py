@@ -113,13 +113,3 @@ def test_flights_at_another_step_are_refused(family):
     flight = swinging(3.0, 0.2)
     with pytest.raises(ValueError, match=r"0\.02 s a sample; the flights have 0\.04 s"):
         placed(family, [dc.replace(flight, step=0.04)])
-
-
-def test_an_axis_along_which_nothing_acts_is_learnt_as_such():
-    rng, flights = np.random.default_rng(0), []
-    for _ in range(3):
-        chi, zeta = np.zeros((200, 6)), rng.standard_normal((200, 6))
-        chi[:, :2] = rng.standard_normal((200, 2))
-        flights.append(Segment(chi, zeta, STEP))
-    model = train_lifted(flights, LiftedConfig(steps=3), lambda *_: None)[0]
-    assert np.all(model.encoder.noise > 0)
