@@ -15,6 +15,7 @@ import math
 import numpy as np
 
 from np_drake.vehicle import Vehicle
+from np_drake.vehicle_calibration import Calibration
 
 PERIOD = 0.02  # between solves, of the paper's vehicle [s]
 SPARE_LIFT = 0.25  # largest default payload over the mass that the rotors could carry beside the vehicle [1]
@@ -133,6 +134,10 @@ def similar(vehicle: Vehicle, length: float) -> Vehicle:
         rotor_radius=vehicle.rotor_radius * length,
         max_rotor_thrust=vehicle.max_rotor_thrust * mass,
         rotor_time_constant=vehicle.rotor_time_constant * time,
+        throttle=None,  # these are of the vehicle itself
+        calibration=Calibration(),
+        sources={},
+        intervals={},
     ).check()
 
 

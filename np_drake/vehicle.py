@@ -8,7 +8,9 @@ import numpy as np
 
 from np_drake.files.yaml_file import load_checked
 from np_drake.files.yaml_text import read_yaml
+from np_drake.vehicle_calibration import Calibration, ThrottleMap
 from np_drake.vehicle_physics import implausible
+from np_drake.vehicle_sources import Intervals, checked_intervals, without
 
 PRESETS = Path(__file__).parent / "vehicles"  # vehicle files by name
 SLOWEST_ROTOR = 1.0  # time constant beyond which the file's is in another unit than seconds [s]
@@ -74,6 +76,12 @@ class Vehicle:
     # Standard deviation over the value [1]; None: the file does not say.
     mass_uncertainty: float | None = None
     thrust_uncertainty: float | None = None  # of thrust from command, rotor speed or throttle
+    throttle: ThrottleMap | None = None  # None: not known
+    calibration: Calibration = dc.field(default_factory=Calibration)
+    # By field, as `mass` or `calibration.command_delay`; they say nothing of the vehicle itself, so two are equal
+    # whatever is said of them.
+    sources: dict[str, str] = dc.field(default_factory=dict, compare=False)
+    intervals: Intervals = dc.field(default_factory=dict, compare=False)  # of 95 %; a single number has one pair
 
     def check(self) -> "Vehicle":
         """Return self after checking all parameters.
@@ -106,6 +114,8 @@ class Vehicle:
         self.measurement_noise.check()
         self._check_rotors()
         self._check_uncertainty()
+        self._check_calibration()
+        self.intervals = checked_intervals(self)
         return self
 
     def _check_uncertainty(self) -> None:
@@ -137,6 +147,23 @@ class Vehicle:
         if wrong := implausible(self):
             raise ValueError(f"Vehicle: {wrong}")
 
+    def _check_calibration(self) -> None:
+        known = self.calibration.check()
+        if self.throttle is not None:
+            self.throttle.check()
+        reach = float(np.linalg.norm(self.rotor_positions, axis=1).max())
+        offset = float(np.linalg.norm(known.center_of_mass))
+        _require(
+            offset <= reach,
+            f"calibration.center_of_mass must lie no farther from Bo than the rotors, {reach:g} m; got {offset:g}. "
+            "Is it in metres?",
+        )
+        _require(
+            known.rotor_inertia <= self.inertia[2][2],
+            f"calibration.rotor_inertia must be below that of the vehicle, {self.inertia[2][2]:g} kg·m²; got "
+            f"{known.rotor_inertia:g}. Is it in kg·m²?",
+        )
+
     @cached_property
     def J(self) -> np.ndarray:
         """Inertia about the centre of mass in body axes, (3, 3) [kg·m²]."""
@@ -166,8 +193,9 @@ class Vehicle:
         return thrust @ self.mixer.T
 
     def with_mass(self, mass: float) -> "Vehicle":
-        """Return a copy of the vehicle with another mass [kg]."""
-        return dc.replace(self, mass=mass).check()
+        """Return a copy of the vehicle with another mass [kg], without what is said of the present one."""
+        said = {"sources": without(self.sources, "mass"), "intervals": without(self.intervals, "mass")}
+        return dc.replace(self, mass=mass, **said).check()
 
 
 def preset_names() -> list[str]:

@@ -30,7 +30,8 @@ DIAGNOSIS = (
 )
 GROUND = (
     *("lazy_names", "attitude", "compiled", "files", "rotor_layout", "flight_log", "metrics"),
-    *("vehicle_physics", "vehicle", "rigid_body", "rotor_input", "scaling", "vehicle_estimate"),
+    *("vehicle_physics", "vehicle_calibration", "vehicle_sources", "vehicle"),
+    *("rigid_body", "rotor_input", "scaling", "vehicle_estimate"),
     *("residual_model", "command_delay", "labels"),
     *("training_data", "effects", "logs", "references", "control", "diagnosis", "flight_design"),
     *("mpc", "estimation", "faults"),

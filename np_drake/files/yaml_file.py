@@ -173,7 +173,8 @@ def _misfit_of_names(kind: Any, value: Any, name: str) -> str | None:
         return f"{name or 'it'} must be names with their values; got {shown(value)}."
     for strange in [field for field in value if not isinstance(field, str)]:
         return f"a name in {name or 'it'} must be text; got {shown(strange)}."
-    return _first(misfit(kind, inner, f"{name}.{field}", math.inf) for field, inner in value.items())
+    default = math.inf if kind is float else None
+    return _first(misfit(kind, inner, f"{name}.{field}", default) for field, inner in value.items())
 
 
 def fields_of(kind: Any) -> dict[str, Any]:

@@ -1,0 +1,87 @@
+"""The vehicle of a calibrated file flies in Drake as the calibration says."""
+
+import dataclasses as dc
+
+import numpy as np
+import pytest
+from pydrake.systems.analysis import Simulator
+
+from np_drake import attitude
+from np_drake.effects.base import Measurement
+from np_drake.effects.calibration import effects_of
+from np_drake.effects.combine import split_effects
+from np_drake.vehicle import Vehicle
+from np_drake.vehicle_calibration import Calibration
+from systems.initial_state import set_hover
+from systems.tethered_quadrotor import PayloadConfig, make_tethered_quadrotor
+
+NO_PAYLOAD = PayloadConfig(tether="none")
+NOMINAL = dc.replace(Vehicle(), rotor_time_constant=0.03)
+
+
+def flying(calibration):
+    """Simulator of the calibrated vehicle, at rest 2 m high; u is left to fix."""
+    parts = split_effects(effects_of(calibration.check(), NOMINAL))
+    dut = make_tethered_quadrotor(
+        NOMINAL, NO_PAYLOAD, wrench_effects=parts.wrench, actuator_effects=parts.actuator, mass_effects=parts.mass
+    )
+    simulator = Simulator(dut)
+    plant = dut.GetSubsystemByName("plant")
+    context = simulator.get_mutable_context()
+    set_hover(plant, plant.GetMyMutableContextFromRoot(context), NO_PAYLOAD, (0.0, 0.0, 2.0))
+    return dut, simulator, context
+
+
+def read(dut, context, name):
+    return dut.GetOutputPort(name).Eval(context)
+
+
+def test_the_defaults_add_nothing():
+    assert effects_of(Calibration(), Vehicle()) == ()
+    assert effects_of(Calibration(rotor_time_constant_down=0.03), NOMINAL) == ()
+
+
+def test_a_thrust_about_the_true_centre_of_mass_hovers():
+    calibration = Calibration(center_of_mass=[0.004, -0.006, 0.01], rotor_gains=[0.96, 1.02, 1.03, 0.99])
+    dut, simulator, context = flying(calibration)
+    weight = NOMINAL.mass * NOMINAL.gravity
+    x, y, _ = calibration.center_of_mass
+    thrust = NOMINAL.unmixer @ [weight, weight * y, -weight * x, 0.0]
+    command = thrust / calibration.rotor_gains
+    dut.get_input_port().FixValue(context, NOMINAL.mixer @ command)
+    actuators = dut.GetSubsystemByName("actuators")
+    actuators.rest_at(actuators.GetMyMutableContextFromRoot(context), command)
+    simulator.AdvanceTo(0.5)
+    np.testing.assert_allclose(read(dut, context, "rotor_thrust"), thrust, rtol=1e-6)
+    np.testing.assert_allclose(read(dut, context, "acceleration"), np.zeros(6), atol=1e-4)
+
+
+def test_a_command_arrives_late_and_with_the_mean_of_both_lags():
+    dut, simulator, context = flying(Calibration(command_delay=0.02, rotor_time_constant_down=0.05))
+    dut.get_input_port().FixValue(context, 1.2 * NOMINAL.hover_input)
+    hover = 0.25 * NOMINAL.mass * NOMINAL.gravity
+    simulator.AdvanceTo(0.019)
+    np.testing.assert_allclose(read(dut, context, "rotor_thrust"), hover, rtol=1e-6)
+    simulator.AdvanceTo(0.06)  # one lag after it has arrived
+    speed = np.sqrt(read(dut, context, "rotor_thrust") / hover)
+    share = (speed - 1) / (np.sqrt(1.2) - 1)
+    np.testing.assert_allclose(share, 1 - np.exp(-1), atol=0.02)  # the command steps at a multiple of 1 ms
+
+
+def test_turning_rotors_resist_a_roll_by_a_pitching_moment():
+    (effect,) = effects_of(Calibration(rotor_inertia=1e-5), NOMINAL)
+    assert effect.values == {"rotor_inertia": 1e-5}
+
+
+def test_a_tilted_imu_reads_the_bodys_rates_in_its_own_axes():
+    tilt = [0.0, 0.0, 0.3]
+    (effect,) = effects_of(Calibration(imu_tilt=tilt), NOMINAL)
+    truth = Measurement(np.r_[np.zeros(3), 1, np.zeros(6), 1.0, 0, 0], np.zeros(3), np.zeros(3), np.zeros(4))
+    turn = attitude.rotation_matrix(attitude.from_rotation_vector(np.array([tilt]))[0])
+    np.testing.assert_allclose(effect.measure(NOMINAL, truth, np.zeros(0)).x[10:], turn.T @ [1, 0, 0])
+
+
+@pytest.mark.parametrize("offset", [-0.01, 0.01])
+def test_a_clock_offset_is_that_of_the_state_columns(offset):
+    (effect,) = effects_of(Calibration(clock_offset=offset), NOMINAL)
+    assert effect.clock_shift == offset
