@@ -131,24 +131,18 @@ def _descend(
 
 
 def _cost(model: FlightModel, layout: Layout, z: np.ndarray, number: int, whitening: Whitening) -> float:
-    v = layout.values(z, number)
-    noise = whitening.noise_power(model.noise) * model.noise_gain(v)
-    return 0.5 * float(np.sum(whitening.apply(model.residual(v)) ** 2)) - 0.5 * float(np.sum(noise**2))
+    return 0.5 * float(np.sum(whitening.apply(model.residual(layout.values(z, number))) ** 2))
 
 
 def _part(model: FlightModel, layout: Layout, z: np.ndarray, number: int, whitening: Whitening) -> _Part:
     """Return the share of one flight in the normal equations."""
-    v = layout.values(z, number)
-    e, power = model.residual(v), whitening.noise_power(model.noise)
-    noise = power * model.noise_gain(v)
+    e = model.residual(layout.values(z, number))
     own = layout.indices(number)
-    J, K = np.empty((*e.shape, len(own))), np.empty((*noise.shape, len(own)))
+    J = np.empty((*e.shape, len(own)))
     for column, i in enumerate(own):
         moved = z.copy()
         moved[i] += STEP
-        v = layout.values(moved, number)
-        J[..., column] = (model.residual(v) - e) / STEP
-        K[..., column] = (power * model.noise_gain(v) - noise) / STEP
+        J[..., column] = (model.residual(layout.values(moved, number)) - e) / STEP
     e, J = whitening.apply(e), whitening.apply(J)
     each = np.einsum("mck,mc->mk", J, e)
     rows = max(1, round(BLOCK / model.flight.step))
@@ -156,12 +150,10 @@ def _part(model: FlightModel, layout: Layout, z: np.ndarray, number: int, whiten
     k = layout.size
     information, gradient, scores = np.zeros((k, k)), np.zeros(k), np.zeros((len(blocks), k))
     flat = J.reshape(-1, len(own))
-    # Noise in measured rotor speed adds to the squared residuals what depends on the parameters: less its mean.
-    added = np.einsum("cik,ci->k", K, noise)
-    information[np.ix_(own, own)] = flat.T @ flat - np.einsum("cik,cil->kl", K, K)
-    gradient[own] = each.sum(axis=0) - added
-    scores[:, own] = blocks - added / len(blocks)
-    return _Part(gradient, information, scores, 0.5 * float(np.sum(e**2)) - 0.5 * float(np.sum(noise**2)))
+    information[np.ix_(own, own)] = flat.T @ flat
+    gradient[own] = each.sum(axis=0)
+    scores[:, own] = blocks
+    return _Part(gradient, information, scores, 0.5 * float(np.sum(e**2)))
 
 
 def _agreement(parts: Sequence[_Part], layout: Layout, z: np.ndarray) -> dict[str, Agreement]:

@@ -14,7 +14,6 @@ import numpy as np
 
 from np_drake.identification.rotor_response import at, lagged, means, target_speed
 from np_drake.identification.signals import Signals
-from np_drake.training_data.segments import white_noise
 
 G = 9.81  # [m/s²]
 FORCE, TORQUE, SPEED = slice(0, 3), slice(3, 6), slice(6, 10)
@@ -85,11 +84,13 @@ class FlightModel:
         torque[:, 0], torque[:, 1] = f @ arms[:, 1], -(f @ arms[:, 0])
         torque[:, 2] = f @ (frame.directions * v["torque"] * frame.radius)
         # Angular momentum of the rotors, which turn against their reaction torques.
-        momentum = v["rotor_momentum"] * v["jzz"] * (v["jxx"] + v["jyy"]) * frame.arm**2
+        momentum = _momentum(v, frame)
         h = momentum * (speed @ frame.directions)
         torque[:, 0] += w[:, 1] * h
         torque[:, 1] -= w[:, 0] * h
         torque[:, 2] += momentum * (change @ frame.directions)
+        air = self._air(v)
+        torque += np.cross(-center, air)
         if s.velocity is not None:
             torque[:, 0] -= frame.arm * v["flap_y"] * s.velocity[:, 1]
             torque[:, 1] += frame.arm * v["flap_x"] * s.velocity[:, 0]
@@ -97,13 +98,9 @@ class FlightModel:
         e = np.empty((len(s), self.channels))
         e[:, TORQUE] = alpha - torque @ np.linalg.inv(j).T
         # The accelerometer may be stamped later than the gyro.
-        push = np.zeros((len(s), 3))
-        push[:, 2] = late @ (per_mass * gains)
-        if s.velocity is not None:
-            push[:, :2] -= v["drag"] * s.velocity[:, :2]
-            push[:, 2] -= v["climb"] * s.velocity[:, 2]
-            push[:, 2] += v["lift"] * np.sum(s.velocity[:, :2] ** 2, axis=1)
-        place = frame.arm * np.array([v["imu_x"], v["imu_y"], v["imu_z"]]) - center
+        push = air
+        push[:, 2] += late @ (per_mass * gains)
+        place = _imu(v, frame) - center
         late_alpha = self._alpha(v["force_late"])
         push += np.cross(late_alpha + np.cross(tilt, late_alpha), place) + s.spread @ place - np.trace(s.spread, axis1=1, axis2=2)[:, None] * place
         bias = np.array([v["bias_x"], v["bias_y"], v["bias_z"]])
@@ -112,42 +109,12 @@ class FlightModel:
             e[:, SPEED] = self._measured_speed - self._predicted_speed(v)
         return e
 
-    @cached_property
-    def noise(self) -> np.ndarray:
-        """(8, 2) variance and covariance at lag one, in the bins, of the noise of measured rotor speeds.
-
-        Rows 0-3 are of the mean squared relative speed [1], rows 4-7 of its rate of change [1/s²].
-        """
-        s = self.flight
-        if s.drive != "rotor_speed":
-            return np.zeros((8, 2))
-        each = int(s.edges[1] - s.edges[0])
-        white = white_noise([self._relative]) ** 2
-        square = 4.0 * np.mean(self._relative**2, axis=0) * white
-        rate = white / s.step**2
-        return np.concatenate(
-            [np.outer(square, [(each - 0.5) / each**2, 0.25 / each**2]), np.outer(rate, [2.0, -1.0])]
-        )
-
-    def noise_gain(self, v: Values) -> np.ndarray:
-        """Return the response (6, 8) of force and torque channels to the noise of `noise`.
-
-        Args:
-            v: parameters by name.
-        """
-        frame = self.frame
-        gains = 1.0 + np.array([v["gain_roll"], v["gain_pitch"], v["gain_yaw"]]) @ frame.patterns
-        f = 0.25 * G * v["scale"] * gains
-        arms = frame.positions - frame.arm * np.array([v["com_x"], v["com_y"], 0.0])
-        j = inertia(v) * frame.arm**2
-        momentum = v["rotor_momentum"] * v["jzz"] * (v["jxx"] + v["jyy"]) * frame.arm**2
-        torque = np.zeros((3, 8))
-        torque[0, :4], torque[1, :4] = arms[:, 1] * f, -arms[:, 0] * f
-        torque[2, :4] = frame.directions * v["torque"] * frame.radius * f
-        torque[2, 4:] = momentum * frame.directions
-        out = np.zeros((6, 8))
-        out[2, :4] = f
-        out[TORQUE] = np.linalg.solve(j, torque)
+    def _air(self, v: Values) -> np.ndarray:
+        """Return the force of the air (m, 3) against the velocity, at Bo and over the mass [m/s²]."""
+        out, u = np.zeros((len(self.flight), 3)), self.flight.velocity
+        if u is not None:
+            out[:, :2] = -v["drag"] * u[:, :2]
+            out[:, 2] = v["lift"] * np.sum(u[:, :2] ** 2, axis=1) - v["climb"] * u[:, 2]
         return out
 
     def _alpha(self, late: float) -> np.ndarray:
@@ -155,7 +122,7 @@ class FlightModel:
         if self._kept.get("alpha", (None,))[0] != late:
             s = self.flight
             edges = s.instants - late
-            rates = np.stack([np.interp(edges, s.t, column) for column in s.w.T], axis=1)
+            rates = np.stack([np.interp(edges, s.t, column) for column in s.smooth.T], axis=1)
             self._kept["alpha"] = (late, np.diff(rates, axis=0) / np.diff(edges)[:, None])
         return self._kept["alpha"][1]
 
@@ -217,6 +184,26 @@ class FlightModel:
             t, speed = self._driven(v)
             self._kept["speed"] = (key, means(t, speed, self.flight.instants - self.flight.t[0] - v["delay"] + v["clock"]))
         return self._kept["speed"][1]
+
+
+def _gains(v: Values, frame: Frame) -> np.ndarray:
+    """Return the gains (4,) of the rotors [1]."""
+    return 1.0 + np.array([v["gain_roll"], v["gain_pitch"], v["gain_yaw"]]) @ frame.patterns
+
+
+def _center(v: Values, frame: Frame) -> np.ndarray:
+    """Return the centre of mass (3,) from Bo [m]."""
+    return frame.arm * np.array([v["com_x"], v["com_y"], 0.0])
+
+
+def _imu(v: Values, frame: Frame) -> np.ndarray:
+    """Return the accelerometer (3,) from Bo [m]."""
+    return frame.arm * np.array([v["imu_x"], v["imu_y"], v["imu_z"]])
+
+
+def _momentum(v: Values, frame: Frame) -> float:
+    """Return the angular momentum of a rotor in hover over the mass [m²/s]."""
+    return v["rotor_momentum"] * v["jzz"] * (v["jxx"] + v["jyy"]) * frame.arm**2
 
 
 def inertia(v: Values) -> np.ndarray:

@@ -54,17 +54,6 @@ class Whitening:
         weight = np.where(self.good[:, None], self.weight, 0.0)
         return out * weight.reshape(weight.shape + (1,) * (values.ndim - 2))
 
-    def noise_power(self, noise: np.ndarray) -> np.ndarray:
-        """Return by which factor (6, k) an input's noise enters the root of the sum of squares of whitened channels.
-
-        Args:
-            noise: (k, 2) variance and covariance at lag one of the inputs' noise.
-        """
-        taps = self.taps[:6]
-        own, next_ = np.sum(taps**2, axis=1), 2.0 * np.sum(taps[:, 1:] * taps[:, :-1], axis=1)
-        rows = np.sum(self.weight[self.good, :6] ** 2, axis=0)
-        return np.sqrt(np.maximum(rows[:, None] * (np.outer(own, noise[:, 0]) + np.outer(next_, noise[:, 1])), 0.0))
-
 
 def _filter(x: np.ndarray, good: np.ndarray, order: int) -> np.ndarray:
     """Return the prediction error filter (order + 1,) of a channel, over its deviation.

@@ -6,8 +6,10 @@ from functools import cached_property
 import numpy as np
 
 from np_drake import attitude
+from np_drake.diagnosis.residuals.rotor_thrust import most_likely
 from np_drake.flight_log import FlightLog
 from np_drake.identification.rotor_response import Substeps
+from np_drake.training_data.segments import white_noise
 
 BIN = 0.009  # least length of a bin [s]; own choice: motors answer below 15 Hz, and a log at 100 Hz keeps its rows
 DRIVES = ("rotor_speed", "throttle", "command")
@@ -18,6 +20,8 @@ FLYING = 0.3  # specific force over gravity below which a vehicle is thrown, hel
 class Signals:
     """One flight, in bins between rows `edges`.
 
+    smooth: (n, 3) body rates of the rows without white noise [rad/s].   What enters the model as an input is such a
+    conditional mean: its error is independent of it, and parameters are not drawn to zero (Berkson's model).
     force: (m, 3) mean specific force in the sensor's axes [m/s²].   alpha: (m, 3) change of the body rates over the
     bin, over its length [rad/s²].   rate: (m, 3) mean body rates [rad/s].   spread: (m, 3, 3) mean of w w' [rad²/s²].
     velocity: (m, 3) mean velocity in body axes [m/s]; None: not logged.   good: (m,) bins that count.
@@ -28,7 +32,7 @@ class Signals:
 
     name: str
     t: np.ndarray
-    w: np.ndarray
+    smooth: np.ndarray
     edges: np.ndarray
     force: np.ndarray
     alpha: np.ndarray
@@ -96,18 +100,19 @@ def signals(log: FlightLog, unmixer: np.ndarray, drive: str = "") -> Signals:
         middle = attitude.rotation_vector(attitude.multiply(attitude.conjugate(log.q[:-1]), log.q[1:]))
         half = attitude.multiply(log.q[:-1], attitude.from_rotation_vector(0.5 * middle))
         force = _mean_after(attitude.rotate_back(half, np.diff(log.v, axis=0) / dt[:, None] + g), dt, edges)
-    products = log.w[:, :, None] * log.w[:, None, :]
+    smooth = most_likely(log.w, white_noise([log.w]), log.step)
+    products = smooth[:, :, None] * smooth[:, None, :]
     good = np.isfinite(force).all(axis=1)
     good &= np.linalg.norm(force, axis=1) > FLYING * 9.81
     if log.bridged is not None:
         good &= np.add.reduceat(log.bridged[: edges[-1]], edges[:-1]) == 0
     good &= length[:, 0] < 1.6 * np.median(length)
-    source = {"rotor_speed": log.rotor, "throttle": log.throttle, "command": np.maximum(log.u @ unmixer.T, 0.0)}[drive]
+    source = {"rotor_speed": _rotor_speed(log, unmixer), "throttle": log.throttle, "command": np.maximum(log.u @ unmixer.T, 0.0)}[drive]
     four = log.throttle is not None and np.ndim(log.throttle) == 2 and log.throttle.shape[1] == 4
     return Signals(
         name=log.name,
         t=log.t,
-        w=log.w,
+        smooth=smooth,
         edges=edges,
         force=force,
         alpha=np.diff(log.w[edges], axis=0) / length,
@@ -139,6 +144,16 @@ def drive_of(log: FlightLog) -> str:
         f"{log.name}: identification needs what turns each rotor: rotor speed, throttle of four motors, or thrust and "
         "torque; the log has none of them."
     )
+
+
+def _rotor_speed(log: FlightLog, unmixer: np.ndarray) -> np.ndarray | None:
+    """Return rotor speed (n, 4) without white noise; thrust and torques have spectra of their own [rad/s]."""
+    if log.rotor is None:
+        return None
+    # Columns of the unmixer span thrust and torques; their scale does not matter.
+    channels = np.square(log.rotor) @ np.linalg.inv(unmixer).T
+    likely = most_likely(channels, white_noise([channels]), log.step)
+    return np.sqrt(np.maximum(likely @ unmixer.T, 0.0))
 
 
 def _mean_after(values: np.ndarray, dt: np.ndarray, edges: np.ndarray) -> np.ndarray:
