@@ -17,7 +17,7 @@ from np_drake.identification.noise import Whitening
 from np_drake.identification.parameters import Layout
 
 PASSES = 4  # of noise models
-ITERATIONS = 6  # of Gauss-Newton within one
+ITERATIONS = 3  # of Gauss-Newton within one
 STEP = 1e-4  # of a finite difference, in standard deviations of the prior
 BLOCK = 2.0  # length of blocks that are taken as independent [s]; own choice: longer than manoeuvres last
 LARGEST = 2.0  # step in standard deviations of the prior

@@ -50,6 +50,7 @@ def parameters(spin: float, step: float) -> tuple[Parameter, ...]:
         Parameter("clock", 0.0, 0.01, needs=SPEED),
         Parameter("delay", 0.005, 0.01, needs=MOTORS),
         Parameter("force_late", 0.0, 0.005 + 0.3 * step),
+        Parameter("window", 0.5, 0.3, needs=("accelerometer",)),  # over which it averages, of the interval of rows
         Parameter("lag", ln(0.03), 0.7, log=True, needs=MOTORS),
         Parameter("lag_ratio", ln(1.3), 0.3, log=True, needs=MOTORS),
         Parameter("curve", 0.2, 0.3, needs=("throttle",)),

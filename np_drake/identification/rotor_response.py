@@ -68,26 +68,30 @@ def lagged(target: np.ndarray, row: np.ndarray, step: float, up: float, down: fl
     return out
 
 
-def means(t: np.ndarray, values: np.ndarray, edges: np.ndarray) -> np.ndarray:
-    """Return the means (k, c) of piecewise linear values between consecutive edges.
+def means(t: np.ndarray, values: np.ndarray, starts: np.ndarray, stops: np.ndarray) -> np.ndarray:
+    """Return the means (k, c) of piecewise linear values over spans.
 
     Args:
         t: (m,) times of the values, uniform [s].
         values: (m, c) values; constant before the first and after the last.
-        edges: (k + 1,) increasing times [s].
+        starts: (k,) of the spans [s].
+        stops: (k,) of the spans [s].
     """
     step = t[1] - t[0]
     total = np.zeros_like(values)
     np.cumsum(0.5 * step * (values[1:] + values[:-1]), axis=0, out=total[1:])
-    place = (edges - t[0]) / step
-    inside = np.clip(place, 0.0, len(t) - 1)
-    k = np.minimum(inside.astype(int), len(t) - 2)
-    part = (inside - k)[:, None]
-    # Integral of a line from the node before, and of the constant beyond the ends.
-    integral = total[k] + step * part * (values[k] + 0.5 * part * (values[k + 1] - values[k]))
-    beyond = step * (place - inside)[:, None]
-    integral = integral + beyond * np.where(beyond < 0, values[:1], values[-1:])
-    return np.diff(integral, axis=0) / np.diff(edges)[:, None]
+
+    def integral(instants: np.ndarray) -> np.ndarray:
+        place = (instants - t[0]) / step
+        inside = np.clip(place, 0.0, len(t) - 1)
+        k = np.minimum(inside.astype(int), len(t) - 2)
+        part = (inside - k)[:, None]
+        # Of a line from the node before, and of the constant beyond the ends.
+        own = total[k] + step * part * (values[k] + 0.5 * part * (values[k + 1] - values[k]))
+        beyond = step * (place - inside)[:, None]
+        return own + beyond * np.where(beyond < 0, values[:1], values[-1:])
+
+    return (integral(stops) - integral(starts)) / (stops - starts)[:, None]
 
 
 def at(t: np.ndarray, values: np.ndarray, instants: np.ndarray) -> np.ndarray:

@@ -57,6 +57,11 @@ class Signals:
         """Median length of a bin [s]."""
         return float(np.median(np.diff(self.instants)))
 
+    @property
+    def single(self) -> bool:
+        """Whether a bin holds one row, with an accelerometer's reading."""
+        return self.accelerometer and int(self.edges[1] - self.edges[0]) == 1
+
     @cached_property
     def substeps(self) -> Substeps:
         """Fine grid of the rows."""
