@@ -13,6 +13,7 @@ from diagrams.cli import (
     evaluate,
     export,
     fly,
+    identify,
     import_logs,
     next_flight,
     options,
@@ -36,6 +37,7 @@ app.command("train")(train.train)
 app.command("evaluate")(evaluate.evaluate)
 app.command("import")(import_logs.import_logs)
 app.command("doctor")(doctor.doctor)
+app.command("identify")(identify.identify)
 app.command("diagnose")(diagnose.diagnose)
 app.command("next-flight")(next_flight.next_flight)
 app.command(

@@ -171,7 +171,7 @@ def _agreement(parts: Sequence[_Part], layout: Layout, z: np.ndarray) -> dict[st
         M = scores.T @ scores * len(scores) / max(len(scores) - 1, 1) + np.eye(len(own))
         variance = np.maximum(np.diag(inverse @ M @ inverse), np.diag(inverse))[:n]
         told = variance < 0.25
-        alone = 1.0 / (1.0 / variance - 1.0)
+        alone = variance / np.maximum(1.0 - variance, 1e-9)
         values[number] = np.where(told, mean[:n] * alone / variance, np.nan)
         sds[number] = np.where(told, np.sqrt(np.maximum(alone, 1e-18)), np.nan)
     return {

@@ -56,7 +56,8 @@ class Identification:
             bounds = np.array([here, here - SURE * sd, here + SURE * sd, before - SURE * prior, before + SURE * prior])
             value, low, high, *both = np.exp(bounds) if q.positive else bounds
             told = bool(0.0 < sd < TOLD * prior)
-            found.append(Identified(q, float(value), float(low), float(high), (both[0], both[1]), told))
+            p = _agreement(e, gradient)
+            found.append(Identified(q, float(value), float(low), float(high), (both[0], both[1]), told, p))
         return tuple(found)
 
     def __getitem__(self, name: str) -> Identified:
@@ -65,7 +66,13 @@ class Identification:
 
 
 def identify(
-    flights: Sequence[FlightLog], prior: Vehicle, *, mass: float | None = None, trusted: bool = False, drive: str = ""
+    flights: Sequence[FlightLog],
+    prior: Vehicle,
+    *,
+    mass: float | None = None,
+    trusted: bool = False,
+    drive: str = "",
+    stop: float = 1.0,
 ) -> Identification:
     """Return what flights tell of a vehicle.
 
@@ -75,6 +82,7 @@ def identify(
         mass: with battery [kg]; None: not known.
         trusted: whether logged thrust [N], or the prior's thrust coefficient, is right, so that the mass is told.
         drive: what turns the rotors, of `signals.DRIVES`; empty: as the logs have it.
+        stop: share of each flight that is used, from its beginning [1].
     Raises: ValueError: one line, where flights tell nothing of the vehicle or differ in what they hold.
     """
     lasts = [len(log) > 1 and log.t[-1] - log.t[0] >= SHORTEST for log in flights]
@@ -87,12 +95,12 @@ def identify(
     if not long:
         raise ValueError(f"identify: needs a flight of {SHORTEST:g} s at least; got none among {len(flights)} logs.")
     drive = drive or drive_of(long[0])
-    seen = [signals(log, prior.unmixer, drive) for log in long]
+    seen = [signals(log, prior.unmixer, drive).part(0.0, stop) for log in long]
     frame = _frame(seen, prior, drive)
     parts = _parts(seen, drive)
-    known = set(parts) | ({"mass"} if mass is not None or not trusted else set())
     coefficient = prior.thrust_coefficient if trusted and mass is None and drive == "rotor_speed" else None
     newtons = trusted and mass is None and drive == "command"
+    known = set(parts) | (set() if coefficient is not None or newtons else {"mass"})
     known |= {"trusted"} if coefficient is not None or newtons else set()
     spin = frame.unit if drive == "rotor_speed" else float(
         np.sqrt(0.25 * (mass or prior.mass) * G / prior.thrust_coefficient)
@@ -102,6 +110,12 @@ def identify(
     models = tuple(FlightModel(flight, frame) for flight in seen)
     basis = Basis(frame, drive, mass, coefficient, spin, newtons)
     return Identification(basis, estimate(models, layout), frozenset(known), models, prior, notes)
+
+
+def _agreement(e: Estimate, gradient: np.ndarray) -> float:
+    """Return the agreement of flights on the parameter that a quantity follows most; NaN: not tested."""
+    leading = e.layout.names[int(np.argmax(np.abs(gradient)))]
+    return e.agreement[leading].p if leading in e.agreement else float("nan")
 
 
 def _gradient(of, z: np.ndarray, shared: slice) -> np.ndarray:

@@ -76,18 +76,16 @@ class FlightModel:
             v: parameters by name.
         """
         s, frame = self.flight, self.frame
-        rotors = self._rotors(v)
-        patterns = np.array([v["gain_roll"], v["gain_pitch"], v["gain_yaw"]]) @ frame.patterns
-        gains = 0.25 * G * v["scale"] * (1.0 + patterns)
-        center = frame.arm * np.array([v["com_x"], v["com_y"], 0.0])
+        rotors, gains, center = self._rotors(v), self.gains(v), self.center(v)
         # Small angles: vectors in the sensor's axes are those in the body's less tilt x vector.
-        turn = np.eye(3) + attitude.skew(np.array([v["tilt_x"], v["tilt_y"], v["tilt_z"]]))
-        w, alpha = s.rate @ turn.T, s.alpha @ turn.T
-        air = self._air(v)
+        tilt = np.array([v["tilt_x"], v["tilt_y"], v["tilt_z"]])
+        twist = np.array([v["twist_x"], v["twist_y"], v["twist_z"]])
+        turn, gyro = np.eye(3) + attitude.skew(tilt), np.eye(3) + attitude.skew(tilt + twist)
+        w, alpha = s.rate @ gyro.T, s.alpha @ gyro.T
+        # The attitude is taken as that of the sensors' axes.
+        air, torque = self.air_wrench(v, None if s.velocity is None else s.velocity @ turn.T)
         j = inertia(v) * frame.arm**2
-        torque = self._torque(v, rotors, gains, center)
-        torque += air @ attitude.skew(-center).T
-        torque -= self._euler @ j[_MOMENTS]
+        torque += rotors.thrust @ self.arms(v).T - self._euler @ j[_MOMENTS]
         # Angular momentum of the rotors, which turn against their reaction torques.
         momentum = v["rotor_momentum"] * j[2, 2]
         h = momentum * (rotors.speed @ frame.directions)
@@ -104,29 +102,60 @@ class FlightModel:
             e[:, SPEED] = self._measured_speed - self._predicted_speed(v)
         return e
 
-    def _torque(self, v: Values, rotors: "Rotors", gains: np.ndarray, center: np.ndarray) -> np.ndarray:
-        """Return the torque (m, 3) of the rotors' thrust, drag and flapping about the centre of mass [m²/s²]."""
-        frame, u = self.frame, self.flight.velocity
-        arms = frame.positions - center
-        lever = np.stack([arms[:, 1], -arms[:, 0], frame.directions * v["torque"] * frame.radius])
-        out = rotors.thrust @ (gains * lever).T
-        if u is not None:
-            out[:, 0] -= frame.arm * v["flap_y"] * u[:, 1]
-            out[:, 1] += frame.arm * v["flap_x"] * u[:, 0]
-        return out
+    def gains(self, v: Values) -> np.ndarray:
+        """Return thrust over mass (4,) of the rotors at the unit of input [m/s²].
 
-    def _air(self, v: Values) -> np.ndarray:
-        """Return the force of the air (m, 3) against the velocity, at Bo and over the mass [m/s²]."""
-        u = self.flight.velocity
+        Args:
+            v: parameters by name.
+        """
+        patterns = np.array([v["gain_roll"], v["gain_pitch"], v["gain_yaw"]]) @ self.frame.patterns
+        return 0.25 * G * v["scale"] * (1.0 + patterns)
+
+    def center(self, v: Values) -> np.ndarray:
+        """Return the centre of mass (3,) from Bo [m].
+
+        Args:
+            v: parameters by name.
+        """
+        return self.frame.arm * np.array([v["com_x"], v["com_y"], 0.0])
+
+    def arms(self, v: Values) -> np.ndarray:
+        """Return the map (3, 4) from relative thrusts to torque over mass about the centre of mass [m²/s²].
+
+        Args:
+            v: parameters by name.
+        """
+        frame, arms = self.frame, self.frame.positions - self.center(v)
+        # A motor that leans turns the vehicle about z, too.
+        lean = frame.directions + v["lean_x"] * frame.patterns[0] + v["lean_y"] * frame.patterns[1]
+        return self.gains(v) * np.stack([arms[:, 1], -arms[:, 0], v["torque"] * frame.radius * lean])
+
+    def air_wrench(self, v: Values, u: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
+        """Return force (m, 3) at Bo and torque (m, 3) about the centre of mass of the air [m/s², m²/s²].
+
+        Args:
+            v: parameters by name.
+            u: (m, 3) velocity in body axes [m/s]; None: not known, and no wrench.
+        """
         if u is None:
-            return np.zeros((len(self.flight), 3))
-        out = u * np.array([-v["drag"], -v["drag"], -v["climb"]])
-        out[:, 2] += v["lift"] * self._sideways
-        return out
+            return np.zeros((len(self.flight), 3)), np.zeros((len(self.flight), 3))
+        force = u * np.array([-v["drag"], -v["drag"], -v["climb"]])
+        force[:, 2] += v["lift"] * (u[:, 0] ** 2 + u[:, 1] ** 2)
+        torque = force @ attitude.skew(-self.center(v)).T
+        torque[:, 0] -= self.frame.arm * v["flap_y"] * u[:, 1]
+        torque[:, 1] += self.frame.arm * v["flap_x"] * u[:, 0]
+        return force, torque
 
-    @cached_property
-    def _sideways(self) -> np.ndarray:
-        return np.sum(self.flight.velocity[:, :2] ** 2, axis=1)
+    def wrench(self, v: Values) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray, np.ndarray]]:
+        """Return what the rotors do in the bins.
+
+        Args:
+            v: parameters by name.
+        Returns: collective thrust (m,) and, in a tuple, torque (m, 3) over mass, and their summed relative speed (m,)
+        by direction with its rate of change (m,).
+        """
+        rotors, d = self._rotors(v), self.frame.directions
+        return rotors.thrust @ self.gains(v), (rotors.thrust @ self.arms(v).T, rotors.speed @ d, rotors.rate @ d)
 
     def _keep(self, stage: str, key: tuple, make: Callable[[], Any]) -> Any:
         """Return a stage for this key. The two last are kept, for finite differences move one parameter at a time."""

@@ -74,13 +74,12 @@ class Layout:
 
         Args:
             z: (size,) standardised coordinates.
-            flight: whose own parameters are included; None: those of all flights alone.
+            flight: whose own parameters are included; None: the mean of those of all flights.
         """
         found = dict(self.fixed)
         for p, c in zip(self.shared, z, strict=False):
             found[p.name] = p.value(c)
-        if flight is not None:
-            first = len(self.shared) + flight * len(self.own)
-            for p, c in zip(self.own, z[first:], strict=False):
-                found[p.name] = p.value(c)
+        own = z[len(self.shared) :].reshape(self.flights, len(self.own))
+        for p, c in zip(self.own, own.mean(axis=0) if flight is None else own[flight], strict=True):
+            found[p.name] = p.value(c)
         return found

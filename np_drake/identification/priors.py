@@ -33,6 +33,8 @@ def parameters(spin: float, step: float) -> tuple[Parameter, ...]:
         Parameter("jxz", 0.0, 0.03),
         Parameter("jyz", 0.0, 0.03),
         Parameter("torque", ln(0.18), 0.4, log=True),  # torque over thrust of a rotor, over its radius
+        Parameter("lean_x", 0.0, 0.2),  # yaw of motors that lean, over their torque
+        Parameter("lean_y", 0.0, 0.2),
         Parameter("rotor_momentum", ln(0.002 * spin), 1.0, log=True),  # of a rotor in hover, over jzz [rad/s]
         Parameter("imu_x", 0.0, 0.2, needs=("accelerometer",)),
         Parameter("imu_y", 0.0, 0.2, needs=("accelerometer",)),
@@ -40,6 +42,10 @@ def parameters(spin: float, step: float) -> tuple[Parameter, ...]:
         Parameter("tilt_x", 0.0, 0.03, needs=("accelerometer",)),
         Parameter("tilt_y", 0.0, 0.03, needs=("accelerometer",)),
         Parameter("tilt_z", 0.0, 0.03, needs=("accelerometer",)),
+        # What rolls, pitches and yaws are coupled by beside tilt and products of inertia.
+        Parameter("twist_x", 0.0, 0.03),
+        Parameter("twist_y", 0.0, 0.03),
+        Parameter("twist_z", 0.0, 0.03),
         # Force and moment against velocity, over mass [1/s, 1/s, 1/m, arms/s, arms/s].
         Parameter("drag", 0.15, 0.15, needs=AIR),
         Parameter("climb", 0.15, 0.15, needs=AIR),

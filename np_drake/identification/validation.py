@@ -1,0 +1,162 @@
+"""Identified model on flights that it has not seen, beside the vehicle file as it was and plain least squares."""
+
+import dataclasses as dc
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from np_drake.flight_log import FlightLog
+from np_drake.identification.identify import Identification
+from np_drake.identification.model import G, FlightModel, Frame, Values, inertia
+from np_drake.identification.prediction import ERRORS, predict
+from np_drake.identification.signals import signals
+from np_drake.vehicle import Vehicle
+
+HORIZONS = (0.1, 0.5)  # of open-loop prediction [s]
+# Parameters that a user of plain least squares names: the usual ones.
+USUAL = ("scale", "jxx", "jyy", "jzz", "com_x", "com_y", "torque", "lag", "delay", "clock", "curve", "bias_z")
+
+
+@dc.dataclass(frozen=True)
+class HeldOut:
+    """Errors of one model on one held-out part.
+
+    force: (3,) RMS of the residual force [N].   torque: (3,) of the torque [N·m].   open_loop: (horizons, 4) median
+    errors of `ERRORS` after `HORIZONS`; NaN where the log has no states.
+    """
+
+    flight: str
+    model: str
+    force: np.ndarray
+    torque: np.ndarray
+    open_loop: np.ndarray
+
+
+def vehicle_values(vehicle: Vehicle, frame: Frame, drive: str, mass: float, fixed: Values) -> Values:
+    """Return the parameters of the model as a vehicle file has them.
+
+    Args:
+        vehicle: of the file.
+        frame: geometry and units.
+        drive: what turns the rotors.
+        mass: with which forces are divided [kg].
+        fixed: parameters of which a file says nothing, by name; they count as absent.
+    """
+    J, arm, c = vehicle.J, frame.arm, vehicle.calibration
+    xx, yy, zz = np.diag(J) / (mass * arm**2)
+    mean = 0.5 * (xx + yy)
+    xy, xz, yz = (-J[i, k] / (mass * arm**2) / mean for i, k in ((0, 1), (0, 2), (1, 2)))
+    weight = 0.25 * mass * G
+    curve = 0.0 if vehicle.throttle is None else vehicle.throttle.linear
+    scale = 1.0
+    if drive == "rotor_speed":
+        scale = vehicle.thrust_coefficient * frame.unit**2 / weight
+    elif drive == "command":
+        scale = frame.unit / weight
+    elif vehicle.throttle is not None:
+        scale = float(vehicle.throttle.thrust(frame.unit, frame.volts or None)) / weight
+    gains = np.linalg.lstsq(frame.patterns.T, np.array(c.rotor_gains) - 1.0, rcond=None)[0]
+    imu = np.array(c.imu_position or [0.0, 0.0, 0.0]) / arm
+    up = max(vehicle.rotor_time_constant, 1e-6)
+    down = c.rotor_time_constant_down or up
+    zero = dict.fromkeys(fixed, 0.0)
+    return zero | {
+        "scale": scale,
+        **dict(zip(("gain_roll", "gain_pitch", "gain_yaw"), gains.tolist(), strict=True)),
+        "com_x": c.center_of_mass[0] / arm,
+        "com_y": c.center_of_mass[1] / arm,
+        "jxx": xx,
+        "jyy": yy,
+        "jzz": zz / (xx + yy),
+        "jxy": xy,
+        "jxz": xz,
+        "jyz": yz,
+        "torque": vehicle.torque_coefficient / vehicle.thrust_coefficient / frame.radius,
+        **{f"imu_{a}": float(imu[i]) for i, a in enumerate("xyz")},
+        **{f"tilt_{a}": float(c.imu_tilt[i]) for i, a in enumerate("xyz")},
+        "lag": up,
+        "lag_ratio": down / up,
+        "delay": c.command_delay,
+        "clock": -c.clock_offset,
+        "curve": curve,
+        "sag": 0.0 if vehicle.throttle is None else vehicle.throttle.voltage_exponent,
+        "full_speed": 1.0,
+        "window": 0.5,
+    }
+
+
+def held_out(
+    found: Identification, logs: Sequence[FlightLog], parts: Sequence[tuple[float, float]] = (), *, plain: bool = False
+) -> list[HeldOut]:
+    """Return the errors on flights that the identification has not seen.
+
+    Args:
+        found: the identification.
+        logs: the flights.
+        parts: share of each flight that counts, first and last [1]; default: whole flights.
+        plain: with rows of plain least squares.
+    """
+    layout, basis = found.estimate.layout, found.basis
+    identified = layout.values(found.estimate.z)
+    mass = basis.mass_of(identified)
+    named = dict.fromkeys((p.name for p in (*layout.shared, *layout.own)), 0.0) | dict.fromkeys(layout.fixed, 0.0)
+    rows = {
+        "vehicle file": vehicle_values(found.prior, basis.frame, basis.drive, mass, named),
+        "identified": named | identified,
+    }
+    if plain:
+        rows["least squares"] = _least_squares(found, rows["vehicle file"])
+    out = []
+    for number, log in enumerate(logs):
+        flight = signals(log, found.prior.unmixer, basis.drive)
+        flight = flight.part(*parts[number]) if parts else flight
+        model = FlightModel(flight, basis.frame)
+        out += [_errors(model, log, name, v, basis.frame, mass) for name, v in rows.items()]
+    return out
+
+
+def _errors(model: FlightModel, log: FlightLog, name: str, v: Values, frame: Frame, mass: float) -> HeldOut:
+    good = model.flight.good
+    e = model.residual(v)[good]
+    j = mass * frame.arm**2 * inertia(v)
+    force = mass * np.sqrt(np.mean(e[:, 0:3] ** 2, axis=0))
+    torque = np.sqrt(np.mean((e[:, 3:6] @ j.T) ** 2, axis=0))
+    return HeldOut(log.name, name, force, torque, _open_loop(model, log, v))
+
+
+def _open_loop(model: FlightModel, log: FlightLog, v: Values) -> np.ndarray:
+    out = np.full((len(HORIZONS), len(ERRORS)), np.nan)
+    if log.lacks:
+        return out
+    for i, horizon in enumerate(HORIZONS):
+        try:
+            out[i] = np.median(predict(model, log, v, seconds=horizon).errors(log)[-1], axis=0)
+        except ValueError:
+            continue
+    return out
+
+
+def _least_squares(found: Identification, start: Values) -> Values:
+    """Return the usual parameters by plain least squares, the others as in the vehicle file.
+
+    Channels count by their deviation. Source: the way of mujoco.sysid, where the user names the parameters.
+    """
+    models = found.models
+    names = [name for name in USUAL if name in {p.name for p in (*found.estimate.layout.shared, *found.estimate.layout.own)}]
+    logs = {"scale", "jxx", "jyy", "jzz", "torque", "lag"}
+    size = [np.maximum(np.std(np.concatenate([m.flight.force, m.flight.alpha], axis=1), axis=0), 1e-6) for m in models]
+
+    def values(x: np.ndarray) -> Values:
+        moved = {n: start[n] * np.exp(c) if n in logs else start[n] + c for n, c in zip(names, x, strict=True)}
+        return start | moved
+
+    def residual(x: np.ndarray) -> np.ndarray:
+        v = values(x)
+        return np.concatenate(
+            [(m.residual(v)[m.flight.good, :6] / s).ravel() for m, s in zip(models, size, strict=True)]
+        )
+
+    scale = np.array([1.0 if n in logs else 0.01 for n in names])
+    bound = np.array([3.0 if n in logs else 0.5 if n.startswith(("com", "curve", "bias")) else 0.05 for n in names])
+    return values(least_squares(residual, np.zeros(len(names)), x_scale=scale, bounds=(-bound, bound), max_nfev=30).x)
