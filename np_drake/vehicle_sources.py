@@ -7,6 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from np_drake.files.number_text import NBSP
+from np_drake.files.yaml_file import LARGEST
+
 Intervals = dict[str, list[list[float]]]  # field -> [low, high] of each number, row by row; 95 %
 STATEMENTS = ("sources", "intervals")  # fields of a vehicle that speak of the others
 LONGEST = 300  # characters of a source
@@ -38,7 +41,7 @@ def checked_intervals(vehicle: Any) -> Intervals:
     known = values(vehicle)
     for field, source in vehicle.sources.items():
         _require_known("sources", field, known)
-        if not source.strip() or len(source) > LONGEST or not source.isprintable():
+        if not source.strip() or len(source) > LONGEST or not source.replace(NBSP, " ").isprintable():
             raise ValueError(f"sources: {field} must be one line of at most {LONGEST} characters; got {source!r}.")
     pairs = {}
     for field, given in vehicle.intervals.items():
@@ -66,7 +69,7 @@ def _pairs(field: str, given: Any, value: Any) -> list[list[float]]:
         wanted = "a pair [low, high]" if size == 1 else f"{size} pairs [low, high], row by row"
         raise ValueError(f"intervals: {field} must have {wanted}; got {given}.")
     pairs = [[float(low), float(high)] for low, high in pairs]
-    if not np.all(np.isfinite(pairs)) or any(low > high for low, high in pairs):
+    if not np.all(np.abs(pairs) <= LARGEST) or any(low > high for low, high in pairs):
         raise ValueError(f"intervals: {field} must have a low end that is not above the high one; got {given}.")
     return pairs
 
