@@ -76,7 +76,7 @@ def vehicle_text(vehicle: Vehicle, head: str = HEAD) -> str:
     for field in dc.fields(vehicle):
         value = getattr(vehicle, field.name)
         if dc.is_dataclass(value):
-            if _stated(vehicle, field):
+            if stated(vehicle, f"{field.name}."):
                 lines.append(f"{field.name}:")
                 lines += _lines(vehicle, {f"{field.name}.{name}": v for name, v in values(value).items()}, "  ")
         elif field.name not in ("sources", "intervals"):
@@ -87,6 +87,19 @@ def vehicle_text(vehicle: Vehicle, head: str = HEAD) -> str:
     return "\n".join(lines) + "\n"
 
 
+def stated(vehicle: Vehicle, field: str) -> bool:
+    """Return whether a field is of the vehicle itself, or of a section that differs from its default or is spoken of.
+
+    Args:
+        vehicle: checked.
+        field: as `calibration.command_delay`, `mass`.
+    """
+    section, dot, _ = field.partition(".")
+    differs = getattr(vehicle, section) != getattr(Vehicle(), section)
+    said = any(name.startswith(f"{section}.") for name in (*vehicle.sources, *vehicle.intervals))
+    return not dot or differs or said
+
+
 def interval_text(pairs: list[list[float]]) -> str:
     """Return an interval as text, as '3.68e-08 … 3.73e-08'; those of several numbers in brackets.
 
@@ -95,13 +108,6 @@ def interval_text(pairs: list[list[float]]) -> str:
     """
     texts = [f"{low:.4g} … {high:.4g}" for low, high in pairs]
     return texts[0] if len(texts) == 1 else f"[{', '.join(texts)}]"
-
-
-def _stated(vehicle: Vehicle, field: dc.Field) -> bool:
-    """Return whether a section differs from its default, or something is said of it."""
-    said = (*vehicle.sources, *vehicle.intervals)
-    default = getattr(Vehicle(), field.name)
-    return getattr(vehicle, field.name) != default or any(name.startswith(f"{field.name}.") for name in said)
 
 
 def _lines(vehicle: Vehicle, content: dict[str, Any], indent: str = "") -> list[str]:

@@ -8,7 +8,7 @@ import pytest
 
 from np_drake.logs.formats.neurobem import published_vehicle
 from np_drake.scaling import numbers
-from np_drake.vehicle import Vehicle, left_out, load_vehicle, preset_names, vehicle_file
+from np_drake.vehicle import RIGID, Vehicle, left_out, load_vehicle, preset_names, vehicle_file
 from np_drake.vehicle_estimate import (
     AIR,
     FIGURE_OF_MERIT,
@@ -129,6 +129,7 @@ def test_the_preset_neurobem_is_the_published_vehicle():
 def test_every_preset_states_its_source_and_all_parameters(name):
     assert "Source" in vehicle_file(name).read_text()
     assert left_out(name) == []
+    assert set(RIGID) <= set(load_vehicle(name).sources)
     assert load_vehicle(name).name == name
 
 
