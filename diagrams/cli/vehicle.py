@@ -81,9 +81,12 @@ def _write_or_print(text: str, out: Path | None) -> None:
 
 
 @vehicle.command("list")
-def presets() -> None:
+def presets(
+    published: Annotated[bool, Option("--published", help="Published vehicles, and their spread, instead.")] = False,
+) -> None:
     """List the vehicles that come with the package, which --vehicle takes by name."""
-    print_table(*_preset_table())
+    for table in _published_tables() if published else (_preset_table(),):
+        print_table(*table)
 
 
 @vehicle.command("show")
@@ -142,6 +145,25 @@ def _preset_table() -> Table:
         known = load_vehicle(name)
         rows.append((name, known.mass, 100 * scales(known).length, numbers(known).thrust_to_weight, _source(name)))
     return "vehicles", ["name", "mass [kg]", "arm [cm]", "thrust/weight [1]", "source"], rows
+
+
+def _published_tables() -> tuple[Table, Table]:
+    """Return a table of the published vehicles, and one of the spread of their dimensionless numbers."""
+    import dataclasses as dc
+
+    from np_drake.published_vehicles import dimensionless, published_priors, published_vehicles
+
+    shown = ("thrust_to_weight", "inertia", "time_constant")
+    header = ["name", "mass [kg]", "arm [m]", "thrust/weight [1]", "J_xx/(m l²) [1]", "rotor lag [s]", "source"]
+    rows = []
+    for known in published_vehicles():
+        numbers = dimensionless(known)
+        rows.append((known.name, known.mass, known.arm, *(numbers.get(name) for name in shown), known.source))
+    priors = published_priors()
+    spreads = [(field.name, getattr(priors, field.name)) for field in dc.fields(priors)]
+    spread = [(name, told.count, told.median, told.deviation, *told.within()) for name, told in spreads]
+    names = ["number", "vehicles", "median", "deviation of the logarithm", "95 % from", "to"]
+    return ("published vehicles", header, rows), ("spread", names, spread)
 
 
 def _source(name: str) -> str:
