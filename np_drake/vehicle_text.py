@@ -46,7 +46,11 @@ UNITS = {  # of every field that is a number, or numbers
     "calibration.imu_position": "m",
     "calibration.imu_tilt": "rad",
 }
-PLAIN = (*INPUTS, "origin", "center_of_mass", "held", "unknown")  # words that need no quotation marks
+CHOICES = {  # of every field that is one of several words
+    "logged_point": "of a log's position: origin (middle of the rotors) | center_of_mass",
+    "input": f"what drives the model: {' | '.join(INPUTS)}",
+    "command_timing": "held: from its row until the next | unknown: as the log looks",
+}
 WIDTH = 120  # columns of a line with its comment
 HEAD = "# Vehicle file of np_drake. docs/reference/vehicle-file.md lists all fields."
 
@@ -116,7 +120,8 @@ def _lines(vehicle: Vehicle, content: dict[str, Any], indent: str = "") -> list[
     for field, value in content.items():
         if value is None and field not in vehicle.sources:
             continue
-        line = f"{indent}{field.rsplit('.', maxsplit=1)[-1]}: {_yaml(value)}"
+        text = value if field in CHOICES else _yaml(value)
+        line = f"{indent}{field.rsplit('.', maxsplit=1)[-1]}: {text}"
         comment = _comment(vehicle, field)
         if comment and len(line) + len(comment) + 3 > WIDTH:
             lines += textwrap.wrap(comment, WIDTH - 2, initial_indent=f"{indent}# ", subsequent_indent=f"{indent}# ")
@@ -126,17 +131,17 @@ def _lines(vehicle: Vehicle, content: dict[str, Any], indent: str = "") -> list[
 
 
 def _comment(vehicle: Vehicle, field: str) -> str:
-    """Return unit, source and interval of a field."""
+    """Return unit, or the words that it may be, source and interval of a field."""
     said = [vehicle.sources[field]] if field in vehicle.sources else []
     if field in vehicle.intervals:
         said.append(f"95 %: {interval_text(vehicle.intervals[field])}")
-    unit = [f"[{UNITS[field]}]"] if field in UNITS else []
+    unit = [f"[{UNITS[field]}]"] if field in UNITS else [CHOICES[field]] if field in CHOICES else []
     return " ".join([*unit, *[", ".join(said)] * bool(said)])
 
 
 def _yaml(value: Any) -> str:
     """Return a value as YAML on one line; numbers so that reading gives the same ones."""
     if isinstance(value, str):
-        return value if value in PLAIN else quoted(value)
+        return quoted(value)
     plain = np.asarray(value).tolist() if isinstance(value, list | np.ndarray | np.generic) else value
     return yaml.safe_dump(plain, default_flow_style=True, width=float("inf")).removesuffix("...\n").strip()

@@ -11,7 +11,7 @@ from np_drake.files.number_text import NBSP
 from np_drake.vehicle import Vehicle, load_vehicle, preset_names
 from np_drake.vehicle_calibration import Calibration, ThrottleMap
 from np_drake.vehicle_sources import values
-from np_drake.vehicle_text import UNITS, save_vehicle, vehicle_text
+from np_drake.vehicle_text import CHOICES, UNITS, save_vehicle, vehicle_text
 
 MAP = ThrottleMap(full_thrust=6.0, linear=0.3)
 KNOWN = dc.replace(
@@ -110,7 +110,7 @@ def test_every_number_has_unit_source_and_interval_beside_it():
     assert all(len(line) <= 120 for line in lines if "]]" not in line)
 
 
-def test_a_section_at_its_default_is_left_out_unless_something_is_said_of_it():
+def test_a_section_at_its_default_is_left_out_unless_it_is_spoken_of():
     assert "calibration" not in vehicle_text(Vehicle())
     assert "throttle" not in vehicle_text(Vehicle())
     told = dc.replace(Vehicle(), sources={"calibration.imu_position": "prior: no rotation"}).check()
@@ -126,9 +126,9 @@ def test_a_long_source_stands_above_its_value_in_lines_that_fit(again):
     assert same(again(long), long)
 
 
-def test_every_number_of_a_vehicle_has_a_unit():
+def test_every_number_of_a_vehicle_has_a_unit_and_every_word_its_choices():
     known = values(dc.replace(KNOWN, mass_uncertainty=0.1, thrust_uncertainty=0.1))
-    assert set(known) - set(UNITS) == {"name", "logged_point", "input", "command_timing"}
+    assert set(known) - set(UNITS) == {"name", *CHOICES}
     assert set(UNITS) <= set(known)
 
 
