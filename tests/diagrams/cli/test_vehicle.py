@@ -102,7 +102,7 @@ def test_show_says_where_each_value_comes_from(tmp_path, capsys):
     assert not any(field.startswith("measurement_noise") for field in dut)
 
 
-def test_a_copy_of_a_preset_says_what_was_given_and_keeps_the_other_sources(tmp_path, capsys):
+def test_a_copy_says_what_was_given_and_keeps_other_sources(tmp_path, capsys):
     out = tmp_path / "mine.yaml"
     assert run(["vehicle", "new", "--preset", "crazyflie", "--mass", "0.035", "--out", str(out)]) == 0
     capsys.readouterr()
