@@ -9,7 +9,7 @@ import numpy as np
 from np_drake.files.number_text import with_unit
 from np_drake.files.yaml_text import read_yaml
 from np_drake.vehicle import load_vehicle, vehicle_file
-from np_drake.vehicle_sources import values
+from np_drake.vehicle_sources import parts_of, value_of, values
 from np_drake.vehicle_text import UNITS, interval_text, stated
 
 FROM_FILE, DEFAULT = "file", "default"  # sources of a value of which the file says nothing, and that it does not name
@@ -33,12 +33,17 @@ def vehicle_rows(name: str | Path) -> list[Row]:
     vehicle = load_vehicle(name)
     content = read_yaml(vehicle_file(name))
     named = set(_named(content.get("vehicle") or content))
-    rows = []
-    for field, value in values(vehicle).items():
+    everything, rows = values(vehicle), []
+    for field, value in everything.items():
         source = vehicle.sources.get(field) or (FROM_FILE if field in named else DEFAULT)
         known = value is not None or field in vehicle.sources
         if known and (field in named or stated(vehicle, field)):
             rows += _rows(field, value, vehicle.intervals.get(field), source)
+            for part in parts_of(field, vehicle.sources | vehicle.intervals):
+                shown = with_unit(_shown(value_of(part, everything)), UNITS[field])
+                interval = vehicle.intervals.get(part)
+                told = interval_text(interval) if interval else ""
+                rows.append(Row(part, shown, told, vehicle.sources.get(part, "")))
     return rows
 
 

@@ -11,7 +11,7 @@ import yaml
 from np_drake.files.atomic_file import write_text
 from np_drake.files.yaml_text import quoted
 from np_drake.vehicle import INPUTS, Vehicle
-from np_drake.vehicle_sources import values
+from np_drake.vehicle_sources import parts_of, values
 
 UNITS = {  # of every field that is a number, or numbers
     "mass": "kg",
@@ -122,9 +122,11 @@ def _lines(vehicle: Vehicle, content: dict[str, Any], indent: str = "") -> list[
             continue
         text = value if field in CHOICES else _yaml(value)
         line = f"{indent}{field.rsplit('.', maxsplit=1)[-1]}: {text}"
+        for name in parts_of(field, vehicle.sources | vehicle.intervals):
+            lines += _above(f"{name.removeprefix(field)}: {_said(vehicle, name)}", indent)
         comment = _comment(vehicle, field)
         if comment and len(line) + len(comment) + 3 > WIDTH:
-            lines += textwrap.wrap(comment, WIDTH - 2, initial_indent=f"{indent}# ", subsequent_indent=f"{indent}# ")
+            lines += _above(comment, indent)
             comment = ""
         lines.append(f"{line} # {comment}" if comment else line)
     return lines
@@ -132,11 +134,21 @@ def _lines(vehicle: Vehicle, content: dict[str, Any], indent: str = "") -> list[
 
 def _comment(vehicle: Vehicle, field: str) -> str:
     """Return unit, or the words that it may be, source and interval of a field."""
-    said = [vehicle.sources[field]] if field in vehicle.sources else []
-    if field in vehicle.intervals:
-        said.append(f"95 %: {interval_text(vehicle.intervals[field])}")
-    unit = [f"[{UNITS[field]}]"] if field in UNITS else [CHOICES[field]] if field in CHOICES else []
-    return " ".join([*unit, *[", ".join(said)] * bool(said)])
+    unit = f"[{UNITS[field]}]" if field in UNITS else CHOICES.get(field, "")
+    return f"{unit} {_said(vehicle, field)}".strip()
+
+
+def _said(vehicle: Vehicle, name: str) -> str:
+    """Return source and interval of a field, or of one number of it."""
+    said = [vehicle.sources[name]] if name in vehicle.sources else []
+    if name in vehicle.intervals:
+        said.append(f"95 %: {interval_text(vehicle.intervals[name])}")
+    return ", ".join(said)
+
+
+def _above(comment: str, indent: str) -> list[str]:
+    """Return the lines of a comment that stands before its value."""
+    return textwrap.wrap(comment, WIDTH - 2, initial_indent=f"{indent}# ", subsequent_indent=f"{indent}# ")
 
 
 def _yaml(value: Any) -> str:

@@ -132,6 +132,9 @@ def test_values_name_every_field_once_parts_by_their_section():
         ("intervals: {mass: [1, 2]}", "intervals.mass must be a matrix, rows of as many numbers each; got [1, 2]."),
         ("intervals: {mass: [[2, 1]]}", "must have a low end that is not above the high one; got [[2.0, 1.0]]."),
         ("intervals: {inertia: [[1, 2]]}", "intervals: inertia must have 9 pairs [low, high], row by row; got"),
+        ('sources: {"inertia[3][0]": given}', "sources: 'inertia[3][0]' must be a field that the vehicle has; did you"),
+        ('sources: {"mass[0]": given}', "sources: 'mass[0]' must be a field that the vehicle has; did you mean mass?"),
+        ('intervals: {"inertia[0]": [[1, 2]]}', "intervals: inertia[0] must have 3 pairs [low, high], row by row; got"),
         ("intervals: {name: [[1, 2]]}", "intervals: name must be a number, or numbers, to have one; it is 'paper'."),
     ],
 )

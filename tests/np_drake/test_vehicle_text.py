@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from np_drake.files.number_text import NBSP
 from np_drake.vehicle import Vehicle, load_vehicle, preset_names
 from np_drake.vehicle_calibration import Calibration, ThrottleMap
-from np_drake.vehicle_sources import values
+from np_drake.vehicle_sources import part, values
 from np_drake.vehicle_text import CHOICES, UNITS, save_vehicle, vehicle_text
 
 MAP = ThrottleMap(full_thrust=6.0, linear=0.3)
@@ -96,7 +96,7 @@ def vehicles(draw):
     return made.check()
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(made=vehicles())
 def test_any_vehicle_is_read_as_it_was_written(again, made):
     assert same(again(made), made)
@@ -130,6 +130,19 @@ def test_every_number_of_a_vehicle_has_a_unit_and_every_word_its_choices():
     known = values(dc.replace(KNOWN, mass_uncertainty=0.1, thrust_uncertainty=0.1))
     assert set(known) - set(UNITS) == {"name", *CHOICES}
     assert set(UNITS) <= set(known)
+
+
+def test_one_number_of_a_field_has_its_own_source_and_interval(again):
+    dut = dc.replace(
+        Vehicle(),
+        sources={"calibration.center_of_mass[0]": "identified", "calibration.center_of_mass[2]": "prior: level"},
+        intervals={part("inertia", 0, 1): [-1e-3, 1e-3], "calibration.center_of_mass[0]": [0.0, 0.002]},
+    ).check()
+    lines = vehicle_text(dut).splitlines()
+    at = lines.index("  center_of_mass: [0.0, 0.0, 0.0] # [m]")
+    assert lines[at - 2 : at] == ["  # [0]: identified, 95 %: 0 … 0.002", "  # [2]: prior: level"]
+    assert "# [0][1]: 95 %: -0.001 … 0.001" in lines
+    assert same(again(dut), dut)
 
 
 def test_an_impossible_vehicle_is_not_written(tmp_path):

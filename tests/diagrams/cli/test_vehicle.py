@@ -89,8 +89,9 @@ def lines_of(capsys, *arguments):
 def test_show_says_where_each_value_comes_from(tmp_path, capsys):
     out = tmp_path / "mine.yaml"
     out.write_text(
-        "mass: 1.5\nthrust_coefficient: 1.0e-5\nsources: {thrust_coefficient: identified from 3 flights}\n"
-        "intervals: {thrust_coefficient: [[0.99e-5, 1.02e-5]]}\ncalibration: {command_delay: 0.01}\n"
+        "mass: 1.5\nthrust_coefficient: 1.0e-5\ncalibration: {command_delay: 0.01}\n"
+        "sources: {thrust_coefficient: identified from 3 flights, 'inertia[0][1]': 'prior: no roll'}\n"
+        "intervals: {thrust_coefficient: [[0.99e-5, 1.02e-5]]}\n"
     )
     dut = lines_of(capsys, "vehicle", "show", str(out))
     assert dut["mass"].split() == ["mass", "1.5", "kg", "file"]
@@ -99,6 +100,7 @@ def test_show_says_where_each_value_comes_from(tmp_path, capsys):
     assert dut["max_rotor_thrust"].split()[1:] == ["12", "N", "default"]
     assert "9.9e-06 …" in dut["thrust_coefficient"]
     assert "identified" in dut["thrust_coefficient"]
+    assert dut["inertia[0][1]"].split()[1:] == ["0", "kg·m²", "prior:", "no", "roll"]
     assert not any(field.startswith("measurement_noise") for field in dut)
 
 
