@@ -79,9 +79,7 @@ class DimensionlessPriors:
 def published_vehicles() -> tuple[PublishedVehicle, ...]:
     """Return the published vehicles, in the order of the file."""
     with FILE.open(encoding="utf-8", newline="") as file:
-        return tuple(
-            PublishedVehicle(**{key: _value(key, text) for key, text in row.items()}) for row in csv.DictReader(file)
-        )
+        return tuple(_vehicle(row) for row in csv.DictReader(file))
 
 
 @cache
@@ -125,7 +123,6 @@ def _sum(a: float | None, b: float | None) -> float | None:
     return None if a is None or b is None else a + b
 
 
-def _value(key: str, text: str) -> str | float | None:
-    if key in ("name", "source"):
-        return text
-    return float(text) if text else None
+def _vehicle(row: dict[str, str]) -> PublishedVehicle:
+    figures = {key: float(text) if text else None for key, text in row.items() if key not in ("name", "source")}
+    return PublishedVehicle(name=row["name"], source=row["source"], **figures)
