@@ -10,6 +10,7 @@ from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.math import SpatialVelocity
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 from pydrake.systems.framework import Context, DiagramBuilder
+from pydrake.systems.primitives import Adder
 
 from diagrams.batch.failed_run import FailedRun
 from diagrams.challenge.simulators.flight_plan import require_flying
@@ -80,7 +81,10 @@ class DrakeLoop:
         )
         builder.AddSystem(self._real)
         self._controller = builder.AddNamedSystem("controller", CascadedController(vehicle, period=None))
-        builder.Connect(self._real.GetOutputPort("x"), self._controller.GetInputPort("x"))
+        seen = builder.AddNamedSystem("seen", Adder(2, 13))
+        builder.Connect(self._real.GetOutputPort("x"), seen.get_input_port(0))
+        builder.ExportInput(seen.get_input_port(1), "noise")
+        builder.Connect(seen.get_output_port(), self._controller.GetInputPort("x"))
         builder.ExportInput(self._real.GetInputPort("u"), "u")
         self._plant = self._real.GetSubsystemByName("plant")
         self._simulator = Simulator(builder.Build())
@@ -90,6 +94,8 @@ class DrakeLoop:
         ApplySimulatorConfig(config, self._simulator)
         self._root = self._simulator.get_mutable_context()
         self._command(vehicle.hover_input)
+        self._noise_port = self._simulator.get_system().GetInputPort("noise")
+        self._noise_port.FixValue(self._root, np.zeros(13))
 
     def start(self, t: float, x: np.ndarray, before: "DrakeLoop | None" = None) -> None:
         """Put the vehicle into a state; a payload hangs still under the moving hook.
@@ -127,13 +133,16 @@ class DrakeLoop:
             actuators = self._real.GetSubsystemByName("actuators")
             actuators.rest_at(self._context(actuators), thrust)
 
-    def fly(self, t: np.ndarray, targets: np.ndarray, end: float) -> dict[str, np.ndarray]:
+    def fly(
+        self, t: np.ndarray, targets: np.ndarray, end: float, noise: np.ndarray | None = None
+    ) -> dict[str, np.ndarray]:
         """Fly the rows, then on to the end.
 
         Args:
             t: (n,) instants of the rows [s].
             targets: (n, 16) of the cascaded controller.
             end: [s].
+            noise: (n, 13) error of the state that the controller sees; None: none.
         Returns: x (n, 13), a in W, al in B (n, 3), nominal_thrust, u (n, 4), each right after the row's command.
         Raises: FailedRun: if the vehicle is lost or the integrator gives up.
         """
@@ -141,6 +150,8 @@ class DrakeLoop:
         target_port, context = self._controller.GetInputPort("target"), self._context(self._controller)
         for i, target in enumerate(targets):
             target_port.FixValue(context, target)
+            if noise is not None:
+                self._noise_port.FixValue(self._root, noise[i])
             self._controller.update(context)
             u = self._controller.GetOutputPort("u").Eval(context).copy()
             self._on_the_way.append((self._root.get_time() + self._dead_time, u))

@@ -24,6 +24,7 @@ def fly(
     onset: float | None = None,
     background: Sequence[Effect] = (),
     warm_up: float = WARM_UP,
+    noise: np.ndarray | None = None,
 ) -> FlightLog:
     """Return the exact log: no noise; systematic sensor effects and the right-sided accelerations are in it.
 
@@ -35,13 +36,15 @@ def fly(
         onset: the effects act from the first row at or after it on [s]; None: from the start.
         background: effects that act throughout and are no cause (a vehicle file that is a percent off).
         warm_up: hovering before the first row [s].
+        noise: (13,) standard deviations of white noise in the state that the controller sees; None: it sees the state.
     Raises: FailedRun: if the vehicle is lost.
     """
     step = float(np.median(np.diff(t)))
     before = t[0] - step * np.arange(round(warm_up / step), 0, -1)
     after = t[-1] + step * np.arange(1, round(MARGIN / step) + 1)
     rows = np.concatenate([before, t, after])
-    signals = _signals(vehicle, plan, [*background, *effects], list(background), rows, onset)
+    errors = None if noise is None else np.random.default_rng(0).normal(size=(len(rows), 13)) * noise
+    signals = _signals(vehicle, plan, [*background, *effects], list(background), rows, onset, errors)
     speed = np.sqrt(np.maximum(signals["nominal_thrust"], 0.0) / vehicle.thrust_coefficient)
     reading = Measurement(signals["x"], signals["a"], signals["al"], speed)
     sensors = [effect for effect in effects if isinstance(effect, SensorEffect)]
@@ -56,7 +59,7 @@ def fly(
     return log.rows(first, first + len(t))
 
 
-def _signals(vehicle, plan, effects, background, t, onset) -> dict[str, np.ndarray]:
+def _signals(vehicle, plan, effects, background, t, onset, noise) -> dict[str, np.ndarray]:
     """Return the signals of one phase, or of two: before the onset without the effects."""
     targets, end = plan.targets(vehicle.gravity, t), t[-1] + (t[-1] - t[-2])
     x = np.concatenate([plan.start(vehicle.gravity), np.zeros(6)])
@@ -64,10 +67,11 @@ def _signals(vehicle, plan, effects, background, t, onset) -> dict[str, np.ndarr
     if split in (0, len(t)):
         loop = DrakeLoop(vehicle, effects if split == 0 else background)
         loop.start(t[0], x)
-        return loop.fly(t, targets, end)
+        return loop.fly(t, targets, end, noise)
     first, second = DrakeLoop(vehicle, background), DrakeLoop(vehicle, effects)
     first.start(t[0], x)
-    before = first.fly(t[:split], targets[:split], t[split])
+    before, after = (None, None) if noise is None else (noise[:split], noise[split:])
+    early = first.fly(t[:split], targets[:split], t[split], before)
     second.start(t[split], first.state(), first)
-    after = second.fly(t[split:], targets[split:], end)
-    return {name: np.concatenate([before[name], after[name]]) for name in before}
+    late = second.fly(t[split:], targets[split:], end, after)
+    return {name: np.concatenate([early[name], late[name]]) for name in early}

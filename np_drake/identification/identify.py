@@ -1,0 +1,154 @@
+"""Identification of a vehicle from its flight logs."""
+
+import dataclasses as dc
+from collections.abc import Sequence
+from functools import cached_property
+
+import numpy as np
+
+from np_drake.flight_log import FlightLog
+from np_drake.identification.estimation import Estimate, estimate
+from np_drake.identification.model import G, FlightModel, Frame
+from np_drake.identification.parameters import Layout
+from np_drake.identification.priors import parameters
+from np_drake.identification.quantities import QUANTITIES, SURE, TOLD, Basis, Identified
+from np_drake.identification.signals import Signals, drive_of, signals
+from np_drake.vehicle import Vehicle
+
+SHORTEST = 3.0  # flight that tells anything [s]; own choice: three swings of a small vehicle
+STEP = 1e-4  # of a finite difference, in standard deviations of the prior
+
+
+@dc.dataclass(frozen=True)
+class Identification:
+    """Vehicle as its flights tell it.
+
+    basis: what turns parameters into those of the vehicle.   estimate: joint posterior.   parts: what the logs hold.
+    models: of the flights.   prior: vehicle whose geometry was given.   notes: what was left out.
+    """
+
+    basis: Basis
+    estimate: Estimate
+    parts: frozenset[str]
+    models: tuple[FlightModel, ...]
+    prior: Vehicle
+    notes: tuple[str, ...] = ()
+
+    @cached_property
+    def quantities(self) -> tuple[Identified, ...]:
+        """What is told of the vehicle, in the order of a vehicle file."""
+        e, layout = self.estimate, self.estimate.layout
+        shared = slice(0, len(layout.shared))
+        found = []
+        for q in QUANTITIES:
+            if not self.parts.issuperset(q.needs):
+                continue
+
+            def of(z: np.ndarray, q=q) -> float:
+                value = q.of(layout.values(z), self.basis)
+                return float(np.log(value)) if q.positive else value
+
+            z, zero = e.z, np.zeros_like(e.z)
+            here, gradient = of(z), _gradient(of, z, shared)
+            before, slope = of(zero), _gradient(of, zero, shared)
+            sd = float(np.sqrt(max(gradient @ e.covariance[shared, shared] @ gradient, 0.0)))
+            prior = float(np.linalg.norm(slope))
+            bounds = np.array([here, here - SURE * sd, here + SURE * sd, before - SURE * prior, before + SURE * prior])
+            value, low, high, *both = np.exp(bounds) if q.positive else bounds
+            told = bool(0.0 < sd < TOLD * prior)
+            found.append(Identified(q, float(value), float(low), float(high), (both[0], both[1]), told))
+        return tuple(found)
+
+    def __getitem__(self, name: str) -> Identified:
+        """Return what is told of a quantity by its name."""
+        return next(q for q in self.quantities if q.name == name)
+
+
+def identify(
+    flights: Sequence[FlightLog], prior: Vehicle, *, mass: float | None = None, trusted: bool = False, drive: str = ""
+) -> Identification:
+    """Return what flights tell of a vehicle.
+
+    Args:
+        flights: of one vehicle, with the same input.
+        prior: vehicle whose rotor positions, directions and radius are given.
+        mass: with battery [kg]; None: not known.
+        trusted: whether logged thrust [N], or the prior's thrust coefficient, is right, so that the mass is told.
+        drive: what turns the rotors, of `signals.DRIVES`; empty: as the logs have it.
+    Raises: ValueError: one line, where flights tell nothing of the vehicle or differ in what they hold.
+    """
+    lasts = [len(log) > 1 and log.t[-1] - log.t[0] >= SHORTEST for log in flights]
+    long = [log for log, enough in zip(flights, lasts, strict=True) if enough]
+    notes = tuple(
+        f"{log.name}: shorter than {SHORTEST:g} s; left out"
+        for log, enough in zip(flights, lasts, strict=True)
+        if not enough
+    )
+    if not long:
+        raise ValueError(f"identify: needs a flight of {SHORTEST:g} s at least; got none among {len(flights)} logs.")
+    drive = drive or drive_of(long[0])
+    seen = [signals(log, prior.unmixer, drive) for log in long]
+    frame = _frame(seen, prior, drive)
+    parts = _parts(seen, drive)
+    known = set(parts) | ({"mass"} if mass is not None or not trusted else set())
+    coefficient = prior.thrust_coefficient if trusted and mass is None and drive == "rotor_speed" else None
+    newtons = trusted and mass is None and drive == "command"
+    known |= {"trusted"} if coefficient is not None or newtons else set()
+    spin = frame.unit if drive == "rotor_speed" else float(
+        np.sqrt(0.25 * (mass or prior.mass) * G / prior.thrust_coefficient)
+    )  # fmt: skip
+    step = max(float(np.median(np.diff(log.t))) for log in long)
+    layout = Layout.of(parameters(spin, step), parts, len(seen))
+    models = tuple(FlightModel(flight, frame) for flight in seen)
+    basis = Basis(frame, drive, mass, coefficient, spin, newtons)
+    return Identification(basis, estimate(models, layout), frozenset(known), models, prior, notes)
+
+
+def _gradient(of, z: np.ndarray, shared: slice) -> np.ndarray:
+    """Return the derivatives of a function of z by the shared coordinates."""
+    here, out = of(z), np.zeros(shared.stop)
+    for i in range(shared.stop):
+        moved = z.copy()
+        moved[i] += STEP
+        out[i] = (of(moved) - here) / STEP
+    return out
+
+
+def _parts(flights: Sequence[Signals], drive: str) -> set[str]:
+    """Return what the logs hold."""
+    parts = {"speed"} if drive == "rotor_speed" else {"motors"}
+    if drive == "command":
+        parts.add("newtons")
+    if drive == "throttle" or all(s.command is not None for s in flights):
+        parts |= {"throttle", "motors"}
+    if all(s.voltage is not None for s in flights):
+        parts.add("voltage")
+    if any(s.velocity is not None for s in flights):
+        parts.add("velocity")
+    if all(s.accelerometer for s in flights):
+        parts.add("accelerometer")
+    return parts
+
+
+def _frame(flights: Sequence[Signals], prior: Vehicle, drive: str) -> Frame:
+    """Return what is given of the vehicle, with the input that would carry it on average."""
+    force = np.concatenate([np.linalg.norm(s.force[s.good], axis=1) for s in flights])
+    level = float(np.mean(force)) / G
+    inputs = np.concatenate([s.input for s in flights])
+    if drive == "rotor_speed":
+        unit = float(np.sqrt(np.mean(inputs**2) / level))
+    elif drive == "command":
+        unit = float(np.mean(inputs) / level)
+    else:
+        unit = float(np.median(inputs))
+    commands = [s.command for s in flights if s.command is not None]
+    throttle = float(np.median(np.concatenate(commands))) if commands else unit if drive == "throttle" else 0.0
+    volts = [np.median(s.voltage) for s in flights if s.voltage is not None]
+    return Frame(
+        np.array(prior.rotor_positions, float),
+        np.array(prior.rotor_directions, float),
+        prior.rotor_radius,
+        unit,
+        float(np.median(volts)) if volts else 0.0,
+        throttle,
+    )

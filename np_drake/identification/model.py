@@ -1,0 +1,257 @@
+"""Grey-box model of a quadrotor: specific force, angular acceleration and rotor speed from what turns its rotors.
+
+All wrenches are per mass, so that a flight tells thrust over mass and inertia over mass. Axes are those of the vehicle
+file, with Bo as origin. Channels are measured less predicted values of a bin:
+    0-2 specific force [m/s²]    3-5 angular acceleration [rad/s²]    6-9 rotor speed over hover speed [1]
+The last four exist where a log holds rotor speed and throttle.
+Source: Newton and Euler for a rigid body whose sensors, rotors and centre of mass are not at Bo.
+"""
+
+import dataclasses as dc
+from collections.abc import Callable
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from np_drake import attitude
+from np_drake.identification.rotor_response import at, lagged, means, target_speed
+from np_drake.identification.signals import Signals
+
+G = 9.81  # [m/s²]
+FORCE, TORQUE, SPEED = slice(0, 3), slice(3, 6), slice(6, 10)
+Values = dict[str, float]
+RESPONSE = ("lag", "lag_ratio", "curve", "sag")  # of a rotor to its command
+
+
+@dc.dataclass(frozen=True)
+class Frame:
+    """What is given of the vehicle: geometry and units of length.
+
+    positions: (4, 3) rotors from Bo [m].   directions: (4,) signs of their reaction torques.   radius: of a rotor [m].
+    unit: of inputs in hover: rotor speed [rad/s], throttle [1] or thrust [N] of one rotor.   volts: reference [V].
+    throttle: throttle in hover [1].
+    """
+
+    positions: np.ndarray
+    directions: np.ndarray
+    radius: float
+    unit: float
+    volts: float = 0.0
+    throttle: float = 0.0
+
+    @cached_property
+    def arm(self) -> float:
+        """Mean distance of the rotors from their middle [m]."""
+        return float(np.linalg.norm(self.positions - self.positions.mean(axis=0), axis=1).mean())
+
+    @cached_property
+    def patterns(self) -> np.ndarray:
+        """(3, 4) unit differences between rotors: left to right, front to rear, by direction."""
+        p = self.positions - self.positions.mean(axis=0)
+        rows = np.stack([p[:, 1], p[:, 0], self.directions])
+        return rows / np.abs(rows).max(axis=1, keepdims=True)
+
+
+class FlightModel:
+    """Residual channels of one flight. What its parameters leave unchanged is kept.
+
+    Args:
+        flight: signals of the flight.
+        frame: what is given of the vehicle.
+    """
+
+    def __init__(self, flight: Signals, frame: Frame):
+        self.flight, self.frame = flight, frame
+        self.channels = 10 if flight.command is not None else 6
+        self._kept: dict[str, dict[tuple, Any]] = {}
+        self._relative = flight.input / frame.unit
+        self._time = flight.instants - flight.t[0]
+        self._euler = _euler_of_moments(flight.spread)
+
+    def residual(self, v: Values) -> np.ndarray:
+        """Return the channels (m, 6 or 10), measured less predicted.
+
+        Args:
+            v: parameters by name.
+        """
+        s, frame = self.flight, self.frame
+        rotors = self._rotors(v)
+        patterns = np.array([v["gain_roll"], v["gain_pitch"], v["gain_yaw"]]) @ frame.patterns
+        gains = 0.25 * G * v["scale"] * (1.0 + patterns)
+        center = frame.arm * np.array([v["com_x"], v["com_y"], 0.0])
+        # Small angles: vectors in the sensor's axes are those in the body's less tilt x vector.
+        turn = np.eye(3) + attitude.skew(np.array([v["tilt_x"], v["tilt_y"], v["tilt_z"]]))
+        w, alpha = s.rate @ turn.T, s.alpha @ turn.T
+        air = self._air(v)
+        j = inertia(v) * frame.arm**2
+        torque = self._torque(v, rotors, gains, center)
+        torque += air @ attitude.skew(-center).T
+        torque -= self._euler @ j[_MOMENTS]
+        # Angular momentum of the rotors, which turn against their reaction torques.
+        momentum = v["rotor_momentum"] * j[2, 2]
+        h = momentum * (rotors.speed @ frame.directions)
+        torque[:, 0] += w[:, 1] * h
+        torque[:, 1] -= w[:, 0] * h
+        torque[:, 2] += momentum * (rotors.rate @ frame.directions)
+        e = np.empty((len(s), self.channels))
+        e[:, TORQUE] = alpha - torque @ np.linalg.inv(j).T
+        place = frame.arm * np.array([v["imu_x"], v["imu_y"], v["imu_z"]]) - center
+        push = air + self._lever(v["force_late"]) @ place
+        push[:, 2] += rotors.late @ gains
+        e[:, FORCE] = s.force - push @ turn - np.array([v["bias_x"], v["bias_y"], v["bias_z"]])
+        if self.channels == 10:
+            e[:, SPEED] = self._measured_speed - self._predicted_speed(v)
+        return e
+
+    def _torque(self, v: Values, rotors: "Rotors", gains: np.ndarray, center: np.ndarray) -> np.ndarray:
+        """Return the torque (m, 3) of the rotors' thrust, drag and flapping about the centre of mass [m²/s²]."""
+        frame, u = self.frame, self.flight.velocity
+        arms = frame.positions - center
+        lever = np.stack([arms[:, 1], -arms[:, 0], frame.directions * v["torque"] * frame.radius])
+        out = rotors.thrust @ (gains * lever).T
+        if u is not None:
+            out[:, 0] -= frame.arm * v["flap_y"] * u[:, 1]
+            out[:, 1] += frame.arm * v["flap_x"] * u[:, 0]
+        return out
+
+    def _air(self, v: Values) -> np.ndarray:
+        """Return the force of the air (m, 3) against the velocity, at Bo and over the mass [m/s²]."""
+        u = self.flight.velocity
+        if u is None:
+            return np.zeros((len(self.flight), 3))
+        out = u * np.array([-v["drag"], -v["drag"], -v["climb"]])
+        out[:, 2] += v["lift"] * self._sideways
+        return out
+
+    @cached_property
+    def _sideways(self) -> np.ndarray:
+        return np.sum(self.flight.velocity[:, :2] ** 2, axis=1)
+
+    def _keep(self, stage: str, key: tuple, make: Callable[[], Any]) -> Any:
+        """Return a stage for this key. The two last are kept, for finite differences move one parameter at a time."""
+        kept = self._kept.setdefault(stage, {})
+        value = kept.pop(key, None)
+        if value is None:
+            value = make()
+        kept[key] = value
+        while len(kept) > 2:
+            kept.pop(next(iter(kept)))
+        return value
+
+    def _lever(self, late: float) -> np.ndarray:
+        """Return the map (m, 3, 3) from a place to its acceleration, by which the accelerometer is late [1/s²]."""
+
+        def make() -> np.ndarray:
+            s = self.flight
+            edges = s.instants - late
+            rates = np.stack([np.interp(edges, s.t, column) for column in s.smooth.T], axis=1)
+            alpha = np.diff(rates, axis=0) / np.diff(edges)[:, None]
+            # w x (w x r) = (w w' - |w|² 1) r.
+            return attitude.skew(alpha) + s.spread - np.trace(s.spread, axis1=1, axis2=2)[:, None, None] * np.eye(3)
+
+        return self._keep("lever", (late,), make)
+
+    def _rotors(self, v: Values) -> "Rotors":
+        """Return what the rotors do in the bins."""
+        measured = self.flight.drive == "rotor_speed"
+        late = v["clock"] if measured else v["delay"]
+        key = (late, v["force_late"], v["window"], *(() if measured else (v[name] for name in RESPONSE)))
+
+        def make() -> Rotors:
+            t, speed = self._measured if measured else self._driven(v)
+            edges, square = self._time - late, speed * speed
+            # Whether an accelerometer of one reading a bin averages over it is not known.
+            share = float(np.clip(v["window"], 0.05, 1.0)) if self.flight.single else 1.0
+            middle, half = 0.5 * (edges[1:] + edges[:-1]) - v["force_late"], 0.5 * share * np.diff(edges)
+            return Rotors(
+                means(t, speed, edges[:-1], edges[1:]),
+                means(t, square, edges[:-1], edges[1:]),
+                means(t, square, middle - half, middle + half),
+                np.diff(at(t, speed, edges), axis=0) / np.diff(edges)[:, None],
+            )
+
+        return self._keep("rotors", key, make)
+
+    def _driven(self, v: Values) -> tuple[np.ndarray, np.ndarray]:
+        """Return the relative speeds (k, 4) at the edges of the fine grid (k,) [s] by the command, without dead time."""
+        s, grid = self.flight, self.flight.substeps
+
+        def make() -> tuple[np.ndarray, np.ndarray]:
+            if s.drive == "command":
+                wanted = np.sqrt(self._relative)
+            else:
+                throttle = s.input if s.command is None else s.command
+                hover = target_speed(np.array(self.frame.throttle), v["curve"])
+                wanted = v["full_speed"] * target_speed(throttle, v["curve"]) / hover
+            if s.voltage is not None and self.frame.volts > 0:
+                wanted = wanted * ((s.voltage / self.frame.volts) ** (0.5 * v["sag"]))[:, None]
+            speed = lagged(np.ascontiguousarray(wanted), grid.row, grid.step, v["lag"], v["lag"] * v["lag_ratio"])
+            return self._fine, speed
+
+        return self._keep("driven", tuple(v[name] for name in (*RESPONSE, "full_speed")), make)
+
+    @cached_property
+    def _fine(self) -> np.ndarray:
+        grid = self.flight.substeps
+        return np.append(grid.t, grid.t[-1] + grid.step) - self.flight.t[0]
+
+    @cached_property
+    def _measured(self) -> tuple[np.ndarray, np.ndarray]:
+        """Measured relative speeds (k, 4) on the fine grid (k,) [s]."""
+        own = self.flight.t - self.flight.t[0]
+        return self._fine, np.stack([np.interp(self._fine, own, column) for column in self._relative.T], axis=1)
+
+    @cached_property
+    def _measured_speed(self) -> np.ndarray:
+        return means(*self._measured, self._time[:-1], self._time[1:])
+
+    def _predicted_speed(self, v: Values) -> np.ndarray:
+        """Return the relative rotor speeds (m, 4) that the throttle gives, as telemetry tells them.
+
+        Telemetry runs ahead of the body's sensors by the clock.
+        """
+        key = (*(v[name] for name in (*RESPONSE, "full_speed")), v["delay"], v["clock"])
+        edges = self._time - v["delay"] + v["clock"]
+        return self._keep("speed", key, lambda: means(*self._driven(v), edges[:-1], edges[1:]))
+
+
+@dc.dataclass(frozen=True)
+class Rotors:
+    """Rotors in the bins: mean relative speed, mean of its square, that at the accelerometer's time, and rate of change.
+
+    All are (m, 4); the last is in 1/s.
+    """
+
+    speed: np.ndarray
+    thrust: np.ndarray
+    late: np.ndarray
+    rate: np.ndarray
+
+
+_MOMENTS = ([0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2])  # xx, yy, zz, xy, xz, yz of a matrix
+
+
+def _euler_of_moments(spread: np.ndarray) -> np.ndarray:
+    """Return the map (m, 3, 6) from the moments of an inertia to the mean of w x J w.
+
+    Args:
+        spread: (m, 3, 3) means of w w'.
+    """
+    xx, yy, zz, xy, xz, yz = (spread[:, i, k] for i, k in zip(*_MOMENTS, strict=True))
+    out = np.zeros((len(spread), 3, 6))
+    out[:, 0] = np.stack([0 * xx, -yz, yz, -xz, xy, yy - zz], axis=1)
+    out[:, 1] = np.stack([xz, 0 * xx, -xz, yz, zz - xx, -xy], axis=1)
+    out[:, 2] = np.stack([-xy, xy, 0 * xx, xx - yy, -yz, xz], axis=1)
+    return out
+
+
+def inertia(v: Values) -> np.ndarray:
+    """Return the inertia (3, 3) over mass and squared arm [1].
+
+    Args:
+        v: parameters by name.
+    """
+    mean = 0.5 * (v["jxx"] + v["jyy"])
+    xy, xz, yz = (-mean * v[name] for name in ("jxy", "jxz", "jyz"))
+    return np.array([[v["jxx"], xy, xz], [xy, v["jyy"], yz], [xz, yz, v["jzz"] * (v["jxx"] + v["jyy"])]])

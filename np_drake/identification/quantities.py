@@ -1,0 +1,186 @@
+"""Quantities of a vehicle file that the parameters of the model tell, with intervals and what told them."""
+
+import dataclasses as dc
+from collections.abc import Callable
+
+import numpy as np
+
+from np_drake.identification.model import G, Frame, Values, inertia
+from np_drake.identification.rotor_response import target_speed
+
+TOLD = 0.5  # deviation over that of the prior below which flights tell a quantity [1]; own choice: two bits
+SURE = 1.959964  # standard deviations of 95 %
+
+
+@dc.dataclass(frozen=True)
+class Basis:
+    """What turns quantities over mass into those of a vehicle.
+
+    frame: what is given.   drive: what turned the rotors.   mass: given [kg]; None: not.   coefficient: of thrust, where
+    it is trusted and the mass is not given [N/(rad/s)²].   spin: rotor speed in hover, or an estimate [rad/s].
+    newtons: whether the mass follows from commanded thrust.
+    """
+
+    frame: Frame
+    drive: str
+    mass: float | None
+    coefficient: float | None
+    spin: float
+    newtons: bool = False
+
+    @property
+    def ratios(self) -> bool:
+        """Whether neither mass nor thrust is known, so that all is told over the mass."""
+        return self.mass is None and self.coefficient is None and not self.newtons
+
+    def mass_of(self, v: Values) -> float:
+        """Return the mass [kg], or 1 where only ratios are told."""
+        if self.mass is not None:
+            return self.mass
+        per_mass = 0.25 * G * v["scale"]
+        if self.newtons:
+            return self.frame.unit / per_mass
+        return 1.0 if self.coefficient is None else self.coefficient * self.frame.unit**2 / per_mass
+
+    def hover_thrust(self, v: Values) -> float:
+        """Return the thrust of one rotor at the unit of input [N, or N/kg where only ratios are told]."""
+        return self.mass_of(v) * 0.25 * G * v["scale"]
+
+    def coefficient_of(self, v: Values) -> float:
+        """Return the thrust coefficient: measured where rotor speed is logged [N/(rad/s)²]."""
+        return self.hover_thrust(v) / self.spin**2
+
+
+@dc.dataclass(frozen=True)
+class Quantity:
+    """One number of a vehicle file.
+
+    field: of the vehicle file; empty: of none.   index: place in a vector or matrix.   unit: as printed; over mass where
+    only ratios are told.   of: from the parameters.   positive: whether its interval is one of ratios.
+    needs: what a log must hold.   per_mass: whether it scales with the mass.   why: what a flight that does not tell it
+    lacks, and `manoeuvre`: what would tell it.
+    """
+
+    name: str
+    field: str
+    unit: str
+    of: Callable[[Values, Basis], float]
+    index: tuple[int, ...] = ()
+    positive: bool = False
+    needs: tuple[str, ...] = ()
+    per_mass: bool = False
+    why: str = ""
+    manoeuvre: str = ""
+
+
+def _length(name: str) -> Callable[[Values, Basis], float]:
+    return lambda v, b: b.frame.arm * v[name]
+
+
+def _plain(name: str) -> Callable[[Values, Basis], float]:
+    return lambda v, b: v[name]
+
+
+def _moment(i: int, k: int) -> Callable[[Values, Basis], float]:
+    return lambda v, b: b.mass_of(v) * b.frame.arm**2 * float(inertia(v)[i, k])
+
+
+def _gain(i: int) -> Callable[[Values, Basis], float]:
+    names = ("gain_roll", "gain_pitch", "gain_yaw")
+    return lambda v, b: 1.0 + float(np.array([v[n] for n in names]) @ b.frame.patterns[:, i])
+
+
+def _full(v: Values, b: Basis) -> float:
+    """Return the thrust of one rotor at full throttle and the reference voltage [N]."""
+    speed = v["full_speed"] / float(target_speed(np.array(b.frame.throttle), v["curve"]))
+    return b.hover_thrust(v) * speed**2
+
+
+ROLL = "roll and pitch doublets"
+YAW = "fast turns of the heading"
+BLIPS = "quick changes of height"
+MASS, MOTORS, SPEED, THROTTLE = ("mass",), ("motors",), ("speed",), ("throttle",)
+
+QUANTITIES: tuple[Quantity, ...] = (
+    Quantity("mass", "mass", "kg", lambda v, b: b.mass_of(v), positive=True, needs=("trusted",), per_mass=False),
+    Quantity("thrust coefficient", "thrust_coefficient", "N/(rad/s)²", lambda v, b: b.coefficient_of(v), positive=True,
+             needs=("speed", "mass"), per_mass=True, why="", manoeuvre=""),
+    Quantity("logged thrust, true over logged", "", "1", lambda v, b: b.hover_thrust(v) / b.frame.unit, positive=True,
+             needs=("newtons", "mass"), per_mass=True),
+    *(Quantity(f"inertia {a}", "inertia", "kg·m²", _moment(i, k), (i, k), positive=i == k, per_mass=True,
+               why=f"the vehicle hardly {w}", manoeuvre=m)
+      for a, i, k, w, m in (("xx", 0, 0, "rolls", ROLL), ("yy", 1, 1, "pitches", ROLL),
+                            ("zz", 2, 2, "turns fast about two axes at once", f"{ROLL} while turning"),
+                            ("xy", 0, 1, "rolls and pitches", ROLL), ("xz", 0, 2, "rolls and yaws", ROLL),
+                            ("yz", 1, 2, "pitches and yaws", ROLL))),
+    *(Quantity(f"centre of mass {a}", "calibration.center_of_mass", "m", _length(f"com_{a}"), (i,),
+               why="rotors that are unequal look the same", manoeuvre=BLIPS) for i, a in enumerate("xy")),
+    *(Quantity(f"gain of rotor {i + 1}", "calibration.rotor_gains", "1", _gain(i), (i,),
+               why="a centre of mass beside the middle looks the same", manoeuvre=f"{BLIPS} and {ROLL}")
+      for i in range(4)),
+    Quantity("torque over thrust", "torque_coefficient", "m", lambda v, b: v["torque"] * b.frame.radius, positive=True,
+             why="only its ratio to inertia zz shows", manoeuvre=f"{ROLL} while turning"),
+    Quantity("inertia of a rotor", "calibration.rotor_inertia", "kg·m²",
+             lambda v, b: v["rotor_momentum"] * _moment(2, 2)(v, b) / b.spin, positive=True, per_mass=True,
+             why="the heading is hardly accelerated", manoeuvre=YAW),
+    Quantity("time constant up", "rotor_time_constant", "s", _plain("lag"), positive=True, needs=MOTORS,
+             why="commands change slowly", manoeuvre=f"{ROLL}, {BLIPS}"),
+    Quantity("time constant down", "calibration.rotor_time_constant_down", "s", lambda v, b: v["lag"] * v["lag_ratio"],
+             positive=True, needs=MOTORS, why="commands change slowly", manoeuvre=f"{ROLL}, {BLIPS}"),
+    Quantity("transport delay", "calibration.command_delay", "s", _plain("delay"), needs=MOTORS,
+             why="commands change slowly", manoeuvre=ROLL),
+    Quantity("clock of the state", "calibration.clock_offset", "s", lambda v, b: -v["clock"], needs=SPEED,
+             why="rotor speed changes slowly", manoeuvre=ROLL),
+    Quantity("thrust at full throttle", "throttle.full_thrust", "N", _full, positive=True, needs=("throttle", "mass"),
+             per_mass=True, why="throttle stays near hover", manoeuvre="climbs at full throttle"),
+    Quantity("rotor speed at full throttle", "", "rad/s",
+             lambda v, b: b.spin * v["full_speed"] / float(target_speed(np.array(b.frame.throttle), v["curve"])),
+             positive=True, needs=("throttle", "speed"), why="throttle stays near hover",
+             manoeuvre="climbs at full throttle"),
+    Quantity("linear share of throttle", "throttle.linear", "1", _plain("curve"), needs=THROTTLE,
+             why="throttle stays near hover", manoeuvre="climbs and descents"),
+    Quantity("power of the voltage", "throttle.voltage_exponent", "1", _plain("sag"), needs=("throttle", "voltage"),
+             why="the voltage hardly falls", manoeuvre="a flight until the battery is low"),
+    *(Quantity(f"IMU {a}", "calibration.imu_position", "m", _length(f"imu_{a}"), (i,), needs=("accelerometer",),
+               why="the vehicle hardly turns", manoeuvre=m)
+      for i, (a, m) in enumerate((("x", YAW), ("y", YAW), ("z", ROLL)))),
+    *(Quantity(f"IMU tilt {a}", "calibration.imu_tilt", "rad", _plain(f"tilt_{a}"), (i,), needs=("accelerometer",),
+               why="a bias of the accelerometer looks the same", manoeuvre=BLIPS) for i, a in enumerate("xyz")),
+    Quantity("drag, lateral", "", "1/s", _plain("drag"), needs=("velocity",), why="it flies slowly", manoeuvre="speed"),
+    Quantity("drag, vertical", "", "1/s", _plain("climb"), needs=("velocity",), why="it climbs slowly", manoeuvre=BLIPS),
+    Quantity("lift of lateral speed", "", "1/m", _plain("lift"), needs=("velocity",), why="it flies slowly",
+             manoeuvre="speed"),
+    Quantity("pitch moment of forward speed", "", "m/s", _length("flap_x"), needs=("velocity",), why="it flies slowly",
+             manoeuvre="speed"),
+    Quantity("roll moment of lateral speed", "", "m/s", _length("flap_y"), needs=("velocity",), why="it flies slowly",
+             manoeuvre="speed"),
+)  # fmt: skip
+
+
+@dc.dataclass(frozen=True)
+class Identified:
+    """One quantity as flights and prior tell it.
+
+    value, low, high: with its 95 % interval.   prior: (low, high) of the prior.   told: whether flights tell it.
+    p: probability that flights which agree differ as much as these do [1]; NaN: not tested.
+    """
+
+    quantity: Quantity
+    value: float
+    low: float
+    high: float
+    prior: tuple[float, float]
+    told: bool
+    p: float = float("nan")
+
+    @property
+    def name(self) -> str:
+        """Name of the quantity."""
+        return self.quantity.name
+
+    @property
+    def within(self) -> float:
+        """Half width of the interval, relative to the value where it is positive."""
+        if self.quantity.positive:
+            return float(np.sqrt(self.high / self.low)) - 1.0
+        return 0.5 * (self.high - self.low)

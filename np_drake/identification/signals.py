@@ -1,0 +1,175 @@
+"""What the estimator takes from a flight: specific force, angular acceleration and rotor inputs in bins of its rows."""
+
+import dataclasses as dc
+from functools import cached_property
+
+import numpy as np
+
+from np_drake import attitude
+from np_drake.diagnosis.residuals.rotor_thrust import most_likely
+from np_drake.flight_log import FlightLog
+from np_drake.identification.rotor_response import Substeps
+from np_drake.training_data.segments import white_noise
+
+BIN = 0.009  # least length of a bin [s]; own choice: motors answer below 15 Hz, and a log at 100 Hz keeps its rows
+DRIVES = ("rotor_speed", "throttle", "command")
+FLYING = 0.3  # specific force over gravity below which a vehicle is thrown, held or falls [1]; own choice
+
+
+@dc.dataclass(frozen=True)
+class Signals:
+    """One flight, in bins between rows `edges`.
+
+    smooth: (n, 3) body rates of the rows without white noise [rad/s].   What enters the model as an input is such a
+    conditional mean: its error is independent of it, and parameters are not drawn to zero (Berkson's model).
+    force: (m, 3) mean specific force in the sensor's axes [m/s²].   alpha: (m, 3) change of the body rates over the
+    bin, over its length [rad/s²].   rate: (m, 3) mean body rates [rad/s].   spread: (m, 3, 3) mean of w w' [rad²/s²].
+    velocity: (m, 3) mean velocity in body axes [m/s]; None: not logged.   good: (m,) bins that count.
+    drive: what turns the rotors, of `DRIVES`.   input: (n, 4) rotor speed [rad/s], throttle [1] or commanded rotor
+    thrust [N] of the rows.   command: (n, 4) throttle where rotor speed is logged as well [1].   voltage: (n,) [V].
+    accelerometer: whether the force is an accelerometer's; else it is that of the logged velocities, at Bo.
+    """
+
+    name: str
+    t: np.ndarray
+    smooth: np.ndarray
+    edges: np.ndarray
+    force: np.ndarray
+    alpha: np.ndarray
+    rate: np.ndarray
+    spread: np.ndarray
+    velocity: np.ndarray | None
+    good: np.ndarray
+    drive: str
+    input: np.ndarray
+    command: np.ndarray | None
+    voltage: np.ndarray | None
+    accelerometer: bool
+    timing: float
+
+    @property
+    def instants(self) -> np.ndarray:
+        """(m + 1,) times of the edges [s]."""
+        return self.t[self.edges]
+
+    @property
+    def step(self) -> float:
+        """Median length of a bin [s]."""
+        return float(np.median(np.diff(self.instants)))
+
+    @property
+    def single(self) -> bool:
+        """Whether a bin holds one row, with an accelerometer's reading."""
+        return self.accelerometer and int(self.edges[1] - self.edges[0]) == 1
+
+    @cached_property
+    def substeps(self) -> Substeps:
+        """Fine grid of the rows."""
+        return Substeps.of(self.t)
+
+    def __len__(self) -> int:
+        return len(self.force)
+
+    def part(self, start: float, stop: float) -> "Signals":
+        """Return the flight with the bins that count limited to a span.
+
+        Args:
+            start: share of the flight at which it begins [1].
+            stop: share at which it ends [1].
+        """
+        place = (np.arange(len(self)) + 0.5) / len(self)
+        return dc.replace(self, good=self.good & (place >= start) & (place < stop))
+
+
+def signals(log: FlightLog, unmixer: np.ndarray, drive: str = "") -> Signals:
+    """Return what the estimator takes from a flight.
+
+    Args:
+        log: the flight.
+        unmixer: (4, 4) map from thrust and torque to rotor thrusts [N, N·m].
+        drive: of `DRIVES`; empty: measured rotor speed, else the throttle of four rotors, else thrust and torque.
+    Raises: ValueError: where the log tells nothing of its four rotors.
+    """
+    drive = drive or drive_of(log)
+    rows = len(log)
+    each = max(1, int(np.ceil(BIN / log.step - 0.1)))
+    edges = np.arange(0, rows, each)
+    length = np.diff(log.t[edges])[:, None]
+    dt = np.diff(log.t)
+    g = np.array([0.0, 0.0, 9.81])
+    velocity_in_body = attitude.rotate_back(log.q, log.v)
+    known = not {"velocity"} & set(log.lacks)
+    if log.a is not None:
+        force = _mean_after(attitude.rotate_back(log.q, log.a + g), dt, edges)
+    else:
+        middle = attitude.rotation_vector(attitude.multiply(attitude.conjugate(log.q[:-1]), log.q[1:]))
+        half = attitude.multiply(log.q[:-1], attitude.from_rotation_vector(0.5 * middle))
+        force = _mean_after(attitude.rotate_back(half, np.diff(log.v, axis=0) / dt[:, None] + g), dt, edges)
+    smooth = most_likely(log.w, white_noise([log.w]), log.step)
+    products = smooth[:, :, None] * smooth[:, None, :]
+    good = np.isfinite(force).all(axis=1)
+    good &= np.linalg.norm(force, axis=1) > FLYING * 9.81
+    if log.bridged is not None:
+        good &= np.add.reduceat(log.bridged[: edges[-1]], edges[:-1]) == 0
+    good &= length[:, 0] < 1.6 * np.median(length)
+    source = {"rotor_speed": _rotor_speed(log, unmixer), "throttle": log.throttle, "command": np.maximum(log.u @ unmixer.T, 0.0)}[drive]
+    four = log.throttle is not None and np.ndim(log.throttle) == 2 and log.throttle.shape[1] == 4
+    return Signals(
+        name=log.name,
+        t=log.t,
+        smooth=smooth,
+        edges=edges,
+        force=force,
+        alpha=np.diff(log.w[edges], axis=0) / length,
+        rate=_mean_line(log.w, dt, edges),
+        spread=_mean_line(products.reshape(rows, 9), dt, edges).reshape(-1, 3, 3),
+        velocity=_mean_line(velocity_in_body, dt, edges) if known else None,
+        good=good,
+        drive=drive,
+        input=np.asarray(source, float),
+        command=log.throttle if four and drive == "rotor_speed" else None,
+        voltage=log.voltage if log.voltage is not None and np.isfinite(log.voltage).all() else None,
+        accelerometer=log.a is not None,
+        timing=log.timing,
+    )
+
+
+def drive_of(log: FlightLog) -> str:
+    """Return what turns the rotors of a log, of `DRIVES`.
+
+    Raises: ValueError: where the log has neither rotor speed, nor the throttle of four rotors, nor thrust and torque.
+    """
+    if log.rotor is not None and np.isfinite(log.rotor).all():
+        return "rotor_speed"
+    if log.throttle is not None and np.ndim(log.throttle) == 2 and log.throttle.shape[1] == 4:
+        return "throttle"
+    if log.input == "command" and np.isfinite(log.u).all():
+        return "command"
+    raise ValueError(
+        f"{log.name}: identification needs what turns each rotor: rotor speed, throttle of four motors, or thrust and "
+        "torque; the log has none of them."
+    )
+
+
+def _rotor_speed(log: FlightLog, unmixer: np.ndarray) -> np.ndarray | None:
+    """Return rotor speed (n, 4) without white noise; thrust and torques have spectra of their own [rad/s]."""
+    if log.rotor is None:
+        return None
+    # Columns of the unmixer span thrust and torques; their scale does not matter.
+    channels = np.square(log.rotor) @ np.linalg.inv(unmixer).T
+    likely = most_likely(channels, white_noise([channels]), log.step)
+    return np.sqrt(np.maximum(likely @ unmixer.T, 0.0))
+
+
+def _mean_after(values: np.ndarray, dt: np.ndarray, edges: np.ndarray) -> np.ndarray:
+    """Return the means (m, c) of values (n, c) that are each the mean over the interval after their row."""
+    weighted = values[: len(dt)] * dt[:, None]
+    return np.add.reduceat(weighted[: edges[-1]], edges[:-1], axis=0) / np.add.reduceat(dt[: edges[-1]], edges[:-1])[
+        :, None
+    ]
+
+
+def _mean_line(values: np.ndarray, dt: np.ndarray, edges: np.ndarray) -> np.ndarray:
+    """Return the means (m, c) of values (n, c) that are linear between rows."""
+    middle = 0.5 * (values[1:] + values[:-1])
+    return _mean_after(middle, dt, edges)
