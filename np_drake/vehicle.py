@@ -194,8 +194,8 @@ class Vehicle:
 
     def with_mass(self, mass: float) -> "Vehicle":
         """Return a copy of the vehicle with another mass [kg], without what is said of the present one."""
-        said = {"sources": without(self.sources, "mass"), "intervals": without(self.intervals, "mass")}
-        return dc.replace(self, mass=mass, **said).check()
+        sources, intervals = without(self.sources, "mass"), without(self.intervals, "mass")
+        return dc.replace(self, mass=mass, sources=sources, intervals=intervals).check()
 
 
 def preset_names() -> list[str]:

@@ -99,7 +99,8 @@ class Calibration:
         Raises: ValueError: where one is impossible.
         """
         _vector(self.center_of_mass, 3, LONGEST, "center_of_mass", "m")
-        _vector(self.imu_position or [0.0, 0.0, 0.0], 3, LONGEST, "imu_position", "m")
+        if self.imu_position is not None:
+            _vector(self.imu_position, 3, LONGEST, "imu_position", "m")
         _vector(self.imu_tilt, 3, np.pi, "imu_tilt", "rad")
         _vector(self.rotor_gains, 4, np.inf, "rotor_gains", "1")
         for gain in self.rotor_gains:

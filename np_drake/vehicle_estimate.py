@@ -7,10 +7,10 @@ with; measured values should take its place.
 import dataclasses as dc
 import math
 
-from np_drake.files.yaml_text import quoted
 from np_drake.rotor_layout import CORNERS, FIRMWARE
 from np_drake.vehicle import Vehicle
 from np_drake.vehicle_physics import AIR, least_torque_over_thrust
+from np_drake.vehicle_text import vehicle_text
 
 GRAVITY = 9.81  # [m/s²]
 AT_ROTORS = 0.5  # share of the mass at the rotors: motors, propellers, outer arms [1]
@@ -21,6 +21,9 @@ FIGURE_OF_MERIT = 0.5  # ideal over actual hover power. Source: own choice; the 
 MASS_SPREAD = 0.01  # source: own choice, a kitchen scale, and batteries that are changed
 THRUST_SPREAD = 0.4  # source: C_T of the presets, whose standard deviation is 0.36 of their mean; rounded up
 CURVES = {"quadratic": 2, "linear": 1}  # thrust over throttle: its power
+HEAD = """\
+# Vehicle file of an X quadrotor, estimated from mass, wheelbase, propeller and hover throttle. Replace an estimate
+# by a measured value where there is one; docs/reference/vehicle-file.md lists all fields."""
 LIGHTEST, HEAVIEST = 0.005, 1000.0  # [kg]
 
 
@@ -88,6 +91,7 @@ def estimate(measured: Measured, name: str = "mine") -> Vehicle:
         "max_rotor_thrust": _digits(0.25 * m.mass * GRAVITY / m.hover_throttle ** CURVES[m.curve]),
         "mass_uncertainty": m.mass_uncertainty,
         "thrust_uncertainty": m.thrust_uncertainty,
+        "sources": _sources(m, lever),
     }
     return Vehicle(name=name, gravity=GRAVITY, **values).check()  # type: ignore[arg-type]
 
@@ -99,56 +103,37 @@ def commented_file(measured: Measured, name: str = "mine") -> str:
         measured: what the owner knows.
         name: of the vehicle.
     """
-    v, m = estimate(measured, name), measured
-    power, lever = {1: "", 2: "²"}[CURVES[m.curve]], v.torque_coefficient / v.thrust_coefficient
-    known = uncertainty_lines(m)
-    rotors = ", ".join(f"[{x:g}, {y:g}, 0]" for x, y, _ in v.rotor_positions)
-    layout = FIRMWARE[m.order]
-    corners, turns = ", ".join(CORNERS[p] for p in layout.positions), ", ".join(f"{d:g}" for d in layout.directions)
-    xx, zz = v.inertia[0][0], v.inertia[2][2]
-    return f"""\
-# Vehicle file of an X quadrotor, estimated from mass, wheelbase, propeller and hover throttle. Replace an estimate
-# by a measured value where there is one; docs/reference/vehicle-file.md lists all fields.
-name: {quoted(name)}
-mass: {m.mass:.15g} # given: with battery, without payload [kg]
-{known[0]}
-# About the centre of mass, body axes [kg·m²]. Estimated: {100 * AT_ROTORS:g} % of the mass at the four rotors,
-# the rest a solid cylinder whose radius and height are half an arm.
-inertia: [[{xx:g}, 0, 0], [0, {xx:g}, 0], [0, 0, {zz:g}]]
-gravity: {GRAVITY:g} # [m/s²]
-# From the wheelbase of {m.wheelbase:g} m, in the order of {layout.source}: {corners},
-# which is the order of the rotor columns of a log; x forward, y left, from the centre of mass, taken as the middle [m].
-rotor_positions: [{rotors}]
-# 1 turns clockwise, seen from above, and twists the body the other way. Assumed: inwards at the front.
-rotor_directions: [{turns}]
-# C_T = {THRUST_NUMBER:g} of a propeller of {m.propeller:g} m in air of {AIR:g} kg/m³ [N/(rad/s)²].
-thrust_coefficient: {v.thrust_coefficient:g}
-# Figure of merit {FIGURE_OF_MERIT:g}, momentum theory: {lever:.3g} m times the thrust coefficient [N·m/(rad/s)²].
-torque_coefficient: {v.torque_coefficient:g}
-rotor_radius: {v.rotor_radius:g} # half of the propeller diameter [m]
-# Of one rotor at full throttle: a quarter of the weight over {m.hover_throttle:g}{power}, {m.curve} in throttle [N].
-max_rotor_thrust: {v.max_rotor_thrust:g}
-{known[1]}
-rotor_time_constant: 0 # not estimated; first-order lag of rotor speed [s]
-logged_point: origin # what a log's position refers to: origin (middle of the rotors) | center_of_mass
-input: command # what drives the model: command | rotor_speed
-"""
+    return vehicle_text(estimate(measured, name), HEAD)
 
 
-def uncertainty_lines(measured: Measured) -> tuple[str, str]:
-    """Return the lines of the vehicle file with the uncertainty of mass and thrust, and where they come from."""
-    m = measured
+def _sources(m: Measured, lever: float) -> dict[str, str]:
+    """Return where the values of an estimate come from; `lever` is torque over thrust [m]."""
+    layout, power = FIRMWARE[m.order], {1: "", 2: "²"}[CURVES[m.curve]]
+    corners = ", ".join(CORNERS[p] for p in layout.positions)
     scale = "given" if m.mass_uncertainty != MASS_SPREAD else "assumed: a kitchen scale, and another battery"
     thrust = (
-        "# Of thrust from command, rotor speed or throttle: given; standard deviation over the value [1]."
+        "given"
         if m.thrust_uncertainty != THRUST_SPREAD
-        else "# Of thrust, standard deviation over the value [1]. Assumed: as C_T of the presets differs; thrust from\n"
-        "# rotor speed is off by as much. Thrust that is logged in newtons is known better: state its own."
+        else "assumed: as C_T of the presets differs; of thrust that is logged in newtons state a smaller one"
     )
-    return (
-        f"mass_uncertainty: {m.mass_uncertainty:.15g} # {scale}; standard deviation over the value [1]",
-        f"{thrust}\nthrust_uncertainty: {m.thrust_uncertainty:.15g}",
-    )
+    return {
+        "mass": "given: with battery, without payload",
+        "inertia": f"estimated: {100 * AT_ROTORS:g} % of the mass at the four rotors, the rest a solid cylinder whose "
+        "radius and height are half an arm",
+        "rotor_positions": f"wheelbase of {m.wheelbase:g} m, in the order of {layout.source}: {corners}, which is that "
+        "of the rotor columns of a log; the middle is taken as the centre of mass",
+        "rotor_directions": "assumed: inwards at the front; 1 turns clockwise, seen from above",
+        "thrust_coefficient": f"estimated: C_T = {THRUST_NUMBER:g} of a propeller of {m.propeller:g} m in air of "
+        f"{AIR:g} kg/m³",
+        "torque_coefficient": f"estimated: figure of merit {FIGURE_OF_MERIT:g}, momentum theory; {lever:.3g} m times "
+        "the thrust coefficient",
+        "rotor_radius": "half of the propeller diameter",
+        "max_rotor_thrust": f"estimated: a quarter of the weight over {m.hover_throttle:g}{power}, {m.curve} in "
+        "throttle",
+        "rotor_time_constant": "not estimated",
+        "mass_uncertainty": scale,
+        "thrust_uncertainty": thrust,
+    }
 
 
 def _digits(value: float) -> float:

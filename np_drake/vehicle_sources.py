@@ -2,12 +2,17 @@
 
 import dataclasses as dc
 import difflib
+import re
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
+from np_drake.files.number_text import NBSP
+from np_drake.files.yaml_file import LARGEST
+
 Intervals = dict[str, list[list[float]]]  # field -> [low, high] of each number, row by row; 95 %
+PART = re.compile(r"^(.*?)((?:\[\d+\])*)$")  # field, and place in its list or matrix: `inertia[0][1]`
 STATEMENTS = ("sources", "intervals")  # fields of a vehicle that speak of the others
 LONGEST = 300  # characters of a source
 
@@ -29,32 +34,68 @@ def values(vehicle: Any) -> dict[str, Any]:
     return found
 
 
+def part(field: str, *index: int) -> str:
+    """Return the name by which sources and intervals speak of one number of a list or matrix, as `inertia[0][1]`.
+
+    Args:
+        field: as `calibration.center_of_mass`.
+        index: place in it, from 0; none: the field itself.
+    """
+    return field + "".join(f"[{i}]" for i in index)
+
+
+def parts_of(field: str, statements: Mapping[str, Any]) -> list[str]:
+    """Return the names of single numbers of a field of which something is said.
+
+    Args:
+        field: as `calibration.center_of_mass`.
+        statements: by name.
+    """
+    return [name for name in statements if name.startswith(f"{field}[")]
+
+
+def value_of(name: str, known: Mapping[str, Any]) -> Any:
+    """Return the value of a field, or of one number of it.
+
+    Args:
+        name: of a field or, as `part` writes it, of one number.
+        known: values by field.
+    Raises: KeyError: where there is none.
+    """
+    field, places = PART.match(name).groups()  # type: ignore[union-attr]
+    value = known[field]
+    for place in re.findall(r"\d+", places):
+        if not isinstance(value, list) or int(place) >= len(value):
+            raise KeyError(name)
+        value = value[int(place)]
+    return value
+
+
 def checked_intervals(vehicle: Any) -> Intervals:
     """Return the intervals of a vehicle as pairs, after checking that they and the sources speak of its fields.
 
-    The interval of a single number may be given as [low, high].
+    Both may speak of a field or of one number of it (`part`). An interval of one number may be given as [low, high].
     Raises: ValueError: on an unknown field, an empty source, or an interval that is none or of another shape.
     """
     known = values(vehicle)
     for field, source in vehicle.sources.items():
-        _require_known("sources", field, known)
-        if not source.strip() or len(source) > LONGEST or not source.isprintable():
+        _known("sources", field, known)
+        if not source.strip() or len(source) > LONGEST or not source.replace(NBSP, " ").isprintable():
             raise ValueError(f"sources: {field} must be one line of at most {LONGEST} characters; got {source!r}.")
     pairs = {}
     for field, given in vehicle.intervals.items():
-        _require_known("intervals", field, known)
-        pairs[field] = _pairs(field, given, known[field])
+        pairs[field] = _pairs(field, given, _known("intervals", field, known))
     return pairs
 
 
 def without(statements: Mapping[str, Any], *fields: str) -> dict[str, Any]:
-    """Return sources or intervals without those of some fields, whose values were replaced.
+    """Return sources or intervals without those of some fields, or numbers of them, whose values were replaced.
 
     Args:
         statements: by field.
         fields: that are left out.
     """
-    return {field: said for field, said in statements.items() if field not in fields}
+    return {name: said for name, said in statements.items() if PART.match(name)[1] not in fields}  # type: ignore[index]
 
 
 def _pairs(field: str, given: Any, value: Any) -> list[list[float]]:
@@ -66,14 +107,16 @@ def _pairs(field: str, given: Any, value: Any) -> list[list[float]]:
         wanted = "a pair [low, high]" if size == 1 else f"{size} pairs [low, high], row by row"
         raise ValueError(f"intervals: {field} must have {wanted}; got {given}.")
     pairs = [[float(low), float(high)] for low, high in pairs]
-    if not np.all(np.isfinite(pairs)) or any(low > high for low, high in pairs):
+    if not np.all(np.abs(pairs) <= LARGEST) or any(low > high for low, high in pairs):
         raise ValueError(f"intervals: {field} must have a low end that is not above the high one; got {given}.")
     return pairs
 
 
-def _require_known(where: str, field: str, known: Mapping[str, Any]) -> None:
-    if field in known:
-        return
-    near = difflib.get_close_matches(field, known, n=1)
-    remedy = f"did you mean {near[0]}?" if near else f"it has {', '.join(known)}."
-    raise ValueError(f"{where}: {field!r} must be a field that the vehicle has; {remedy}")
+def _known(where: str, name: str, known: Mapping[str, Any]) -> Any:
+    """Return the value of which something is said."""
+    try:
+        return value_of(name, known)
+    except KeyError:
+        near = difflib.get_close_matches(name, known, n=1)
+        remedy = f"did you mean {near[0]}?" if near and near[0] != name else f"it has {', '.join(known)}."
+        raise ValueError(f"{where}: {name!r} must be a field that the vehicle has; {remedy}") from None

@@ -30,7 +30,15 @@ DIAGNOSIS = (
 )
 GROUND = (
     *("lazy_names", "attitude", "compiled", "files", "rotor_layout", "flight_log", "metrics"),
-    *("vehicle_physics", "vehicle_calibration", "vehicle_sources", "vehicle"),
+    *(
+        "vehicle_physics",
+        "vehicle_calibration",
+        "vehicle_sources",
+        "vehicle",
+        "vehicle_text",
+        "vehicle_table",
+        "published_vehicles",
+    ),
     *("rigid_body", "rotor_input", "scaling", "vehicle_estimate"),
     *("residual_model", "command_delay", "labels"),
     *("training_data", "effects", "logs", "references", "control", "diagnosis", "flight_design"),

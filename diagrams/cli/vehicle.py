@@ -12,6 +12,7 @@ from diagrams.cli.verbs import Verbs
 
 if TYPE_CHECKING:
     from np_drake.vehicle import Vehicle
+    from np_drake.vehicle_table import Row
 
 vehicle = Verbs(help="Vehicle files: new, list, show.", add_completion=False)
 Preset = Annotated[str | None, Option(metavar="NAME", help="Begin with this vehicle of `vehicle list`.")]
@@ -80,18 +81,23 @@ def _write_or_print(text: str, out: Path | None) -> None:
 
 
 @vehicle.command("list")
-def presets() -> None:
+def presets(
+    published: Annotated[bool, Option("--published", help="Published vehicles, and their spread, instead.")] = False,
+) -> None:
     """List the vehicles that come with the package, which --vehicle takes by name."""
-    print_table(*_preset_table())
+    for table in _published_tables() if published else (_preset_table(),):
+        print_table(*table)
 
 
 @vehicle.command("show")
 def show(name: Annotated[str, Argument(metavar="VEHICLE", help="Name of `vehicle list`, or a vehicle file.")]) -> None:
-    """Print a vehicle file with its sources, its scales and the default flight that follows from them."""
+    """Print a vehicle file, where each value comes from, its scales and the default flight that follows from them."""
     from np_drake.vehicle import load_vehicle, vehicle_file
+    from np_drake.vehicle_table import vehicle_rows
 
     known = load_vehicle(name)
     say(vehicle_file(name).read_text(encoding="utf-8").rstrip("\n"), "")
+    print_table(*_value_table(known.name, vehicle_rows(name)))
     print_table(*_scale_table(known))
 
 
@@ -111,28 +117,22 @@ def _copy_of(preset: str, mass: float | None, name: str | None, stated: Mapping[
     Raises: ValueError: if there is no such preset, it cannot carry that mass, or an uncertainty is impossible.
     """
     import dataclasses as dc
-    import re
+    import itertools
 
-    from np_drake.files.yaml_text import quoted
     from np_drake.vehicle import load_vehicle, preset_names, vehicle_file
+    from np_drake.vehicle_sources import without
+    from np_drake.vehicle_text import vehicle_text
 
     if preset not in preset_names():
         raise ValueError(f"--preset: must be one of {', '.join(preset_names())}; got {preset!r}.")
-    text, known = vehicle_file(preset).read_text(encoding="utf-8"), load_vehicle(preset)
-    if name is not None:
-        line = f"name: {quoted(name)}"
-        text = re.sub(r"^name: .*$", lambda _: line, text, flags=re.M)
+    known = load_vehicle(preset)
+    given = {field: value for field, value in {"name": name, "mass": mass, **stated}.items() if value is not None}
+    sources = known.sources | dict.fromkeys(given, "given")
     if mass is not None:
-        known.with_mass(mass)
-        text = re.sub(
-            r"^mass: .*$", f"mass: {mass:.15g} # given; the preset's is {known.mass:g} [kg]", text, flags=re.M
-        )
-    dc.replace(known, **stated).check()  # type: ignore[arg-type]
-    for field, value in stated.items():
-        line = f"{field}: {value:.15g} # given: standard deviation over the value [1]"
-        text, named = re.subn(rf"^{field}: .*$", line, text, flags=re.M)
-        text = text if named else f"{text.rstrip(chr(10))}\n{line}\n"
-    return text
+        sources["mass"] = f"given; the preset's is {known.mass:g} kg"
+    copy = dc.replace(known, **given, sources=sources, intervals=without(known.intervals, *given))  # type: ignore[arg-type]
+    lines = vehicle_file(preset).read_text(encoding="utf-8").splitlines()
+    return vehicle_text(copy.check(), "\n".join(itertools.takewhile(lambda line: line.startswith("#"), lines)))
 
 
 def _preset_table() -> Table:
@@ -147,6 +147,25 @@ def _preset_table() -> Table:
     return "vehicles", ["name", "mass [kg]", "arm [cm]", "thrust/weight [1]", "source"], rows
 
 
+def _published_tables() -> tuple[Table, Table]:
+    """Return a table of the published vehicles, and one of the spread of their dimensionless numbers."""
+    import dataclasses as dc
+
+    from np_drake.published_vehicles import dimensionless, published_priors, published_vehicles
+
+    shown = ("thrust_to_weight", "inertia", "time_constant")
+    header = ["name", "mass [kg]", "arm [m]", "thrust/weight [1]", "J_xx/(m l²) [1]", "rotor lag [s]", "source"]
+    rows = []
+    for known in published_vehicles():
+        numbers = dimensionless(known)
+        rows.append((known.name, known.mass, known.arm, *(numbers.get(name) for name in shown), known.source))
+    priors = published_priors()
+    spreads = [(field.name, getattr(priors, field.name)) for field in dc.fields(priors)]
+    spread = [(name, told.count, told.median, told.deviation, *told.within()) for name, told in spreads]
+    names = ["number", "vehicles", "median", "deviation of the logarithm", "95 % from", "to"]
+    return ("published vehicles", header, rows), ("spread", names, spread)
+
+
 def _source(name: str) -> str:
     """Return the first words of a preset's source."""
     from np_drake.vehicle import vehicle_file
@@ -159,6 +178,14 @@ def _source(name: str) -> str:
 def _stated_uncertainty(value: float | None) -> str:
     """Return what a vehicle file states of how well a figure is known."""
     return "not stated: the diagnosis' own" if value is None else f"{100 * value:.3g} % of the value"
+
+
+def _value_table(name: str, rows: "list[Row]") -> Table:
+    """Return a line for every value of a vehicle file; intervals are a column where there are any."""
+    with_interval = any(row.interval for row in rows)
+    header = ["field", "value", *["95 % interval"] * with_interval, "source"]
+    cells = [(row.field, row.value, *[row.interval] * with_interval, row.source) for row in rows]
+    return f"{name}: values", header, cells
 
 
 def _scale_table(known: "Vehicle") -> Table:

@@ -5,19 +5,20 @@ from np_drake.effects.center_of_mass_offset import CenterOfMassOffset
 from np_drake.effects.clock_offset import ClockOffset
 from np_drake.effects.command_delay import CommandDelay
 from np_drake.effects.imu_mounting import ImuMounting
-from np_drake.effects.motor_lag import MotorLag
 from np_drake.effects.rotor_gyroscopic import RotorGyroscopic
+from np_drake.effects.uneven_lag import UnevenLag
 from np_drake.effects.weak_rotor import WeakRotor
 from np_drake.vehicle import Vehicle
 from np_drake.vehicle_calibration import Calibration
+
+FASTEST = 1e-3  # time constant below which a lag only makes an integrator stiff [s]; own choice
 
 
 def effects_of(calibration: Calibration, vehicle: Vehicle) -> tuple[Effect, ...]:
     """Return the effects that add the calibration to the nominal model of the vehicle; none for the default.
 
-    A lag has one time constant: that of a rotor that slows down differently enters by the mean of the two. No effect
-    has the position of the IMU: the simulated accelerometer is at Bo. `clock_offset` and `imu_tilt` change the log
-    alone, and a sensor model refuses a clock offset (`np_drake.logs.clock.shift_state` applies it to the log).
+    No effect has the position of the IMU: the simulated accelerometer is at Bo. `clock_offset` and `imu_tilt` change
+    the log alone, and a sensor model refuses a clock offset (`np_drake.logs.clock.shift_state` applies it to the log).
 
     Args:
         calibration: usually that of the vehicle.
@@ -28,8 +29,8 @@ def effects_of(calibration: Calibration, vehicle: Vehicle) -> tuple[Effect, ...]
     if any(c.center_of_mass):
         effects.append(CenterOfMassOffset(*c.center_of_mass))
     effects += [WeakRotor(float(i), gain) for i, gain in enumerate(c.rotor_gains, 1) if gain != 1]
-    if c.rotor_time_constant_down not in (None, up):
-        effects.append(MotorLag(0.5 * (up + c.rotor_time_constant_down)))
+    if c.rotor_time_constant_down is not None and c.rotor_time_constant_down != up:
+        effects.append(UnevenLag(max(up, FASTEST), max(c.rotor_time_constant_down, FASTEST)))
     if c.command_delay:
         effects.append(CommandDelay(c.command_delay))
     if c.rotor_inertia:

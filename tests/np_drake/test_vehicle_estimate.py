@@ -8,7 +8,7 @@ import pytest
 
 from np_drake.logs.formats.neurobem import published_vehicle
 from np_drake.scaling import numbers
-from np_drake.vehicle import Vehicle, left_out, load_vehicle, preset_names, vehicle_file
+from np_drake.vehicle import RIGID, Vehicle, left_out, load_vehicle, preset_names, vehicle_file
 from np_drake.vehicle_estimate import (
     AIR,
     FIGURE_OF_MERIT,
@@ -94,10 +94,10 @@ def test_the_spread_of_thrust_is_that_of_the_presets():
 
 def test_the_file_states_the_uncertainty_given_or_its_origin():
     assert (estimate(MINE).mass_uncertainty, estimate(MINE).thrust_uncertainty) == (MASS_SPREAD, THRUST_SPREAD)
-    assert "# assumed: a kitchen scale" in commented_file(MINE)
+    assert "assumed: a kitchen scale" in commented_file(MINE)
     known = dc.replace(MINE, mass_uncertainty=0.003, thrust_uncertainty=0.02)
     assert (estimate(known).mass_uncertainty, estimate(known).thrust_uncertainty) == (0.003, 0.02)
-    assert "mass_uncertainty: 0.003 # given" in commented_file(known)
+    assert "mass_uncertainty: 0.003 # [1] given" in commented_file(known)
     assert "presets" not in commented_file(known)
 
 
@@ -129,6 +129,7 @@ def test_the_preset_neurobem_is_the_published_vehicle():
 def test_every_preset_states_its_source_and_all_parameters(name):
     assert "Source" in vehicle_file(name).read_text()
     assert left_out(name) == []
+    assert set(RIGID) <= set(load_vehicle(name).sources)
     assert load_vehicle(name).name == name
 
 

@@ -56,15 +56,16 @@ def test_a_thrust_about_the_true_centre_of_mass_hovers():
     np.testing.assert_allclose(read(dut, context, "acceleration"), np.zeros(6), atol=1e-4)
 
 
-def test_a_command_arrives_late_and_with_the_mean_of_both_lags():
+@pytest.mark.parametrize("lift, lag", [(1.2, 0.03), (0.8, 0.05)], ids=["up", "down"])
+def test_a_command_arrives_late_and_lags_by_its_direction(lift, lag):
     dut, simulator, context = flying(Calibration(command_delay=0.02, rotor_time_constant_down=0.05))
-    dut.get_input_port().FixValue(context, 1.2 * NOMINAL.hover_input)
+    dut.get_input_port().FixValue(context, lift * NOMINAL.hover_input)
     hover = 0.25 * NOMINAL.mass * NOMINAL.gravity
     simulator.AdvanceTo(0.019)
     np.testing.assert_allclose(read(dut, context, "rotor_thrust"), hover, rtol=1e-6)
-    simulator.AdvanceTo(0.06)  # one lag after it has arrived
+    simulator.AdvanceTo(0.021 + lag)  # one lag after it has arrived
     speed = np.sqrt(read(dut, context, "rotor_thrust") / hover)
-    share = (speed - 1) / (np.sqrt(1.2) - 1)
+    share = (speed - 1) / (np.sqrt(lift) - 1)
     np.testing.assert_allclose(share, 1 - np.exp(-1), atol=0.02)  # the command steps at a multiple of 1 ms
 
 

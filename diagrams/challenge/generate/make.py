@@ -17,7 +17,6 @@ from diagrams.challenge.generate.composition import TWO_AT_ONCE, compose
 from diagrams.challenge.generate.ground_truth import TRUTH_FILE, GroundTruth
 from diagrams.challenge.generate.logged_input import as_logged, per_row, with_input
 from diagrams.challenge.generate.sensor_quality import QUALITIES, WILD, kept_rows, rows_of, with_sensor_noise
-from diagrams.challenge.generate.vehicles import vehicle_file
 from diagrams.challenge.simulators.drake.simulator import fly
 from diagrams.challenge.simulators.rotorpy import optional_import
 from np_drake.files.atomic_file import write_json, write_text
@@ -25,6 +24,7 @@ from np_drake.flight_log import FlightLog
 from np_drake.logs.case_folder import VEHICLE
 from np_drake.logs.formats.log_file import write_log
 from np_drake.logs.import_sheet import write_sheet
+from np_drake.vehicle_text import vehicle_text
 
 ATTEMPTS = 12  # draws of one case before the set fails
 
@@ -183,7 +183,7 @@ def _case_files(case: Case, noisy: dict[str, FlightLog]) -> dict[str, str]:
     """Return the text of every file of a case folder by its name."""
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
-        write_text(folder / VEHICLE, vehicle_file(case.vehicle))
+        write_text(folder / VEHICLE, vehicle_text(case.vehicle))
         for file in FILES:
             write_log(noisy[file], folder / file)
             if (sheet := case.input.sheet(noisy[file].step)) is not None:

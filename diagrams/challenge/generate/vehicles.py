@@ -3,7 +3,6 @@
 import dataclasses as dc
 
 import numpy as np
-from pydrake.common.yaml import yaml_dump_typed
 
 from np_drake.vehicle import MeasurementNoise, Vehicle
 
@@ -75,8 +74,3 @@ def draw_vehicle(rng: np.random.Generator, noise: MeasurementNoise) -> Vehicle:
     """
     kind = VEHICLES[rng.integers(len(VEHICLES))]
     return dc.replace(kind, measurement_noise=noise, command_timing="held").check()
-
-
-def vehicle_file(vehicle: Vehicle) -> str:
-    """Return the vehicle file (YAML) of `vehicle`."""
-    return yaml_dump_typed(vehicle, schema=Vehicle)

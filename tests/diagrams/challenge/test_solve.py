@@ -10,11 +10,11 @@ import pytest
 from diagrams.batch.failed_run import one_line
 from diagrams.batch.workers import Workers
 from diagrams.challenge import solve as module
-from diagrams.challenge.generate.vehicles import vehicle_file
 from diagrams.challenge.solve import Solving, case_folders, solve, write_answer
 from np_drake.flight_log import FlightLog
 from np_drake.logs.formats.log_file import write_log
 from np_drake.vehicle import Vehicle
+from np_drake.vehicle_text import vehicle_text
 
 FILES = ("train_1.csv", "heldout_1.csv")
 
@@ -37,7 +37,7 @@ def cases(tmp_path):
     for name in ("a1", "b2", "c3"):
         folder = tmp_path / "cases" / name
         folder.mkdir(parents=True)
-        (folder / "vehicle.yaml").write_text(vehicle_file(Vehicle()))
+        (folder / "vehicle.yaml").write_text(vehicle_text(Vehicle()))
         for seed, file in enumerate(FILES):
             write_log(level_flight(seed), folder / file)
     (tmp_path / "cases" / "b2" / FILES[1]).unlink()

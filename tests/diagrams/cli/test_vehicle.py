@@ -66,11 +66,52 @@ def test_list_names_every_preset(capsys):
     assert all(name in printed for name in preset_names())
 
 
+def test_list_prints_published_vehicles_with_source_and_spread(capsys):
+    assert run(["vehicle", "list", "--published"]) == 0
+    printed = capsys.readouterr().out
+    assert "Bouabdallah 2007" in printed
+    assert "thrust_to_weight" in printed
+
+
 def test_show_prints_source_and_default_flight(capsys):
     assert run(["vehicle", "show", "crazyflie"]) == 0
     printed = capsys.readouterr().out
     assert "Förster" in printed
     assert "control period" in printed
+
+
+def lines_of(capsys, *arguments):
+    """Each printed line by its first word."""
+    assert run(list(arguments)) == 0
+    return {line.split()[0]: line for line in capsys.readouterr().out.splitlines() if line.strip()}
+
+
+def test_show_says_where_each_value_comes_from(tmp_path, capsys):
+    out = tmp_path / "mine.yaml"
+    out.write_text(
+        "mass: 1.5\nthrust_coefficient: 1.0e-5\ncalibration: {command_delay: 0.01}\n"
+        "sources: {thrust_coefficient: identified from 3 flights, 'inertia[0][1]': 'prior: no roll'}\n"
+        "intervals: {thrust_coefficient: [[0.99e-5, 1.02e-5]]}\n"
+    )
+    dut = lines_of(capsys, "vehicle", "show", str(out))
+    assert dut["mass"].split() == ["mass", "1.5", "kg", "file"]
+    assert dut["calibration.command_delay"].split()[1:] == ["0.01", "s", "file"]
+    assert dut["calibration.clock_offset"].endswith("default")
+    assert dut["max_rotor_thrust"].split()[1:] == ["12", "N", "default"]
+    assert "9.9e-06 …" in dut["thrust_coefficient"]
+    assert "identified" in dut["thrust_coefficient"]
+    assert dut["inertia[0][1]"].split()[1:] == ["0", "kg·m²", "prior:", "no", "roll"]
+    assert not any(field.startswith("measurement_noise") for field in dut)
+
+
+def test_a_copy_says_what_was_given_and_keeps_other_sources(tmp_path, capsys):
+    out = tmp_path / "mine.yaml"
+    assert run(["vehicle", "new", "--preset", "crazyflie", "--mass", "0.035", "--out", str(out)]) == 0
+    capsys.readouterr()
+    dut = lines_of(capsys, "vehicle", "show", str(out))
+    assert "given" in dut["mass"]
+    assert dut["rotor_radius"].endswith("Förster 2015")
+    assert out.read_text().startswith("# Crazyflie 2.0 and 2.1")
 
 
 @pytest.mark.parametrize("start", [MEASURES, ("--preset", "crazyflie")], ids=["measures", "preset"])

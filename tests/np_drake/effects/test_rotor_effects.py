@@ -8,8 +8,10 @@ from hypothesis import strategies as st
 from np_drake.effects.base import Motion
 from np_drake.effects.command_delay import CommandDelay
 from np_drake.effects.mixer_gain import MixerGain
+from np_drake.effects.motor_lag import MotorLag
 from np_drake.effects.rotor_gyroscopic import RotorGyroscopic
 from np_drake.effects.thrust_drift import ThrustDrift
+from np_drake.effects.uneven_lag import UnevenLag
 from np_drake.effects.weak_rotor import WeakRotor
 from np_drake.vehicle import Vehicle
 
@@ -119,3 +121,22 @@ def test_steadily_turning_rotors_do_no_work_on_the_body(w):
 def test_a_stopped_rotor_is_no_error():
     motion = dc.replace(turning(w=(1.0, 0, 0)), rotor_thrust=np.array([-1e-9, 0, 0, 0]))
     np.testing.assert_array_equal(RotorGyroscopic().wrench(VEHICLE, motion), 0.0)
+
+
+def test_an_even_lag_is_that_of_a_motor():
+    t, command = 0.01 * np.arange(30), steps(3)
+    found = UnevenLag(0.04, 0.04).respond(VEHICLE, t, command)
+    np.testing.assert_allclose(found, MotorLag(0.04).respond(VEHICLE, t, command))
+
+
+def test_a_rotor_slows_with_its_own_time_constant():
+    dut, t = UnevenLag(0.02, 0.06), 1e-4 * np.arange(4000)
+    command = np.where(t < 0.2, 6.0, 2.0)[:, None] * np.ones(4)
+    command[0] = 2.0
+    thrust = dut.respond(VEHICLE, t, command)[:, 0]
+    speed = np.sqrt(thrust / VEHICLE.thrust_coefficient)
+    low, high = np.sqrt(np.array([2.0, 6.0]) / VEHICLE.thrust_coefficient)
+    assert speed[200] == pytest.approx(high + (low - high) * np.exp(-1), rel=5e-3)  # one lag up
+    assert speed[2600] == pytest.approx(low + (high - low) * np.exp(-1), rel=5e-3)  # one lag down
+    rate = dut.state_rate(VEHICLE, np.full(4, speed[2600]), command[2600])
+    np.testing.assert_allclose(rate, (speed[2601] - speed[2600]) / 1e-4, rtol=5e-3)

@@ -32,7 +32,6 @@ from diagrams.challenge.generate.sensor_quality import (
     draw_sensor_quality,
     kept_rows,
 )
-from diagrams.challenge.generate.vehicles import vehicle_file
 from diagrams.challenge.score.identification import WIDEST
 from diagrams.challenge.simulators.drake import simulator
 from np_drake.diagnosis.regressors import tolerance_of
@@ -47,6 +46,7 @@ from np_drake.logs.gaps import LONGEST
 from np_drake.logs.import_sheet import SUFFIX, read_sheet, write_sheet
 from np_drake.logs.opening import open_flights
 from np_drake.vehicle import INPUTS
+from np_drake.vehicle_text import vehicle_text
 
 # The laws hold from any start; a settled one only takes longer.
 fly = partial(simulator.fly, warm_up=0.5)  # [s]
@@ -150,7 +150,7 @@ def test_a_vehicle_file_says_held_where_commands_are_held_and_only_there():
 def test_only_the_vehicle_file_of_wild_states_how_well_it_is_known():
     for quality, stated in [("clean", None), ("real", None), ("wild", 0.0173)]:
         case = draw_case(CaseDraw(0, "clean"), quality=quality, seed=4, seconds=5.0)
-        text = vehicle_file(case.vehicle)
+        text = vehicle_text(case.vehicle)
         assert ("uncertainty" in text) == (stated is not None)
         assert (case.vehicle.mass_uncertainty, case.vehicle.thrust_uncertainty) == (stated, stated)
 

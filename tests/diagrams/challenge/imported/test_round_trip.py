@@ -14,7 +14,7 @@ from diagrams.challenge.generate.logged_input import FINER, as_logged
 from diagrams.challenge.generate.make import fly_case
 from diagrams.challenge.generate.sensor_quality import SensorQuality, rows_of, with_sensor_noise
 from diagrams.challenge.generate.trajectories import draw_plan
-from diagrams.challenge.generate.vehicles import draw_vehicle, vehicle_file
+from diagrams.challenge.generate.vehicles import draw_vehicle
 from diagrams.challenge.simulators.drake import simulator
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.effects.library import LIBRARY
@@ -26,6 +26,7 @@ from np_drake.logs.importing.conventions import WrongConventions, changed
 from np_drake.logs.importing.convert import convert
 from np_drake.logs.importing.import_log import import_log
 from np_drake.logs.importing.log_map import load_map_file
+from np_drake.vehicle_text import vehicle_text
 
 # The laws hold from any start; a settled one only takes longer.
 fly = partial(simulator.fly, warm_up=0.5)  # [s]
@@ -94,7 +95,7 @@ def test_a_log_in_other_conventions_is_refused_under_the_right_name(errors, flow
 
 
 def diagnosed(folder, vehicle):
-    (folder / VEHICLE).write_text(vehicle_file(vehicle), encoding="utf-8")
+    (folder / VEHICLE).write_text(vehicle_text(vehicle), encoding="utf-8")
     return diagnose(*open_case(folder))
 
 

@@ -1,0 +1,43 @@
+"""Effect `uneven_lag`: first-order lag of rotors that slow down at another pace than they speed up."""
+
+import dataclasses as dc
+
+import numpy as np
+
+from np_drake.effects.base import Parameter
+from np_drake.effects.motor_lag import MotorLag
+from np_drake.vehicle import Vehicle
+
+
+@dc.dataclass(frozen=True)
+class UnevenLag(MotorLag):
+    """First-order lag of rotor speed as `motor_lag`, with the time constant `down` while the command is below it.
+
+    It is of a vehicle's calibration, and no cause.   Source: an ESC drives a rotor up, and drag slows it.
+    """
+
+    time_constant: float = 0.03  # of a rotor that speeds up [s]
+    down: float = 0.05  # of one that slows down [s]
+
+    identifier = "uneven_lag"
+    role = "calibration"
+    named = "a lag of its own when slowing down"
+    parameters = (*MotorLag.parameters, Parameter("down", "s", 0.0, 0.0, 0.3, 0.03))
+
+    def state_rate(self, vehicle: Vehicle, state: np.ndarray, command: np.ndarray) -> np.ndarray:
+        """Return the rate of rotor speed, (..., 4) [rad/s²]."""
+        missing = self.state_at(vehicle, command) - state
+        return missing / np.where(missing < 0, self.down, self.time_constant)
+
+    def respond(self, vehicle: Vehicle, t: np.ndarray, command: np.ndarray) -> np.ndarray:
+        """Return the mean thrusts (n, 4) [N]; the lag is exact between rows, the mean is Simpson's."""
+        if len(t) < 2:
+            return command
+        target, step = self.state_at(vehicle, command), t[1] - t[0]
+        speed, thrust = target[0], np.empty_like(command)
+        for k, wanted in enumerate(target):
+            decay = np.exp(-0.5 * step / np.where(wanted < speed, self.down, self.time_constant))
+            middle, end = wanted + (speed - wanted) * decay, wanted + (speed - wanted) * decay**2
+            thrust[k] = vehicle.thrust_coefficient * (speed**2 + 4 * middle**2 + end**2) / 6
+            speed = end
+        return thrust

@@ -1,0 +1,79 @@
+"""Laws of the published vehicles and of the spread of their dimensionless numbers."""
+
+import csv
+import dataclasses as dc
+import math
+
+import numpy as np
+import pytest
+
+from np_drake.published_vehicles import FILE, LogNormal, dimensionless, published_priors, published_vehicles
+from np_drake.scaling import numbers
+from np_drake.vehicle_estimate import Measured, estimate
+from np_drake.vehicle_physics import least_torque_over_thrust
+
+ROWS = list(csv.DictReader(FILE.read_text(encoding="utf-8").splitlines()))
+NAMES = [row["name"] for row in ROWS]
+
+
+def column(*names):
+    """Rows of the file that tell all these figures, (n, len(names))."""
+    return np.array([[float(row[name]) for name in names] for row in ROWS if all(row[name] for name in names)]).T
+
+
+def test_there_are_enough_vehicles_and_each_states_its_source():
+    assert len(set(NAMES)) == len(published_vehicles()) >= 20
+    assert all(vehicle.source for vehicle in published_vehicles())
+
+
+def test_the_priors_are_those_of_the_file():
+    dut = published_priors()
+    m, J, arm = column("mass", "inertia_xx", "arm")
+    f, weight = column("max_rotor_thrust", "mass")
+    k, R = column("thrust_coefficient", "rotor_radius")
+    up, down = column("time_constant_up", "time_constant_down")
+    x, y, z = column("inertia_xx", "inertia_yy", "inertia_zz")
+    lever, radius = column("torque_over_thrust", "rotor_radius")
+    I_r, mass, length = column("rotor_inertia", "mass", "arm")
+    expected = {
+        "thrust_to_weight": 4 * f / (9.81 * weight),
+        "inertia": J / (m * arm**2),
+        "inertia_pitch": y / x,
+        "inertia_yaw": z / (x + y),
+        "torque_lever": lever / radius,
+        "thrust_number": k * (2 * np.pi) ** 2 / (1.225 * (2 * R) ** 4),
+        "time_constant": up,
+        "time_constant_down": down / up,
+        "rotor_inertia": I_r / (mass * length**2),
+    }
+    assert set(expected) == {field.name for field in dc.fields(dut)}
+    for name, told in expected.items():
+        found = getattr(dut, name)
+        logs = np.log(told)
+        assert (found.count, found.mean) == (len(told), pytest.approx(logs.mean())), name
+        assert found.deviation == pytest.approx(logs.std(ddof=1)), name
+
+
+@pytest.mark.parametrize("vehicle", published_vehicles(), ids=NAMES)
+def test_a_published_vehicle_can_exist(vehicle):
+    dut = dimensionless(vehicle)
+    assert dut.get("inertia_yaw", 0.9) < 1  # triangle inequality
+    assert 0.05 < dut.get("inertia", 0.2) < 1  # at most all mass at the rotors
+    assert dut.get("thrust_to_weight", 2.0) > 1
+    assert 0 < dut.get("time_constant", 0.03) < 0.2  # [s]
+    if "thrust_number" in dut and "torque_lever" in dut:
+        least = least_torque_over_thrust(dut["thrust_number"], 2 * vehicle.rotor_radius)
+        assert vehicle.torque_over_thrust > least  # figure of merit below 1
+
+
+def test_an_estimate_from_four_measures_lies_within_the_published_spread():
+    dut, priors = numbers(estimate(Measured(1.2, 0.4, 0.23, 0.5))), published_priors()
+    for found, spread in ((dut.inertia[0], priors.inertia), (dut.thrust_to_weight, priors.thrust_to_weight)):
+        low, high = spread.within()
+        assert low < found < high
+
+
+def test_the_interval_of_a_logarithm_is_a_factor_to_either_side():
+    dut = LogNormal(math.log(3.0), math.log(2.0), 10)
+    assert dut.median == pytest.approx(3.0)
+    assert dut.within(1.0) == pytest.approx((1.5, 6.0))

@@ -1,0 +1,151 @@
+"""Laws of the vehicle file that is written from a vehicle."""
+
+import dataclasses as dc
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from np_drake.files.number_text import NBSP
+from np_drake.vehicle import Vehicle, load_vehicle, preset_names
+from np_drake.vehicle_calibration import Calibration, ThrottleMap
+from np_drake.vehicle_sources import part, values
+from np_drake.vehicle_text import CHOICES, UNITS, save_vehicle, vehicle_text
+
+MAP = ThrottleMap(full_thrust=6.0, linear=0.3)
+KNOWN = dc.replace(
+    Vehicle(),
+    mass=1.5,
+    throttle=MAP,
+    calibration=Calibration(command_delay=0.012),
+    sources={
+        "mass": "given",
+        "thrust_coefficient": "identified from 3 flights",
+        "calibration.command_delay": "prior: hover alone does not tell it",
+    },
+    intervals={"thrust_coefficient": [[9.9e-6, 1.01e-5]], "calibration.center_of_mass": [[-1e-3, 1e-3]] * 3},
+).check()
+
+
+@pytest.fixture(scope="module")
+def again(tmp_path_factory):
+    """The vehicle that is read from the file of another."""
+    file = tmp_path_factory.mktemp("text") / "vehicle.yaml"
+
+    def read(vehicle):
+        save_vehicle(vehicle, file)
+        return load_vehicle(file)
+
+    return read
+
+
+def same(a, b):
+    return a == b and (a.sources, a.intervals) == (b.sources, b.intervals)
+
+
+@pytest.mark.parametrize("name", preset_names())
+def test_a_preset_is_read_as_it_was_written(again, name):
+    assert same(again(load_vehicle(name)), load_vehicle(name))
+
+
+def numbers(low, high, size=None):
+    one = st.floats(low, high)
+    return one if size is None else st.lists(one, min_size=size, max_size=size)
+
+
+@st.composite
+def vehicles(draw):
+    gains = np.array(draw(numbers(0.8, 1.2, 4)))
+    calibration = Calibration(
+        draw(numbers(-0.05, 0.05, 3)),
+        (gains / gains.mean()).tolist(),
+        draw(st.none() | numbers(0, 1)),
+        draw(numbers(0, 1)),
+        draw(numbers(-1, 1)),
+        draw(numbers(0, 0.03)),
+        draw(st.none() | numbers(-1, 1, 3)),
+        draw(numbers(-1, 1, 3)),
+    )
+    voltage = draw(st.none() | numbers(1e-3, 1e3))
+    throttle = ThrottleMap(
+        draw(numbers(1e-6, 1e6)),
+        draw(numbers(-0.5, 1.5)),
+        draw(numbers(0, 0.5)),
+        voltage,
+        draw(numbers(0, 4)) if voltage else 0.0,
+    )
+    made = dc.replace(
+        Vehicle(),
+        name=draw(st.text(st.characters(codec="utf-8"), max_size=20)),
+        mass=draw(numbers(1.0, 4.0)),
+        thrust_coefficient=draw(numbers(0.8e-5, 1.2e-5)),
+        mass_uncertainty=draw(st.none() | numbers(0, 0.4)),
+        throttle=draw(st.none() | st.just(throttle)),
+        calibration=draw(st.just(Calibration()) | st.just(calibration)),
+    )
+    printable = st.text(st.characters(categories=["L", "N", "P", "S"]), min_size=1, max_size=150)
+    known = values(made)
+    made.sources = draw(st.dictionaries(st.sampled_from(sorted(known)), printable, max_size=8))
+    for field in draw(st.sets(st.sampled_from(sorted(set(UNITS) & set(known))), max_size=8)):
+        if known[field] is not None:
+            pairs = draw(
+                st.lists(numbers(-1e9, 1e9, 2), min_size=np.size(known[field]), max_size=np.size(known[field]))
+            )
+            made.intervals[field] = [sorted(pair) for pair in pairs]
+    return made.check()
+
+
+@settings(max_examples=40, deadline=None)
+@given(made=vehicles())
+def test_any_vehicle_is_read_as_it_was_written(again, made):
+    assert same(again(made), made)
+
+
+def test_every_number_has_unit_source_and_interval_beside_it():
+    lines = vehicle_text(KNOWN).splitlines()
+    assert "mass: 1.5 # [kg] given" in lines
+    assert ("thrust_coefficient: 1.0e-05 # [N/(rad/s)²] identified from 3 flights, 95 %: 9.9e-06 … 1.01e-05") in lines
+    assert "  command_delay: 0.012 # [s] prior: hover alone does not tell it" in lines
+    assert all(len(line) <= 120 for line in lines if "]]" not in line)
+
+
+def test_a_section_at_its_default_is_left_out_unless_it_is_spoken_of():
+    assert "calibration" not in vehicle_text(Vehicle())
+    assert "throttle" not in vehicle_text(Vehicle())
+    told = dc.replace(Vehicle(), sources={"calibration.imu_position": "prior: no rotation"}).check()
+    assert "  imu_position: null # [m] prior: no rotation" in vehicle_text(told)
+
+
+def test_a_long_source_stands_above_its_value_in_lines_that_fit(again):
+    long = dc.replace(Vehicle(), sources={"mass": f"95{NBSP}% sure " * 20}).check()
+    lines = vehicle_text(long).splitlines()
+    at = lines.index("mass: 2.0")
+    assert lines[at - 1].startswith("# ")
+    assert max(len(line) for line in lines[:at]) <= 120
+    assert same(again(long), long)
+
+
+def test_every_number_of_a_vehicle_has_a_unit_and_every_word_its_choices():
+    known = values(dc.replace(KNOWN, mass_uncertainty=0.1, thrust_uncertainty=0.1))
+    assert set(known) - set(UNITS) == {"name", *CHOICES}
+    assert set(UNITS) <= set(known)
+
+
+def test_one_number_of_a_field_has_its_own_source_and_interval(again):
+    dut = dc.replace(
+        Vehicle(),
+        sources={"calibration.center_of_mass[0]": "identified", "calibration.center_of_mass[2]": "prior: level"},
+        intervals={part("inertia", 0, 1): [-1e-3, 1e-3], "calibration.center_of_mass[0]": [0.0, 0.002]},
+    ).check()
+    lines = vehicle_text(dut).splitlines()
+    at = lines.index("  center_of_mass: [0.0, 0.0, 0.0] # [m]")
+    assert lines[at - 2 : at] == ["  # [0]: identified, 95 %: 0 … 0.002", "  # [2]: prior: level"]
+    assert "# [0][1]: 95 %: -0.001 … 0.001" in lines
+    assert same(again(dut), dut)
+
+
+def test_an_impossible_vehicle_is_not_written(tmp_path):
+    with pytest.raises(ValueError, match="mass must be positive"):
+        save_vehicle(dc.replace(Vehicle(), mass=-1.0), tmp_path / "bad.yaml")
+    assert not (tmp_path / "bad.yaml").exists()
