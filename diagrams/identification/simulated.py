@@ -14,6 +14,7 @@ from np_drake.effects.calibration import effects_of
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.translational_lift import TranslationalLift
 from np_drake.flight_log import FlightLog
+from np_drake.published_vehicles import LogNormal, published_priors
 from np_drake.vehicle import MeasurementNoise, Vehicle
 from np_drake.vehicle_calibration import Calibration, ThrottleMap
 from np_drake.vehicle_physics import AIR, least_torque_over_thrust
@@ -73,6 +74,11 @@ def _spread(rng: np.random.Generator, mean: float, sd: float) -> float:
     return float(mean + np.sqrt(3.0) * sd * rng.uniform(-1.0, 1.0))
 
 
+def _drawn(rng: np.random.Generator, spread: LogNormal) -> float:
+    """Return a uniform draw of the logarithm with the mean and deviation of published vehicles."""
+    return float(np.exp(_spread(rng, spread.mean, spread.deviation)))
+
+
 def draw_truth(rng: np.random.Generator, kind: str) -> Truth:
     """Draw a vehicle.
 
@@ -87,9 +93,10 @@ def draw_truth(rng: np.random.Generator, kind: str) -> Truth:
     number = float(rng.uniform(0.06, 0.18))
     k = number * AIR * (2 * radius) ** 4 / (2 * np.pi) ** 2
     lever = least_torque_over_thrust(number, 2 * radius) / rng.uniform(0.4, 0.7)
-    xx = mass * arm**2 * np.exp(_spread(rng, np.log(0.4), 0.3))
-    yy = xx * np.exp(_spread(rng, 0.0, 0.15))
-    zz = (xx + yy) * min(np.exp(_spread(rng, np.log(0.88), 0.07)), 0.99)
+    told = published_priors()
+    xx = mass * arm**2 * _drawn(rng, told.inertia)
+    yy = xx * _drawn(rng, told.inertia_pitch)
+    zz = (xx + yy) * min(_drawn(rng, told.inertia_yaw), 0.98)
     spin = np.sqrt(0.25 * mass * G / k)
     off = np.array([_spread(rng, 0.0, 0.02) for _ in range(3)])
     mean = 0.5 * (xx + yy)
@@ -101,13 +108,13 @@ def draw_truth(rng: np.random.Generator, kind: str) -> Truth:
         center_of_mass=[_spread(rng, 0.0, 0.03) * arm, _spread(rng, 0.0, 0.03) * arm, 0.0],
         rotor_gains=[float(g) for g in gains / gains.mean()],
         command_delay=float(rng.uniform(0.0, 0.015)),
-        rotor_inertia=float(zz * np.exp(_spread(rng, np.log(0.002), 0.5))),
+        rotor_inertia=float(mass * arm**2 * min(_drawn(rng, told.rotor_inertia), 2e-3)),
         imu_position=[_spread(rng, 0.0, 0.1) * arm for _ in range(3)],
         imu_tilt=[_spread(rng, 0.0, 0.015) for _ in range(3)],
     )
     strongest = float(rng.uniform(1.9, 3.5)) * 0.25 * mass * G
     throttle = ThrottleMap(strongest, float(rng.uniform(0.0, 0.4)), 0.0, 3.7, float(rng.uniform(1.0, 2.0)))
-    lag = float(np.clip(0.06 * np.sqrt(radius / 0.1) * rng.uniform(0.3, 1.0), 0.012, 0.08))
+    lag = float(np.clip(_drawn(rng, told.time_constant), 0.012, 0.07))
     directions = [1.0, -1.0, 1.0, -1.0] if rng.integers(2) else [-1.0, 1.0, -1.0, 1.0]
     positions = [[x, y, 0.0], [x, -y, 0.0], [-x, -y, 0.0], [-x, y, 0.0]]
     vehicle = Vehicle(
@@ -134,7 +141,7 @@ def draw_truth(rng: np.random.Generator, kind: str) -> Truth:
     )
     known = dc.replace(
         vehicle,
-        inertia=np.diag([1.3 * mass * arm**2 * 0.4] * 2 + [mass * arm**2 * 0.8]).tolist(),
+        inertia=np.diag([0.3 * mass * arm**2] * 2 + [0.5 * mass * arm**2]).tolist(),
         rotor_time_constant=0.0,
         calibration=Calibration(),
         throttle=None,
@@ -158,7 +165,8 @@ def fly_truth(truth: Truth, rng: np.random.Generator, flights: int, seconds: flo
     effects = effects_of(dc.replace(v.calibration, imu_tilt=[0.0, 0.0, 0.0], clock_offset=0.0), v)
     logs, white = [], v.measurement_noise
     for number, plan in enumerate(draw_plans(rng, v, seconds, flights)):
-        quality = dc.replace(draw_sensor_quality(REAL, rng, spin), rotor=0.01 * spin)
+        # The accelerometer's reading is turned to W by the attitude of the log.
+        quality = dc.replace(draw_sensor_quality(REAL, rng, spin), rotor=0.01 * spin, turned=True)
         seen = np.array([0.002] * 3 + [0.0, *[0.003] * 3] + [0.02] * 3 + [white.rate] * 3)
         exact = fly(v, plan, (*effects, *truth.air), t=quality.instants(rng, seconds), noise=seen)
         logs.append(_as_logged(exact, truth, quality, rng, f"flight{number}"))

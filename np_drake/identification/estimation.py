@@ -67,9 +67,12 @@ def estimate(models: Sequence[FlightModel], layout: Layout) -> Estimate:
         layout: of the parameters.
     """
     z = np.zeros(layout.size)
-    for _ in range(PASSES):
+    for number in range(PASSES):
         whitenings = []
+        first = number == 0
         for number, model in enumerate(models):
+            if not first:
+                model.smooth(layout.values(z, number))
             e = model.residual(layout.values(z, number))
             whitenings.append(Whitening.of(e, model.flight.good))
         before = z

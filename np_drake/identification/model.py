@@ -15,8 +15,10 @@ from typing import Any
 import numpy as np
 
 from np_drake import attitude
+from np_drake.diagnosis.residuals.rotor_thrust import most_likely
 from np_drake.identification.rotor_response import at, lagged, means, target_speed
 from np_drake.identification.signals import Signals
+from np_drake.training_data.segments import white_noise
 
 G = 9.81  # [m/s²]
 FORCE, TORQUE, SPEED = slice(0, 3), slice(3, 6), slice(6, 10)
@@ -68,6 +70,7 @@ class FlightModel:
         self._relative = flight.input / frame.unit
         self._time = flight.instants - flight.t[0]
         self._euler = _euler_of_moments(flight.spread)
+        self._rates = flight.smooth[flight.edges]
 
     def residual(self, v: Values) -> np.ndarray:
         """Return the channels (m, 6 or 10), measured less predicted.
@@ -101,6 +104,23 @@ class FlightModel:
         if self.channels == 10:
             e[:, SPEED] = self._measured_speed - self._predicted_speed(v)
         return e
+
+    def smooth(self, v: Values) -> None:
+        """Take for the angular acceleration that moves the accelerometer what model and gyro tell together.
+
+        It is that of the model and, of the gyro's difference to it, what stands above white noise.
+
+        Args:
+            v: parameters by name.
+        """
+        s = self.flight
+        length = np.diff(self._time)[:, None]
+        missed = np.where(s.good[:, None], self.residual(v)[:, TORQUE], 0.0) * length
+        difference = np.concatenate([np.zeros((1, 3)), np.cumsum(missed, axis=0)])
+        likely = most_likely(difference, white_noise([difference]), s.step)
+        rates = np.concatenate([np.zeros((1, 3)), np.cumsum(s.alpha * length, axis=0)])
+        self._rates = rates - difference + likely
+        self._kept.pop("lever", None)
 
     def gains(self, v: Values) -> np.ndarray:
         """Return thrust over mass (4,) of the rotors at the unit of input [m/s²].
@@ -172,10 +192,9 @@ class FlightModel:
         """Return the map (m, 3, 3) from a place to its acceleration, by which the accelerometer is late [1/s²]."""
 
         def make() -> np.ndarray:
-            s = self.flight
-            edges = s.instants - late
-            rates = np.stack([np.interp(edges, s.t, column) for column in s.smooth.T], axis=1)
-            alpha = np.diff(rates, axis=0) / np.diff(edges)[:, None]
+            s, t = self.flight, self._time
+            rates = np.stack([np.interp(t - late, t, column) for column in self._rates.T], axis=1)
+            alpha = np.diff(rates, axis=0) / np.diff(t)[:, None]
             # w x (w x r) = (w w' - |w|² 1) r.
             return attitude.skew(alpha) + s.spread - np.trace(s.spread, axis1=1, axis2=2)[:, None, None] * np.eye(3)
 
@@ -281,6 +300,6 @@ def inertia(v: Values) -> np.ndarray:
     Args:
         v: parameters by name.
     """
-    mean = 0.5 * (v["jxx"] + v["jyy"])
-    xy, xz, yz = (-mean * v[name] for name in ("jxy", "jxz", "jyz"))
-    return np.array([[v["jxx"], xy, xz], [xy, v["jyy"], yz], [xz, yz, v["jzz"] * (v["jxx"] + v["jyy"])]])
+    xx, yy = v["jxx"], v["jxx"] * v["jyy"]
+    xy, xz, yz = (-0.5 * (xx + yy) * v[name] for name in ("jxy", "jxz", "jyz"))
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, v["jzz"] * (xx + yy)]])

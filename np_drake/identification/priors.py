@@ -3,6 +3,7 @@
 import numpy as np
 
 from np_drake.identification.parameters import Parameter
+from np_drake.published_vehicles import published_priors
 
 MOTORS, BOTH, SPEED = ("motors",), ("motors", "speed"), ("speed",)
 AIR = ("velocity",)
@@ -17,25 +18,30 @@ def parameters(spin: float, step: float) -> tuple[Parameter, ...]:
         spin: rotor speed in hover, or an estimate [rad/s].
         step: between rows of the logs [s].
     """
-    ln = np.log
+    ln, known = np.log, published_priors()
+    # Jxx of any vehicle, and Jyy over it, with the variance that both share.
+    moment, yaw = known.inertia, known.inertia_yaw
+    zz = moment.mean + ln(1.0 + known.inertia_pitch.median) + yaw.mean
     return (
         Parameter("scale", 0.0, 1.0, log=True),  # thrust over mass, over that which hovers on the mean input
         # Gains of the rotors against each other: left to right, front to rear, by direction.
-        Parameter("gain_roll", 0.0, 0.02),
-        Parameter("gain_pitch", 0.0, 0.02),
-        Parameter("gain_yaw", 0.0, 0.02),
+        Parameter("gain_roll", 0.0, 0.03),
+        Parameter("gain_pitch", 0.0, 0.03),
+        Parameter("gain_yaw", 0.0, 0.03),
         Parameter("com_x", 0.0, 0.05),
         Parameter("com_y", 0.0, 0.05),
-        Parameter("jxx", ln(0.4), 0.4, log=True),
-        Parameter("jyy", ln(0.4), 0.4, log=True),
-        Parameter("jzz", ln(0.88), 0.12, log=True),  # over jxx + jyy, which a flat vehicle reaches
+        Parameter("jxx", moment.mean, moment.deviation, log=True),
+        Parameter("jyy", known.inertia_pitch.mean, known.inertia_pitch.deviation, log=True),  # over jxx
+        Parameter("jzz", yaw.mean, yaw.deviation, log=True),  # over jxx + jyy, which a flat vehicle reaches
         Parameter("jxy", 0.0, 0.03),  # products over the mean of jxx and jyy
         Parameter("jxz", 0.0, 0.03),
         Parameter("jyz", 0.0, 0.03),
-        Parameter("torque", ln(0.18), 0.4, log=True),  # torque over thrust of a rotor, over its radius
+        # Torque over thrust of a rotor, over its radius.
+        Parameter("torque", known.torque_lever.mean, known.torque_lever.deviation, log=True),
         Parameter("lean_x", 0.0, 0.2),  # yaw of motors that lean, over their torque
         Parameter("lean_y", 0.0, 0.2),
-        Parameter("rotor_momentum", ln(0.002 * spin), 1.0, log=True),  # of a rotor in hover, over jzz [rad/s]
+        # Angular momentum of a rotor in hover, over jzz [rad/s].
+        Parameter("rotor_momentum", known.rotor_inertia.mean - zz + ln(spin), known.rotor_inertia.deviation, log=True),
         Parameter("imu_x", 0.0, 0.2, needs=("accelerometer",)),
         Parameter("imu_y", 0.0, 0.2, needs=("accelerometer",)),
         Parameter("imu_z", 0.0, 0.2, needs=("accelerometer",)),
@@ -57,8 +63,10 @@ def parameters(spin: float, step: float) -> tuple[Parameter, ...]:
         Parameter("delay", 0.005, 0.01, needs=MOTORS),
         Parameter("force_late", 0.0, 0.005 + 0.3 * step),
         Parameter("window", 0.5, 0.3, needs=("accelerometer",)),  # over which it averages, of the interval of rows
-        Parameter("lag", ln(0.03), 0.7, log=True, needs=MOTORS),
-        Parameter("lag_ratio", ln(1.3), 0.3, log=True, needs=MOTORS),
+        Parameter("lag", known.time_constant.mean, known.time_constant.deviation, log=True, needs=MOTORS),
+        Parameter(
+            "lag_ratio", known.time_constant_down.mean, known.time_constant_down.deviation, log=True, needs=MOTORS
+        ),
         Parameter("curve", 0.2, 0.3, needs=("throttle",)),
         Parameter("sag", 1.5, 0.5, needs=("throttle", "voltage")),
         Parameter("full_speed", 0.0, 0.5, log=True, needs=BOTH),

@@ -67,7 +67,7 @@ def vehicle_values(vehicle: Vehicle, frame: Frame, drive: str, mass: float, fixe
         "com_x": c.center_of_mass[0] / arm,
         "com_y": c.center_of_mass[1] / arm,
         "jxx": xx,
-        "jyy": yy,
+        "jyy": yy / xx,
         "jzz": zz / (xx + yy),
         "jxy": xy,
         "jxz": xz,
