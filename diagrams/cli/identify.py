@@ -11,11 +11,13 @@ from diagrams.cli.runner import Report, Run, reports
 if TYPE_CHECKING:
     from np_drake.flight_log import FlightLog
     from np_drake.identification.identify import Identification
+    from np_drake.identification.quantities import Identified
     from np_drake.identification.validation import HeldOut
     from np_drake.vehicle import Vehicle
 
 Out = Annotated[Path | None, Option("--out", metavar="DIR", help="Folder for vehicle.yaml, page and JSON.")]
 FILE = "vehicle.yaml"
+DIFFER = 0.01  # probability below which flights differ by more than chance [1]; own choice
 LAST = 2 / 3  # share of a single flight that is fitted; own choice
 
 
@@ -155,15 +157,30 @@ RATIOS = "the mass is not known, so that all values are over it (kg counts as 1)
 
 def _table(found: "Identification") -> "tuple[str, list[str], list[tuple[Any, ...]]]":
     """Return the table of what is told."""
-    rows = []
-    for q in found.quantities:
-        unit = f"{q.quantity.unit}/kg" if found.basis.ratios and q.quantity.per_mass else q.quantity.unit
-        flights = "agree" if q.p >= 0.01 else f"differ, p {q.p:.2g}" if q.p < 0.01 else ""
-        rows.append(
-            (f"{q.name} [{unit}]", q.value, f"{q.low:.4g} … {q.high:.4g}", f"{q.prior[0]:.3g} … {q.prior[1]:.3g}",
-             "flights" if q.told else "prior", flights)
-        )  # fmt: skip
-    return "vehicle", ["quantity", "value", "95 %", "prior, 95 %", "told by", "flights"], rows
+    rows = [
+        (q.name, unit_of(found, q), q.value, _half_width(q, q.low, q.high), _half_width(q, *q.prior),
+         "flights" if q.told else "prior", "" if q.p != q.p else "agree" if q.p >= DIFFER else f"differ, p {q.p:.1g}")
+        for q in found.quantities
+    ]  # fmt: skip
+    return "vehicle", ["quantity", "unit", "value", "95 %", "prior", "told by", "flights"], rows
+
+
+def unit_of(found: "Identification", q: "Identified") -> str:
+    """Return the unit of a quantity, over the mass where only ratios are told.
+
+    Args:
+        found: the identification.
+        q: one of its quantities.
+    """
+    return f"{q.quantity.unit}/kg" if found.basis.ratios and q.quantity.per_mass else q.quantity.unit
+
+
+def _half_width(q: "Identified", low: float, high: float) -> str:
+    """Return half of an interval, relative where a quantity is positive."""
+    if not q.quantity.positive:
+        return f"± {0.5 * (high - low):.2g}"
+    factor = float((high / low) ** 0.5)
+    return f"± {100 * (factor - 1):.2g} %" if factor < 1.5 else f"× ÷ {factor:.2g}"
 
 
 def _judged(rows: "list[HeldOut]") -> "tuple[str, list[str], list[tuple[Any, ...]]]":
@@ -190,7 +207,7 @@ def summary(found: "Identification") -> list[str]:
         if not q.told and q.quantity.manoeuvre:
             ways.setdefault(q.quantity.manoeuvre, []).append(q.name)
     lines += [f"not told: {', '.join(names)}; {way} would tell" for way, names in ways.items()]
-    differing = [q.name for q in found.quantities if q.p < 0.01]
+    differing = [q.name for q in found.quantities if q.p < DIFFER]
     if differing:
         lines.append(f"flights differ in {', '.join(differing)}; intervals hold the spread between flights")
     if found.basis.ratios:
@@ -205,15 +222,14 @@ def as_json(found: "Identification", rows: "list[HeldOut]") -> dict[str, Any]:
         found: the identification.
         rows: errors on what was not fitted.
     """
-    ratios = found.basis.ratios
     return {
-        "ratios": ratios,
+        "ratios": found.basis.ratios,
         "quantities": [
             {
                 "name": q.name,
                 "field": q.quantity.field,
                 "index": list(q.quantity.index),
-                "unit": f"{q.quantity.unit}/kg" if ratios and q.quantity.per_mass else q.quantity.unit,
+                "unit": unit_of(found, q),
                 "value": q.value,
                 "ci95": [q.low, q.high],
                 "prior95": list(q.prior),
