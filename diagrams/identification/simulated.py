@@ -4,6 +4,7 @@ import dataclasses as dc
 
 import numpy as np
 
+from diagrams.batch.failed_run import FailedRun
 from diagrams.challenge.generate.sensor_quality import REAL, draw_sensor_quality, kept_rows, rows_of, with_sensor_noise
 from diagrams.challenge.generate.trajectories import draw_plans
 from diagrams.challenge.simulators.drake.simulator import fly
@@ -22,6 +23,8 @@ from np_drake.vehicle_physics import AIR, least_torque_over_thrust
 INPUTS = ("rotor_speed", "throttle", "command")
 LIGHTEST, HEAVIEST = 0.03, 20.0  # [kg]
 G = 9.81
+SATURATED = 0.005  # share of rotor commands at a limit, from which a loop oscillates [1]; own choice
+ATTEMPTS = 40  # draws of a vehicle until its controller flies it
 
 
 @dc.dataclass(frozen=True)
@@ -169,8 +172,32 @@ def fly_truth(truth: Truth, rng: np.random.Generator, flights: int, seconds: flo
         quality = dc.replace(draw_sensor_quality(REAL, rng, spin), rotor=0.01 * spin, turned=True)
         seen = np.array([0.002] * 3 + [0.0, *[0.003] * 3] + [0.02] * 3 + [white.rate] * 3)
         exact = fly(v, plan, (*effects, *truth.air), t=quality.instants(rng, seconds), noise=seen)
+        thrust = exact.u @ v.unmixer.T
+        limited = (thrust < 0.01 * v.max_rotor_thrust) | (thrust > 0.99 * v.max_rotor_thrust)
+        if np.mean(limited) > SATURATED:
+            raise FailedRun("identification: no ordinary flight: the loop of this vehicle oscillates.")
         logs.append(_as_logged(exact, truth, quality, rng, f"flight{number}"))
     return logs
+
+
+def draw_and_fly(seed: int, kind: str, flights: int, seconds: float) -> tuple[Truth, list[FlightLog]]:
+    """Return a vehicle and its logs, drawn until its controller flies it without oscillation.
+
+    Args:
+        seed: of the draw.
+        kind: of input.
+        flights: how many.
+        seconds: length of each [s].
+    Raises: FailedRun: if no draw can be flown.
+    """
+    for attempt in range(ATTEMPTS):
+        rng = np.random.default_rng((seed, attempt))
+        truth = draw_truth(rng, kind)
+        try:
+            return truth, fly_truth(truth, rng, flights, seconds)
+        except FailedRun:
+            continue
+    raise FailedRun(f"identification: no vehicle of seed {seed} could be flown.")
 
 
 def _as_logged(exact: FlightLog, truth: Truth, quality, rng: np.random.Generator, name: str) -> FlightLog:
