@@ -23,6 +23,7 @@ from np_drake.vehicle_physics import AIR, least_torque_over_thrust
 INPUTS = ("rotor_speed", "throttle", "command")
 LIGHTEST, HEAVIEST = 0.03, 20.0  # [kg]
 G = 9.81
+TACHOMETER = 0.002  # white noise of rotor speed, of hover [1]; that of telemetry of the flights by IMRCLab is 0.001
 SATURATED = 0.005  # share of rotor commands at a limit, from which a loop oscillates [1]; own choice
 ATTEMPTS = 40  # draws of a vehicle until its controller flies it
 
@@ -169,7 +170,7 @@ def fly_truth(truth: Truth, rng: np.random.Generator, flights: int, seconds: flo
     logs, white = [], v.measurement_noise
     for number, plan in enumerate(draw_plans(rng, v, seconds, flights)):
         # The accelerometer's reading is turned to W by the attitude of the log.
-        quality = dc.replace(draw_sensor_quality(REAL, rng, spin), rotor=0.01 * spin, turned=True)
+        quality = dc.replace(draw_sensor_quality(REAL, rng, spin), rotor=TACHOMETER * spin, turned=True)
         seen = np.array([0.002] * 3 + [0.0, *[0.003] * 3] + [0.02] * 3 + [white.rate] * 3)
         exact = fly(v, plan, (*effects, *truth.air), t=quality.instants(rng, seconds), noise=seen)
         thrust = exact.u @ v.unmixer.T

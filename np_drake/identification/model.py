@@ -86,7 +86,8 @@ class FlightModel:
         turn, gyro = np.eye(3) + attitude.skew(tilt), np.eye(3) + attitude.skew(tilt + twist)
         w, alpha = s.rate @ gyro.T, s.alpha @ gyro.T
         # The attitude is taken as that of the sensors' axes.
-        air, torque = self.air_wrench(v, None if s.velocity is None else s.velocity @ turn.T)
+        flow = None if s.velocity is None else s.velocity @ turn.T
+        air, torque = self.air_wrench(v, flow, rotors.mean)
         j = inertia(v) * frame.arm**2
         torque += rotors.thrust @ self.arms(v).T - self._euler @ j[_MOMENTS]
         # Angular momentum of the rotors, which turn against their reaction torques.
@@ -150,32 +151,35 @@ class FlightModel:
         lean = frame.directions + v["lean_x"] * frame.patterns[0] + v["lean_y"] * frame.patterns[1]
         return self.gains(v) * np.stack([arms[:, 1], -arms[:, 0], v["torque"] * frame.radius * lean])
 
-    def air_wrench(self, v: Values, u: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
+    def air_wrench(self, v: Values, u: np.ndarray | None, spin: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return force (m, 3) at Bo and torque (m, 3) about the centre of mass of the air [m/s², m²/s²].
+
+        Drag grows with rotor speed, as the effect `linear_drag`.
 
         Args:
             v: parameters by name.
             u: (m, 3) velocity in body axes [m/s]; None: not known, and no wrench.
+            spin: (m,) mean relative rotor speed [1].
         """
         if u is None:
             return np.zeros((len(self.flight), 3)), np.zeros((len(self.flight), 3))
-        force = u * np.array([-v["drag"], -v["drag"], -v["climb"]])
+        force = u * np.array([-v["drag"], -v["drag"], -v["climb"]]) * spin[:, None]
         force[:, 2] += v["lift"] * (u[:, 0] ** 2 + u[:, 1] ** 2)
         torque = force @ attitude.skew(-self.center(v)).T
         torque[:, 0] -= self.frame.arm * v["flap_y"] * u[:, 1]
         torque[:, 1] += self.frame.arm * v["flap_x"] * u[:, 0]
         return force, torque
 
-    def wrench(self, v: Values) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    def wrench(self, v: Values) -> tuple[np.ndarray, tuple[np.ndarray, ...]]:
         """Return what the rotors do in the bins.
 
         Args:
             v: parameters by name.
         Returns: collective thrust (m,) and, in a tuple, torque (m, 3) over mass, and their summed relative speed (m,)
-        by direction with its rate of change (m,).
+        by direction with its rate of change (m,), and their mean (m,).
         """
         rotors, d = self._rotors(v), self.frame.directions
-        return rotors.thrust @ self.gains(v), (rotors.thrust @ self.arms(v).T, rotors.speed @ d, rotors.rate @ d)
+        return rotors.thrust @ self.gains(v), (rotors.thrust @ self.arms(v).T, rotors.speed @ d, rotors.rate @ d, rotors.mean)
 
     def _keep(self, stage: str, key: tuple, make: Callable[[], Any]) -> Any:
         """Return a stage for this key. The two last are kept, for finite differences move one parameter at a time."""
@@ -275,6 +279,11 @@ class Rotors:
     thrust: np.ndarray
     late: np.ndarray
     rate: np.ndarray
+
+    @cached_property
+    def mean(self) -> np.ndarray:
+        """(m,) mean relative speed [1]."""
+        return self.speed.mean(axis=1)
 
 
 _MOMENTS = ([0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2])  # xx, yy, zz, xy, xz, yz of a matrix
