@@ -204,9 +204,14 @@ def draw_and_fly(seed: int, kind: str, flights: int, seconds: float) -> tuple[Tr
 def _as_logged(exact: FlightLog, truth: Truth, quality, rng: np.random.Generator, name: str) -> FlightLog:
     """Return a flight as the sensors of the vehicle log it."""
     v, g = truth.vehicle, np.array([0.0, 0.0, G])
-    place = np.array(v.calibration.imu_position)
-    lever = np.cross(exact.al, place) + np.cross(exact.w, np.cross(exact.w, place))
-    moved = dc.replace(exact, a=exact.a + attitude.rotate(exact.q, lever))
+    # The accelerometer averages over the interval after a row: the change of its velocity.
+    velocity = exact.v + attitude.rotate(exact.q, np.cross(exact.w, v.calibration.imu_position))
+    rate = np.diff(velocity, axis=0) / np.diff(exact.t)[:, None]
+    half = attitude.rotation_vector(attitude.multiply(attitude.conjugate(exact.q[:-1]), exact.q[1:]))
+    middle = attitude.multiply(exact.q[:-1], attitude.from_rotation_vector(0.5 * half))
+    force = attitude.rotate_back(middle, rate + g)
+    force = np.concatenate([force, force[-1:]])
+    moved = dc.replace(exact, a=attitude.rotate(exact.q, force) - g)
     log = with_sensor_noise(moved, v, quality, rng)
     turn = attitude.from_rotation_vector(np.array([v.calibration.imu_tilt]))[0]
     turns = np.broadcast_to(turn, log.q.shape)

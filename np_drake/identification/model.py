@@ -13,6 +13,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from np_drake import attitude
 from np_drake.diagnosis.residuals.rotor_thrust import most_likely
@@ -70,7 +71,7 @@ class FlightModel:
         self._relative = flight.input / frame.unit
         self._time = flight.instants - flight.t[0]
         self._euler = _euler_of_moments(flight.spread)
-        self._rates = flight.smooth[flight.edges]
+        self._rates = CubicSpline(self._time, flight.smooth[flight.edges])  # body rates at a time [rad/s]
 
     def residual(self, v: Values) -> np.ndarray:
         """Return the channels (m, 6 or 10), measured less predicted.
@@ -99,7 +100,7 @@ class FlightModel:
         e = np.empty((len(s), self.channels))
         e[:, TORQUE] = alpha - torque @ np.linalg.inv(j).T
         place = frame.arm * np.array([v["imu_x"], v["imu_y"], v["imu_z"]]) - center
-        push = air + self._lever(v["force_late"]) @ place
+        push = air + self._lever(v) @ place
         push[:, 2] += rotors.late @ gains
         e[:, FORCE] = s.force - push @ turn - np.array([v["bias_x"], v["bias_y"], v["bias_z"]])
         if self.channels == 10:
@@ -120,7 +121,7 @@ class FlightModel:
         difference = np.concatenate([np.zeros((1, 3)), np.cumsum(missed, axis=0)])
         likely = most_likely(difference, white_noise([difference]), s.step)
         rates = np.concatenate([np.zeros((1, 3)), np.cumsum(s.alpha * length, axis=0)])
-        self._rates = rates - difference + likely
+        self._rates = CubicSpline(self._time, rates - difference + likely)
         self._kept.pop("lever", None)
 
     def gains(self, v: Values) -> np.ndarray:
@@ -192,17 +193,28 @@ class FlightModel:
             kept.pop(next(iter(kept)))
         return value
 
-    def _lever(self, late: float) -> np.ndarray:
-        """Return the map (m, 3, 3) from a place to its acceleration, by which the accelerometer is late [1/s²]."""
+    def _window(self, v: Values) -> tuple[np.ndarray, np.ndarray]:
+        """Return begin and end (m,) of the times over which the accelerometer's readings are means [s]."""
+        # Whether an accelerometer of one reading a bin averages over it is not known.
+        share = float(np.clip(v["window"], 0.1, 1.0)) if self.flight.single else 1.0
+        middle, half = 0.5 * (self._time[1:] + self._time[:-1]) - v["force_late"], 0.5 * share * np.diff(self._time)
+        return middle - half, middle + half
+
+    def _lever(self, v: Values) -> np.ndarray:
+        """Return the map (m, 3, 3) from a place to its acceleration at the accelerometer's time [1/s²]."""
 
         def make() -> np.ndarray:
-            s, t = self.flight, self._time
-            rates = np.stack([np.interp(t - late, t, column) for column in self._rates.T], axis=1)
-            alpha = np.diff(rates, axis=0) / np.diff(t)[:, None]
-            # w x (w x r) = (w w' - |w|² 1) r.
-            return attitude.skew(alpha) + s.spread - np.trace(s.spread, axis1=1, axis2=2)[:, None, None] * np.eye(3)
+            starts, stops = self._window(v)
+            alpha = (self._rates(stops) - self._rates(starts)) / (stops - starts)[:, None]
+            return attitude.skew(alpha) + self._centripetal
 
-        return self._keep("lever", (late,), make)
+        return self._keep("lever", (v["force_late"], v["window"]), make)
+
+    @cached_property
+    def _centripetal(self) -> np.ndarray:
+        """(m, 3, 3) map from a place to w x (w x place), which is (w w' - |w|² 1) place [1/s²]."""
+        spread = self.flight.spread
+        return spread - np.trace(spread, axis1=1, axis2=2)[:, None, None] * np.eye(3)
 
     def _rotors(self, v: Values) -> "Rotors":
         """Return what the rotors do in the bins."""
@@ -213,13 +225,11 @@ class FlightModel:
         def make() -> Rotors:
             t, speed = self._measured if measured else self._driven(v)
             edges, square = self._time - late, speed * speed
-            # Whether an accelerometer of one reading a bin averages over it is not known.
-            share = float(np.clip(v["window"], 0.05, 1.0)) if self.flight.single else 1.0
-            middle, half = 0.5 * (edges[1:] + edges[:-1]) - v["force_late"], 0.5 * share * np.diff(edges)
+            starts, stops = self._window(v)
             return Rotors(
                 means(t, speed, edges[:-1], edges[1:]),
                 means(t, square, edges[:-1], edges[1:]),
-                means(t, square, middle - half, middle + half),
+                means(t, square, starts - late, stops - late),
                 np.diff(at(t, speed, edges), axis=0) / np.diff(edges)[:, None],
             )
 
@@ -311,4 +321,4 @@ def inertia(v: Values) -> np.ndarray:
     """
     xx, yy = v["jxx"], v["jxx"] * v["jyy"]
     xy, xz, yz = (-0.5 * (xx + yy) * v[name] for name in ("jxy", "jxz", "jyz"))
-    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, v["jzz"] * (xx + yy)]])
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, (1.0 - min(v["thickness"], 0.9)) * (xx + yy)]])

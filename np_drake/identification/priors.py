@@ -32,7 +32,8 @@ def parameters(spin: float, step: float) -> tuple[Parameter, ...]:
         Parameter("com_y", 0.0, 0.05),
         Parameter("jxx", moment.mean, moment.deviation, log=True),
         Parameter("jyy", known.inertia_pitch.mean, known.inertia_pitch.deviation, log=True),  # over jxx
-        Parameter("jzz", yaw.mean, yaw.deviation, log=True),  # over jxx + jyy, which a flat vehicle reaches
+        # Jzz is 1 - thickness of Jxx + Jyy, which a flat vehicle reaches; by the published ratio and its deviation.
+        Parameter("thickness", ln(1.0 - yaw.median), yaw.deviation * yaw.median / (1.0 - yaw.median), log=True),
         Parameter("jxy", 0.0, 0.03),  # products over the mean of jxx and jyy
         Parameter("jxz", 0.0, 0.03),
         Parameter("jyz", 0.0, 0.03),
