@@ -24,6 +24,7 @@ from np_drake.training_data.segments import white_noise
 G = 9.81  # [m/s²]
 FORCE, TORQUE, SPEED = slice(0, 3), slice(3, 6), slice(6, 10)
 Values = dict[str, float]
+FLATTEST = 0.995  # of Jzz over Jxx + Jyy, whose bound is 1 [1]
 RESPONSE = ("lag", "lag_ratio", "curve", "sag")  # of a rotor to its command
 
 
@@ -87,7 +88,8 @@ class FlightModel:
         turn, gyro = np.eye(3) + attitude.skew(tilt), np.eye(3) + attitude.skew(tilt + twist)
         w, alpha = s.rate @ gyro.T, s.alpha @ gyro.T
         # The attitude is taken as that of the sensors' axes.
-        flow = None if s.velocity is None else s.velocity @ turn.T
+        heading = np.eye(3) + attitude.skew(np.array([0.0, 0.0, v["heading"]]))
+        flow = None if s.velocity is None else s.velocity @ (turn @ heading).T
         air, torque = self.air_wrench(v, flow, rotors.mean)
         j = inertia(v) * frame.arm**2
         torque += rotors.thrust @ self.arms(v).T - self._euler @ j[_MOMENTS]
@@ -321,4 +323,4 @@ def inertia(v: Values) -> np.ndarray:
     """
     xx, yy = v["jxx"], v["jxx"] * v["jyy"]
     xy, xz, yz = (-0.5 * (xx + yy) * v[name] for name in ("jxy", "jxz", "jyz"))
-    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, (1.0 - min(v["thickness"], 0.9)) * (xx + yy)]])
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, min(v["jzz"], FLATTEST) * (xx + yy)]])

@@ -32,8 +32,7 @@ def parameters(spin: float, step: float) -> tuple[Parameter, ...]:
         Parameter("com_y", 0.0, 0.05),
         Parameter("jxx", moment.mean, moment.deviation, log=True),
         Parameter("jyy", known.inertia_pitch.mean, known.inertia_pitch.deviation, log=True),  # over jxx
-        # Jzz is 1 - thickness of Jxx + Jyy, which a flat vehicle reaches; by the published ratio and its deviation.
-        Parameter("thickness", ln(1.0 - yaw.median), yaw.deviation * yaw.median / (1.0 - yaw.median), log=True),
+        Parameter("jzz", yaw.mean, yaw.deviation, log=True),  # over jxx + jyy, which a flat vehicle reaches
         Parameter("jxy", 0.0, 0.03),  # products over the mean of jxx and jyy
         Parameter("jxz", 0.0, 0.03),
         Parameter("jyz", 0.0, 0.03),
@@ -71,6 +70,7 @@ def parameters(spin: float, step: float) -> tuple[Parameter, ...]:
         Parameter("curve", 0.2, 0.3, needs=("throttle",)),
         Parameter("sag", 1.5, 0.5, needs=("throttle", "voltage")),
         Parameter("full_speed", 0.0, 0.5, log=True, needs=BOTH),
+        Parameter("heading", 0.0, 0.02, flight=True, needs=AIR),  # of the attitude against the sensors [rad]
         Parameter("bias_x", 0.0, 0.3, flight=True),
         Parameter("bias_y", 0.0, 0.3, flight=True),
         Parameter("bias_z", 0.0, 0.1, flight=True),

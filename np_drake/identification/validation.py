@@ -15,7 +15,7 @@ from np_drake.vehicle import Vehicle
 
 HORIZONS = (0.1, 0.5)  # of open-loop prediction [s]
 # Parameters that a user of plain least squares names: the usual ones.
-USUAL = ("scale", "jxx", "jyy", "thickness", "com_x", "com_y", "torque", "lag", "delay", "clock", "curve", "bias_z")
+USUAL = ("scale", "jxx", "jyy", "jzz", "com_x", "com_y", "torque", "lag", "delay", "clock", "curve", "bias_z")
 
 
 @dc.dataclass(frozen=True)
@@ -68,7 +68,7 @@ def vehicle_values(vehicle: Vehicle, frame: Frame, drive: str, mass: float, fixe
         "com_y": c.center_of_mass[1] / arm,
         "jxx": xx,
         "jyy": yy / xx,
-        "thickness": 1.0 - zz / (xx + yy),
+        "jzz": zz / (xx + yy),
         "jxy": xy,
         "jxz": xz,
         "jyz": yz,
@@ -144,7 +144,7 @@ def _least_squares(found: Identification, start: Values) -> Values:
     """
     models = found.models
     names = [name for name in USUAL if name in {p.name for p in (*found.estimate.layout.shared, *found.estimate.layout.own)}]
-    logs = {"scale", "jxx", "jyy", "thickness", "torque", "lag"}
+    logs = {"scale", "jxx", "jyy", "jzz", "torque", "lag"}
     size = [np.maximum(np.std(np.concatenate([m.flight.force, m.flight.alpha], axis=1), axis=0), 1e-6) for m in models]
 
     def values(x: np.ndarray) -> Values:
