@@ -1,7 +1,7 @@
 """Identification of a vehicle from its flight logs."""
 
 import dataclasses as dc
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -38,7 +38,6 @@ class Identification:
     def quantities(self) -> tuple[Identified, ...]:
         """What is told of the vehicle, in the order of a vehicle file."""
         e, layout = self.estimate, self.estimate.layout
-        shared = slice(0, len(layout.shared))
         found = []
         for q in QUANTITIES:
             if not self.parts.issuperset(q.needs):
@@ -49,10 +48,10 @@ class Identification:
                 return float(np.log(value)) if q.positive else value
 
             z, zero = e.z, np.zeros_like(e.z)
-            here, gradient = of(z), _gradient(of, z, shared)
-            before, slope = of(zero), _gradient(of, zero, shared)
+            here, gradient = of(z), _gradient(of, z)
+            before, slope = of(zero), _gradient(of, zero)
             covariances = [c for c in (e.covariance, e.clustered) if c is not None]
-            sd = float(np.sqrt(max(gradient @ c[shared, shared] @ gradient for c in covariances)))
+            sd = float(np.sqrt(max(gradient @ c @ gradient for c in covariances)))
             prior = float(np.linalg.norm(slope))
             bounds = np.array([here, here - SURE * sd, here + SURE * sd, before - SURE * prior, before + SURE * prior])
             value, low, high, *both = np.exp(bounds) if q.positive else bounds
@@ -115,14 +114,15 @@ def identify(
 
 def _agreement(e: Estimate, gradient: np.ndarray) -> float:
     """Return the agreement of flights on the parameter that a quantity follows most; NaN: not tested."""
-    leading = e.layout.names[int(np.argmax(np.abs(gradient)))]
+    place = int(np.argmax(np.abs(gradient)))
+    leading = e.layout.names[place] if place < len(e.layout.names) else ""
     return e.agreement[leading].p if leading in e.agreement else float("nan")
 
 
-def _gradient(of, z: np.ndarray, shared: slice) -> np.ndarray:
-    """Return the derivatives of a function of z by the shared coordinates."""
-    here, out = of(z), np.zeros(shared.stop)
-    for i in range(shared.stop):
+def _gradient(of: Callable[[np.ndarray], float], z: np.ndarray) -> np.ndarray:
+    """Return the derivatives (k,) of a function of z (k,)."""
+    here, out = of(z), np.zeros_like(z)
+    for i in range(len(z)):
         moved = z.copy()
         moved[i] += STEP
         out[i] = (of(moved) - here) / STEP
