@@ -52,19 +52,19 @@ REVISION = re.compile(r"(\w+) (\d+)\.(\d+)")
 def _contents(path: Path) -> Contents:
     """Return the fields of every kind of frame; reads the headers only.
 
-    Raises: LogError: if a header is damaged.
+    Raises: LogError: if no header is whole.
     """
-    session = _largest(sessions(path, path.read_bytes()))
+    session = _largest(sessions(path, path.read_bytes())[0])
     return Scanned(_columns(session), _parameters(session))
 
 
 def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Recording:
     """Decode the wanted fields of all logs of a file that share their fields and scales.
 
-    Raises: LogError: if a header is damaged, a field is not there, or no log has a frame.
+    Raises: LogError: if no header is whole, a field is not there, or no log has a frame.
     """
     content = path.read_bytes()
-    known = sessions(path, content)
+    known, bad = sessions(path, content)
     session = _largest(known)
     columns = _columns(session)
     for stream, names in wanted.items():
@@ -73,7 +73,9 @@ def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Re
                 raise LogError(f"{path}: must hold the field {name} of {stream}; it does not.")
     alike = [s for s in known if _columns(s) == columns and _scales(s) == _scales(session)]
     others = [str(s.number) for s in known if s not in alike]
-    said = [f"{len(known)} logs in one file: each begins a part"] if len(alike) > 1 else []
+    said = [f"{line}; left out" for line in bad]
+    if len(alike) > 1:
+        said.append(f"{len(known)} logs in one file: each begins a part")
     if others:
         said.append(
             f"logs {', '.join(others)} of {len(known)} have other fields or scales than {session.number}; left out"
@@ -87,7 +89,7 @@ def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Re
         which = f"log {own.number}: " if len(known) > 1 else ""
         notes += [*_damage(which, told), *_untold(which, streams)]
     if not parts:
-        raise LogError(f"{path}: must hold a whole I frame after its header; it has none. {REMEDY.capitalize()}.")
+        raise LogError(f"{path}: must hold a whole I frame after its header; it has none. {REMEDY}.")
     streams = {name: _joined([part[name] for part in parts]) for name in wanted}
     return Recording(str(path), streams, _facts(session), tuple(notes), tuple(said))
 
@@ -182,8 +184,8 @@ def _damage(which: str, told: np.ndarray) -> Iterator[str]:
     """Yield notes on what is damaged."""
     if told[DAMAGED]:
         yield (
-            f"{which}damaged at {told[DAMAGED]} places; the frames there, and {told[LEFT_OUT]} behind them up to the "
-            "next I frame, are left out."
+            f"{which}damaged at {told[DAMAGED]} place{'s' if told[DAMAGED] > 1 else ''}; the frames there, and "
+            f"{told[LEFT_OUT]} behind up to the next I frame, are left out."
         )
     if not told[ENDED]:
         yield f"{which}no end of the log (cut off, or the power was lost); its whole frames are kept."

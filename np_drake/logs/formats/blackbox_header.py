@@ -21,7 +21,7 @@ MOST_FIELDS = 4096  # of a kind of frame, own choice: Indiflight has 200
 LONGEST_LINE = 1 << 16  # [bytes], own choice
 FIELD = re.compile(r"Field ([A-Z]) (\w+)")
 NUMBER = re.compile(r"[+-]?\d+(\.\d+)?")
-REMEDY = "copy it again from the vehicle"
+REMEDY = "Copy it again from the vehicle"
 
 
 @dc.dataclass(frozen=True)
@@ -68,35 +68,42 @@ def as_numbers(text: str) -> list[float]:
     return found
 
 
-def sessions(path: Path, content: bytes) -> list[Session]:
-    """Return the logs of a file.
+def sessions(path: Path, content: bytes) -> tuple[list[Session], list[str]]:
+    """Return the logs of a file, and what is wrong with the headers of others.
 
     Args:
         path: of the file, for messages.
         content: its bytes.
-    Raises: LogError: if a header is damaged, or of another version.
+    Raises: LogError: if there is none, or none whose header is whole and of the version that is known.
     """
     starts = [match.start() for match in re.finditer(re.escape(MARK), content)]
-    stops = [*starts[1:], len(content)]
-    found = []
-    for number, (start, stop) in enumerate(zip(starts, stops, strict=True), start=1):
-        settings, first = _settings(content, start, stop)
+    if not starts:
+        raise LogError(f"{path}: must hold the header of a blackbox log ({MARK.decode()}); it has none. {REMEDY}.")
+    found, bad = [], []
+    for number, (start, stop) in enumerate(zip(starts, [*starts[1:], len(content)], strict=True), start=1):
+        place = f"header of log {number}" if len(starts) > 1 else "header"
         try:
+            settings, first = _settings(content, start, stop)
             found.append(_session(number, settings, first, stop))
         except ValueError as error:
-            place = f"header of log {number}" if len(starts) > 1 else "header"
-            raise LogError(f"{path}, {place}: {error}; {REMEDY}.") from None
-    return found
+            bad.append(f"{place}: {error}")
+    if not found:
+        raise LogError(f"{path}, {bad[0]}. {REMEDY}.")
+    return found, bad
 
 
 def _settings(content: bytes, start: int, stop: int) -> tuple[dict[str, str], int]:
-    """Return the lines of a header by name, and the place behind it."""
+    """Return the lines of a header by name, and the place behind it.
+
+    Raises: ValueError: if a line is cut or damaged.
+    """
     found: dict[str, str] = {}
-    while content.startswith(b"H ", start):
+    while content.startswith(b"H ", start, stop):
         end = content.find(b"\n", start, min(start + LONGEST_LINE, stop))
         line = content[start + 2 : end]
         if end < 0 or not line.isascii() or b":" not in line:
-            break
+            last = next(reversed(found), "none")
+            raise ValueError(f"lines must be `H name:value`; that behind {last!r} is cut or damaged")
         name, _, value = line.decode("ascii").partition(":")
         found[name.strip()] = value.strip()
         start = end + 1
