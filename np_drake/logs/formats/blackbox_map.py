@@ -76,7 +76,8 @@ def motors(contents: Contents) -> Motors:
         return Motors(throttle, notes=(told_of,) if columns else ())
     speed = first_source(contents, (_indexed(name, 4) for name in ("omegaUnfiltered", "omega")), unit="rad/s")
     if not speed and told.get("motor_poles", 0) > 0:  # written in hundreds of electrical revolutions a minute
-        speed = first_source(contents, [_indexed("eRPM", 4)], unit="rpm", scale=200 / told["motor_poles"])
+        names = (_indexed(name, 4) for name in ("eRPM", "eRPM(/100)"))
+        speed = first_source(contents, names, unit="rpm", scale=200 / told["motor_poles"])
     return Motors(throttle, speed, FIRMWARE["betaflight"])
 
 
