@@ -46,7 +46,7 @@ FACTS = {  # by setting: name on the sheet
     "mixer_type": "mixer_type",
     "vbat_scale": "vbat_scale",
 }
-REVISION = re.compile(r"(\w+) (\d+)\.(\d+)")
+REVISION = re.compile(r"(\w+) (\d{1,4})\.(\d{1,4})")
 
 
 def _contents(path: Path) -> Contents:
@@ -149,7 +149,7 @@ def _decoded(session: Session, content: bytes, wanted: Mapping[str, list[str]]) 
     streams = {}
     for row, stream in enumerate(STREAMS):
         values = outs[row][:, : told[row]]
-        streams[stream] = Stream(values[0] * 1e-6, dict(zip(names.get(stream, ()), values[1:].copy(), strict=True)))
+        streams[stream] = Stream(values[0] * 1e-6, dict(zip(names.get(stream, ()), values[1:], strict=True)))
     if blackbox_body.STREAM in wanted:
         found = blackbox_body.body_values(streams["main"].columns) if told[ROWS] else {}
         streams[blackbox_body.STREAM] = Stream(
@@ -173,6 +173,8 @@ def _most_rows(session: Session, kind: str) -> int:
 
 
 def _joined(parts: Sequence[Stream]) -> Stream:
+    if len(parts) == 1:
+        return parts[0]
     columns = parts[0].columns
     return Stream(
         np.concatenate([part.t for part in parts]),

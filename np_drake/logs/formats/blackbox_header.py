@@ -18,6 +18,7 @@ from np_drake.logs.formats.blackbox_values import ENCODINGS
 MARK = b"H Product:Blackbox flight data recorder"
 STREAMS = {"main": "I", "slow": "S", "gps": "G"}  # by name, the frames whose fields they hold
 MOST_FIELDS = 4096  # of a kind of frame, own choice: Indiflight has 200
+MOST_LOOPS = 1 << 14  # between two frames, own choice: 2 s at 8 kHz; the firmware has 256
 LONGEST_LINE = 1 << 16  # [bytes], own choice
 FIELD = re.compile(r"Field ([A-Z]) (\w+)")
 NUMBER = re.compile(r"[+-]?\d+(\.\d+)?")
@@ -65,7 +66,7 @@ def as_numbers(text: str) -> list[float]:
             found.append(float(part))
         else:
             return []
-    return found
+    return found if np.all(np.isfinite(found)) else []
 
 
 def sessions(path: Path, content: bytes) -> tuple[list[Session], list[str]]:
@@ -191,6 +192,6 @@ def _intervals(settings: Mapping[str, str]) -> np.ndarray:
     interval = as_numbers(settings.get("I interval", "1"))
     numerator, _, denominator = settings.get("P interval", "1").rpartition("/")
     values = [*interval[:1], *as_numbers(numerator or "1")[:1], *as_numbers(denominator)[:1]]
-    if len(values) != 3 or not 1 <= values[0] < 1 << 20 or not 1 <= values[1] < 1 << 20 or not 0 <= values[2] < 1 << 20:
+    if len(values) != 3 or not all(least <= v <= MOST_LOOPS for v, least in zip(values, (1, 1, 0), strict=True)):
         raise ValueError("I interval and P interval must be numbers of loops")
     return np.array(values).astype(np.int64)

@@ -39,7 +39,7 @@ def default_map(contents: Contents) -> LogMap | None:
     quaternion = ([f"body/{n}" for n in QUATERNION], [f"main/{n}" for n in QUATERNION])
     frames = {"world": "ned", "body": "frd"} if indiflight else {"world": "enu", "body": "flu"}
     rates = ([f"body/{n}" for n in GYRO], _indexed("gyroADC", 3))
-    forces = ([f"body/{n}" for n in ACCELEROMETER], _indexed("accSmooth", 3)) if told.get("acc_1G", 0) > 0 else ()
+    forces = ([f"body/{n}" for n in ACCELEROMETER], _indexed("accSmooth", 3)) if told.get("acc_1G", 0) >= 1 else ()
     return LogMap(
         format="blackbox",
         **frames,
@@ -52,7 +52,7 @@ def default_map(contents: Contents) -> LogMap | None:
             contents,
             forces,
             unit="g",
-            scale=1 / told.get("acc_1G", 1.0),
+            scale=1 / max(told.get("acc_1G", 1.0), 1.0),
             axes="body",
             kind="specific_force",
             body=body,

@@ -76,6 +76,14 @@ def test_a_gyro_is_late_by_its_filters(log, writer, settings, delay):
     assert dut.rates.late == pytest.approx(delay)
 
 
+@pytest.mark.parametrize(("one_g", "taken"), [("2048", True), ("0", False), ("much", False)])
+def test_an_accelerometer_of_no_scale_is_not_taken(log, writer, one_g, taken):
+    found = contents(log, writer, *(f"accSmooth[{i}]" for i in XYZ), settings={"acc_1G": one_g})
+    dut = BLACKBOX.default_map(found)
+    assert dut is not None
+    assert bool(dut.acceleration) == taken
+
+
 @pytest.mark.parametrize(("version", "scale"), [("4.0.0", 0.01), ("3.5.7", 0.1), ("3.0.1", None)])
 def test_the_voltage_is_in_the_unit_of_its_version(log, writer, version, scale):
     settings = {"Firmware revision": f"Betaflight {version} (abc) OMNIBUSF4"}
@@ -150,7 +158,7 @@ def test_every_real_log_becomes_a_flight_of_its_conventions(imported):
         assert not any("adopted" in line for line in found.said)
 
 
-def test_the_rotors_of_real_logs_turn_the_vehicle_as_betaflight_numbers_them(imported):
+def test_rotors_of_real_logs_turn_the_vehicle_in_betaflights_order(imported):
     for found in imported:
         flight = max(found.flights, key=len)
         change = np.gradient(flight.w, flight.t, axis=0)
