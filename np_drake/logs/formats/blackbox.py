@@ -80,18 +80,25 @@ def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Re
         said.append(
             f"logs {', '.join(others)} of {len(known)} have other fields or scales than {session.number}; left out"
         )
-    parts, notes = [], []
+    parts: list[dict[str, Stream]] = []
+    breaks: list[tuple[float, str]] = []
+    notes: list[str] = []
+    latest = -np.inf
     for own in alike:
         streams, told = _decoded(own, content, wanted)
         progress(own.stop / len(content))
         if told[ROWS]:
             parts.append(streams)
+            times = np.concatenate([stream.t for stream in streams.values()])
+            if latest < times.min(initial=np.inf) < np.inf and len(parts) > 1:
+                breaks.append((float(times.min()), "another log begins"))
+            latest = max(latest, times.max(initial=-np.inf))
         which = f"log {own.number}: " if len(known) > 1 else ""
         notes += [*_damage(which, told), *_untold(which, streams)]
     if not parts:
         raise LogError(f"{path}: must hold a whole I frame after its header; it has none. {REMEDY}.")
     streams = {name: _joined([part[name] for part in parts]) for name in wanted}
-    return Recording(str(path), streams, _facts(session), tuple(notes), tuple(said))
+    return Recording(str(path), streams, _facts(session), tuple(notes), tuple(said), tuple(breaks))
 
 
 def _largest(known: Sequence[Session]) -> Session:
@@ -118,6 +125,7 @@ def _parameters(session: Session) -> dict[str, float]:
     match = REVISION.match(session.settings.get("Firmware revision", ""))
     if match:
         found[match[1].lower()] = int(match[2]) + int(match[3]) / 100
+    found["P interval"] = session.intervals[2] / session.intervals[1]
     return found
 
 

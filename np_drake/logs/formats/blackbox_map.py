@@ -25,8 +25,8 @@ def default_map(contents: Contents) -> LogMap | None:
     """Return the map of the firmware's own names; None of another firmware.
 
     Betaflight's axes are x forward, y left, z up, and so are those of Indiflight's sensors unless it learns how they
-    are turned; its estimates are in NED and FRD. Rotor speed is measured: Indiflight's without its filter, which is
-    15 ms late.
+    are turned; its estimates are in NED and FRD. The attitude integrates the filtered gyro, and is as late. Rotor speed
+    is measured: Indiflight's without its filter, which is 15 ms late.
     """
     told = _parameters(contents)
     indiflight = "indiflight" in told
@@ -35,7 +35,7 @@ def default_map(contents: Contents) -> LogMap | None:
     turned = "body" in contents and GYRO[0] in contents["body"]
     body = "frd" if turned else "flu"
     scale = told.get("gyro_scale", 1.0) * (FINE if told.get("blackbox_high_resolution", 0) > 0 else 1.0)
-    driven = motors(contents)
+    driven, delay = motors(contents), _gyro_delay(told)
     quaternion = ([f"body/{n}" for n in QUATERNION], [f"main/{n}" for n in QUATERNION])
     frames = {"world": "ned", "body": "frd"} if indiflight else {"world": "enu", "body": "flu"}
     rates = ([f"body/{n}" for n in GYRO], _indexed("gyroADC", 3))
@@ -46,8 +46,8 @@ def default_map(contents: Contents) -> LogMap | None:
         command="held_after" if told.get("P interval", 1.0) == 1 else "sampled",
         position=first_source(contents, [_indexed("pos", 3)], unit="mm") if indiflight else Source(),
         velocity=first_source(contents, [_indexed("vel", 3)], unit="cm/s", axes="world") if indiflight else Source(),
-        attitude=first_source(contents, quaternion, order="wxyz", direction="body_to_world"),
-        rates=first_source(contents, rates, unit="deg/s", scale=scale, axes="body", body=body, late=_gyro_delay(told)),
+        attitude=first_source(contents, quaternion, order="wxyz", direction="body_to_world", late=delay),
+        rates=first_source(contents, rates, unit="deg/s", scale=scale, axes="body", body=body, late=delay),
         acceleration=first_source(
             contents,
             forces,

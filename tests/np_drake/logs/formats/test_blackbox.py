@@ -231,6 +231,12 @@ def test_logs_of_one_file_follow_each_other(log, writer):
     assert any("2 logs" in line for line in dut.said)
 
 
+@pytest.mark.parametrize(("begin", "count"), [(3_000_000, 1), (1_050_000, 0)])
+def test_a_later_log_begins_with_a_break_unless_its_clock_is_set_back(log, writer, begin, count):
+    writer.write(log, plain(writer), plain(writer, seed=2, begin=begin))
+    assert everything(log).breaks == ((begin / 1e6, "another log begins"),) * count
+
+
 def test_a_log_of_other_scales_is_left_out(log, writer):
     writer.write(log, plain(writer), plain(writer, rows=80, settings={"acc_1G": "4096"}))
     dut = everything(log)

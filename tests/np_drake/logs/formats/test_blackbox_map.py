@@ -70,10 +70,21 @@ def test_a_gyro_in_high_resolution_is_in_tenths(log, writer, resolution, scale):
         ({"gyro_lpf1_static_hz": "0"}, 0.0),
     ],
 )
-def test_a_gyro_is_late_by_its_filters(log, writer, settings, delay):
-    dut = BLACKBOX.default_map(contents(log, writer, *(f"gyroADC[{i}]" for i in XYZ), settings=settings))
+def test_a_gyro_and_its_integral_are_late_by_its_filters(log, writer, settings, delay):
+    names = [f"{name}[{i}]" for name in ("gyroADC", "imuQuaternion") for i in XYZ]
+    dut = BLACKBOX.default_map(contents(log, writer, *names, settings=settings))
     assert dut is not None
     assert dut.rates.late == pytest.approx(delay)
+    assert dut.attitude.late == dut.rates.late
+
+
+@pytest.mark.parametrize(
+    ("every", "meaning"), [("1", "held_after"), ("1/1", "held_after"), ("4", "sampled"), ("1/2", "sampled")]
+)
+def test_a_command_is_sampled_where_not_every_loop_is_logged(log, writer, every, meaning):
+    dut = BLACKBOX.default_map(contents(log, writer, *MOTORS, every=every))
+    assert dut is not None
+    assert dut.command == meaning
 
 
 @pytest.mark.parametrize(("one_g", "taken"), [("2048", True), ("0", False), ("much", False)])
