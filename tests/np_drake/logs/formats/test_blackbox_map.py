@@ -78,6 +78,14 @@ def test_a_gyro_and_its_integral_are_late_by_its_filters(log, writer, settings, 
     assert dut.attitude.late == dut.rates.late
 
 
+def test_an_accelerometer_is_late_by_its_filter(log, writer):
+    found = contents(log, writer, *(f"accSmooth[{i}]" for i in XYZ), settings={"acc_lpf_hz": "2500"})
+    dut = BLACKBOX.default_map(found)
+    assert dut is not None
+    stage = 25 / np.sqrt(np.sqrt(2) - 1)  # [Hz], of two alike that together have 25 Hz
+    assert dut.acceleration.late == pytest.approx(2 / (2 * np.pi * stage))
+
+
 @pytest.mark.parametrize(
     ("every", "meaning"), [("1", "held_after"), ("1/1", "held_after"), ("4", "sampled"), ("1/2", "sampled")]
 )
