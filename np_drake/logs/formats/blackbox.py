@@ -118,7 +118,7 @@ def _scales(session: Session) -> list[str]:
 
 def _parameters(session: Session) -> dict[str, float]:
     """Return the settings that are numbers, one of a list as `name[i]`, and the version by the name of the firmware."""
-    found = {}
+    found: dict[str, float] = {}
     for name in session.settings:
         values = session.numbers(name)
         found |= {name: values[0]} if len(values) == 1 else {f"{name}[{i}]": v for i, v in enumerate(values)}

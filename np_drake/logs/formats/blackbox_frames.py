@@ -7,7 +7,7 @@ event. Source: Betaflight, "Blackbox logging internals", data version 2.
 import numpy as np
 
 from np_drake.compiled import compiled
-from np_drake.logs.formats.blackbox_values import read_fields, signed_number, unsigned_number
+from np_drake.logs.formats.blackbox_values import byte_at, read_fields, signed_number, unsigned_number
 
 KINDS = "IPSGH"  # rows of the definitions below
 I, P, S, G, H = range(5)
@@ -54,7 +54,7 @@ def _event(data, at, stop):
     """Return the place behind an event, its kind, and the first two numbers that it holds."""
     if at >= stop:
         return stop + 1, 0, 0, 0
-    kind = np.int64(data[at])
+    kind = byte_at(data, at)
     at += 1
     first, second = 0, 0
     if kind == END:
@@ -132,9 +132,11 @@ def _add_predictions(fields, kind, count, predictors, signed, constants, before,
 
 
 @compiled
-def _put(out, row, fields, wanted):
+def _put(out, row, time, fields, wanted):
+    """Write the time and the wanted fields of a frame."""
+    out[0, row] = time
     for k in range(len(wanted)):
-        out[k, row] = fields[wanted[k]]
+        out[k + 1, row] = fields[wanted[k]]
 
 
 @compiled
@@ -167,7 +169,7 @@ def read_frames(data, at, stop, counts, encodings, predictors, signed, constants
     iteration, time, offset = -1, -1, 0
     while at < stop:
         start = at
-        letter = np.int64(data[at])
+        letter = byte_at(data, at)
         kind = -1
         for k in range(5):
             if letter == LETTERS[k] and counts[k]:
@@ -187,27 +189,9 @@ def read_frames(data, at, stop, counts, encodings, predictors, signed, constants
             good = at <= stop and (at == stop or _is_letter(data[at]))
             if good and kind == P and not known:
                 told[LEFT_OUT] += 1
-            elif good and kind <= P:
+            elif good and (kind <= P or not lost):
                 skipped = _skipped(before[iteration_at], intervals[0], intervals[1], intervals[2]) if kind == P else 0
-                _add_predictions(
-                    fields, kind, counts[kind], predictors, signed, constants, before, earlier, home, skipped, motor0, 0
-                )
-                later = (fields[time_at] - time) & 0xFFFFFFFF
-                loops = (fields[iteration_at] - iteration) & 0xFFFFFFFF
-                good = iteration < 0 or (later < LONGEST_TIME and loops < MOST_ITERATIONS)
-                if good:
-                    if 0 <= fields[time_at] < time:
-                        offset += 1 << 32
-                    iteration, time = fields[iteration_at], fields[time_at]
-                    earlier[:] = fields if kind == I else before
-                    before[:] = fields
-                    outs[0][0, told[ROWS]] = time + offset
-                    _put(outs[0][1:], told[ROWS], fields, wanted[0])
-                    told[ROWS] += 1
-                    known, lost = True, False
-                else:
-                    iteration, time = -1, -1
-            elif good and not lost:
+                main_time = max(time, 0)
                 _add_predictions(
                     fields,
                     kind,
@@ -218,20 +202,32 @@ def read_frames(data, at, stop, counts, encodings, predictors, signed, constants
                     before,
                     earlier,
                     home,
-                    0,
+                    skipped,
                     motor0,
-                    max(time, 0),
+                    main_time,
                 )
-                if kind == H:
+                if kind <= P:
+                    later = (fields[time_at] - time) & 0xFFFFFFFF
+                    loops = (fields[iteration_at] - iteration) & 0xFFFFFFFF
+                    good = iteration < 0 or (later < LONGEST_TIME and loops < MOST_ITERATIONS)
+                    if good and 0 <= fields[time_at] < time:
+                        offset += 1 << 32
+                    iteration, time = (fields[iteration_at], fields[time_at]) if good else (-1, -1)
+                if good and kind <= P:
+                    earlier[:] = fields if kind == I else before
+                    before[:] = fields
+                    _put(outs[0], told[ROWS], time + offset, fields, wanted[0])
+                    told[ROWS] += 1
+                    known, lost = True, False
+                elif kind == H:
                     home[0], home[1] = fields[0], fields[1] if counts[H] > 1 else 0
                     located = True
                 elif kind == S and time >= 0:
-                    outs[1][0, told[SLOW_ROWS]] = time + offset
-                    _put(outs[1][1:], told[SLOW_ROWS], fields, wanted[1])
+                    _put(outs[1], told[SLOW_ROWS], time + offset, fields, wanted[1])
                     told[SLOW_ROWS] += 1
                 elif kind == G and time >= 0 and (located or not counts[H]):
-                    outs[2][0, told[GPS_ROWS]] = (fields[gps_time_at] if gps_time_at >= 0 else time) + offset
-                    _put(outs[2][1:], told[GPS_ROWS], fields, wanted[2])
+                    own = fields[gps_time_at] if gps_time_at >= 0 else time
+                    _put(outs[2], told[GPS_ROWS], own + offset, fields, wanted[2])
                     told[GPS_ROWS] += 1
         if not good:
             told[DAMAGED] += not lost

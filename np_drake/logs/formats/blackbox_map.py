@@ -27,7 +27,8 @@ def default_map(contents: Contents) -> LogMap | None:
 
     Betaflight's axes are x forward, y left, z up, and so are those of Indiflight's sensors unless it learns how they
     are turned; its estimates are in NED and FRD. The attitude integrates the filtered gyro, and is as late. Rotor speed
-    is measured: Indiflight's without its filter, which is 15 ms late.
+    is measured: Indiflight's without its filter, which is 15 ms late. Throttle is what is sent to the motors, 0 where
+    they idle; Indiflight's `u` is the thrust that it asks for, over the largest one.
     """
     told = _parameters(contents)
     indiflight = "indiflight" in told
@@ -38,12 +39,12 @@ def default_map(contents: Contents) -> LogMap | None:
     scale = told.get("gyro_scale", 1.0) * (FINE if told.get("blackbox_high_resolution", 0) > 0 else 1.0)
     driven, delay = motors(contents), _gyro_delay(told)
     quaternion = ([f"body/{n}" for n in QUATERNION], [f"main/{n}" for n in QUATERNION])
-    frames = {"world": "ned", "body": "frd"} if indiflight else {"world": "enu", "body": "flu"}
     rates = ([f"body/{n}" for n in GYRO], _indexed("gyroADC", 3))
     forces = ([f"body/{n}" for n in ACCELEROMETER], _indexed("accSmooth", 3)) if told.get("acc_1G", 0) >= 1 else ()
     return LogMap(
         format="blackbox",
-        **frames,
+        world="ned" if indiflight else "enu",
+        body="frd" if indiflight else "flu",
         command="held_after" if told.get("P interval", 1.0) == 1 else "sampled",
         position=first_source(contents, [_indexed("pos", 3)], unit="mm") if indiflight else Source(),
         velocity=first_source(contents, [_indexed("vel", 3)], unit="cm/s", axes="world") if indiflight else Source(),

@@ -15,6 +15,17 @@ LONGEST = 5  # bytes of a number of 32 bits, 7 in each
 
 
 @compiled
+def byte_at(data, at):
+    """Return a byte as a signed integer, with which the others mix.
+
+    Args:
+        data: (n,) bytes.
+        at: its place.
+    """
+    return np.int64(data[at])
+
+
+@compiled
 def unsigned_number(data, at, stop):
     """Return a number whose bytes have 7 bits each, the lowest first, and the place behind it.
 
@@ -27,7 +38,7 @@ def unsigned_number(data, at, stop):
     for k in range(LONGEST):
         if at + k >= stop:
             break
-        byte = np.int64(data[at + k])
+        byte = byte_at(data, at + k)
         value |= (byte & 0x7F) << shift
         if byte < 0x80:
             return value & 0xFFFFFFFF, at + k + 1
@@ -58,7 +69,7 @@ def _extended(value, bits):
 @compiled
 def _three(data, at, stop, encoding, out, first, last):
     """Write three numbers whose sizes the two highest bits of their first byte tell."""
-    lead = np.int64(data[at])
+    lead = byte_at(data, at)
     size = lead >> 6
     a, b, c = 0, 0, 0
     length = size + 1
@@ -78,7 +89,7 @@ def _three(data, at, stop, encoding, out, first, last):
             count = ((lead >> (2 * k)) & 3) + 1
             value = 0
             for i in range(count):
-                value |= np.int64(data[place + i]) << (8 * i)
+                value |= byte_at(data, place + i) << (8 * i)
             place += count
             value = _extended(value, 8 * count)
             if k == 0:
@@ -89,16 +100,16 @@ def _three(data, at, stop, encoding, out, first, last):
                 c = value
     elif encoding == TAG2_3S32:
         if size == 1:
-            second = np.int64(data[at + 1])
+            second = byte_at(data, at + 1)
             a, b, c = _extended(lead, 4), _extended(second >> 4, 4), _extended(second, 4)
         else:
-            a, b, c = _extended(lead, 6), _extended(np.int64(data[at + 1]), 6), _extended(np.int64(data[at + 2]), 6)
+            a, b, c = _extended(lead, 6), _extended(byte_at(data, at + 1), 6), _extended(byte_at(data, at + 2), 6)
     else:
-        second = np.int64(data[at + 1])
+        second = byte_at(data, at + 1)
         if size == 1:
             a, b, c = _extended(lead >> 1, 5), _extended((lead << 4) | (second >> 4), 5), _extended(second, 4)
         else:
-            third = np.int64(data[at + 2])
+            third = byte_at(data, at + 2)
             a, b, c = (
                 _extended((lead << 2) | (second >> 6), 8),
                 _extended((second << 1) | (third >> 7), 7),
@@ -115,7 +126,7 @@ def _three(data, at, stop, encoding, out, first, last):
 @compiled
 def _four(data, at, stop, out, first, last):
     """Write four numbers of 0, 4, 8 or 16 bits, which a byte before them tells; they lie in half bytes."""
-    selector = np.int64(data[at])
+    selector = byte_at(data, at)
     nibble = 2 * (at + 1)
     for k in range(4):
         size = (selector >> (2 * k)) & 3
@@ -124,7 +135,7 @@ def _four(data, at, stop, out, first, last):
             return stop + 1
         value = 0
         for _ in range(count):
-            byte = np.int64(data[nibble >> 1])
+            byte = byte_at(data, nibble >> 1)
             value = (value << 4) | (byte & 15 if nibble & 1 else byte >> 4)
             nibble += 1
         if first + k < last:
@@ -169,7 +180,7 @@ def read_fields(data, at, stop, encodings, count, out):
                 last += 1
             tags = 1
             if last > i + 1:
-                tags = np.int64(data[at])
+                tags = byte_at(data, at)
                 at += 1
             for k in range(i, last):
                 out[k] = 0
