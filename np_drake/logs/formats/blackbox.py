@@ -125,7 +125,7 @@ def _parameters(session: Session) -> dict[str, float]:
     match = REVISION.match(session.settings.get("Firmware revision", ""))
     if match:
         found[match[1].lower()] = int(match[2]) + int(match[3]) / 100
-    found["P interval"] = session.intervals[2] / session.intervals[1]
+    found["P interval"] = float(session.intervals[2] / session.intervals[1])
     return found
 
 

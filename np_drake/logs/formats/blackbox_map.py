@@ -4,9 +4,8 @@ Source: Betaflight's blackbox fields and the units of its viewer. Those of Indif
 attitude, the torque of its rotors against its gyro, on twelve logs.
 """
 
+import math
 import re
-
-import numpy as np
 
 from np_drake.logs.formats.blackbox_body import ACCELEROMETER, GYRO, QUATERNION
 from np_drake.logs.formats.format import Contents, Motors, first_source
@@ -16,7 +15,7 @@ from np_drake.rotor_layout import FIRMWARE
 MOTOR = re.compile(r"motor\[\d\]")
 # Delay of a low-pass at low frequencies, over 1 / (2 pi cutoff), by its type: PT1, biquad, PT2, PT3 [1]. Betaflight
 # raises the cutoffs of the stages of the last two so that together they have the one that is set.
-DELAYS = (1.0, np.sqrt(2.0), 2 * np.sqrt(np.sqrt(2.0) - 1), 3 * np.sqrt(2 ** (1 / 3) - 1))
+DELAYS = (1.0, 2**0.5, 2 * (2**0.5 - 1) ** 0.5, 3 * (2 ** (1 / 3) - 1) ** 0.5)
 PT2 = 2  # the type of the accelerometer's; measured on Indiflight's logs: 7 to 7.5 ms below 30 Hz, where its is 7.6
 GYRO_FILTERS = ("gyro_lpf1", "gyro_lpf2")
 FINE = 0.1  # of a gyro in high resolution [1]
@@ -109,4 +108,4 @@ def _gyro_delay(told: dict[str, float]) -> float:
 
 def _delay(cutoff: float, kind: int) -> float:
     """Return the delay of a low-pass [s] by its cutoff [Hz] and its type; 0 of one that is off or not known."""
-    return DELAYS[kind] / (2 * np.pi * cutoff) if cutoff > 0 and 0 <= kind < len(DELAYS) else 0.0
+    return DELAYS[kind] / (2 * math.pi * cutoff) if cutoff > 0 and 0 <= kind < len(DELAYS) else 0.0

@@ -207,6 +207,22 @@ def test_blackbox_of_indiflight(flight, specific, throttle, writer, tmp_path, tu
     assert found.sheet.rotors.source == "Betaflight, Quad X"
 
 
+def test_a_sheet_of_a_blackbox_tells_its_filters(flight, specific, throttle, writer, tmp_path):
+    columns = vectors(
+        quat=8127 * q_ned_frd(flight.q),
+        gyroADC=np.rad2deg(10 * flight.w),
+        accSmooth=specific / 9.80665 * 2048,
+        motor=158 + 1889 * throttle,
+    )
+    filters = {"gyro_lpf1_static_hz": "100", "gyro_lpf1_type": "2", "acc_lpf_hz": "2500"}
+    options = {"step": round(1e6 * (flight.t[1] - flight.t[0])), "settings": INDIFLIGHT | filters}
+    writer("blackbox").write(tmp_path / "log.BFL", writer("blackbox").main_log(columns, **options))
+    write_sheet(imported(tmp_path / "log.BFL").sheet, tmp_path / "log.csv")
+    text = (tmp_path / "log.import.yaml").read_text()
+    assert text.count("late: 0.0020486") == 2  # attitude and rates: 2 stages of 155 Hz [s]
+    assert text.count("late: 0.0081944") == 1
+
+
 INDIFLIGHT = {"Firmware revision": "Indiflight 5.0.0 (norevision) STM32H743", "blackbox_high_resolution": "1"}
 
 
