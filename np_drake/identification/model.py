@@ -25,7 +25,7 @@ G = 9.81  # [m/s²]
 FORCE, TORQUE, SPEED = slice(0, 3), slice(3, 6), slice(6, 10)
 Values = dict[str, float]
 FLATTEST = 0.995  # of Jzz over Jxx + Jyy, whose bound is 1 [1]
-RESPONSE = ("lag", "lag_ratio", "curve", "sag")  # of a rotor to its command
+RESPONSE = ("lag", "lag_ratio", "curve", "idle", "sag")  # of a rotor to its command
 
 
 @dc.dataclass(frozen=True)
@@ -249,8 +249,8 @@ class FlightModel:
                 wanted = np.sqrt(self._relative)
             else:
                 throttle = s.input if s.command is None else s.command
-                hover = target_speed(np.array(self.frame.throttle), v["curve"])
-                wanted = v["full_speed"] * target_speed(throttle, v["curve"]) / hover
+                hover = target_speed(np.array(self.frame.throttle), v["curve"], v["idle"])
+                wanted = v["full_speed"] * target_speed(throttle, v["curve"], v["idle"]) / hover
             if s.voltage is not None and self.frame.volts > 0:
                 wanted = wanted * ((s.voltage / self.frame.volts) ** (0.5 * v["sag"]))[:, None]
             speed = lagged(np.ascontiguousarray(wanted), grid.row, grid.step, v["lag"], v["lag"] * v["lag_ratio"])

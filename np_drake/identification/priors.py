@@ -67,6 +67,7 @@ def parameters(spin: float, step: float) -> tuple[Parameter, ...]:
             "lag_ratio", known.time_constant_down.mean, known.time_constant_down.deviation, log=True, needs=MOTORS
         ),
         Parameter("curve", 0.2, 0.3, needs=("throttle",)),
+        Parameter("idle", 0.05, 0.04, needs=("throttle",)),
         Parameter("sag", 1.5, 0.5, needs=("throttle", "voltage")),
         Parameter("full_speed", 0.0, 0.5, log=True, needs=BOTH),
         Parameter("clock", 0.0, 0.01, flight=True, needs=SPEED),  # rotor speed to body [s]

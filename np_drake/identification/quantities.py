@@ -92,7 +92,7 @@ def _gain(i: int) -> Callable[[Values, Basis], float]:
 
 def _full(v: Values, b: Basis) -> float:
     """Return the thrust of one rotor at full throttle and the reference voltage [N]."""
-    speed = v["full_speed"] / float(target_speed(np.array(b.frame.throttle), v["curve"]))
+    speed = v["full_speed"] / float(target_speed(np.array(b.frame.throttle), v["curve"], v["idle"]))
     return b.hover_thrust(v) * speed**2
 
 
@@ -134,11 +134,13 @@ QUANTITIES: tuple[Quantity, ...] = (
     Quantity("thrust at full throttle", "throttle.full_thrust", "N", _full, positive=True, needs=("throttle", "mass"),
              per_mass=True, why="throttle stays near hover", manoeuvre="climbs at full throttle"),
     Quantity("rotor speed at full throttle", "", "rad/s",
-             lambda v, b: b.spin * v["full_speed"] / float(target_speed(np.array(b.frame.throttle), v["curve"])),
+             lambda v, b: b.spin * v["full_speed"] / float(target_speed(np.array(b.frame.throttle), v["curve"], v["idle"])),
              positive=True, needs=("throttle", "speed"), why="throttle stays near hover",
              manoeuvre="climbs at full throttle"),
     Quantity("linear share of throttle", "throttle.linear", "1", _plain("curve"), needs=THROTTLE,
              why="throttle stays near hover", manoeuvre="climbs and descents"),
+    Quantity("idle speed over full speed", "", "1", _plain("idle"), needs=THROTTLE,
+             why="throttle stays near hover", manoeuvre="descents with idle motors"),
     Quantity("power of the voltage", "throttle.voltage_exponent", "1", _plain("sag"), needs=("throttle", "voltage"),
              why="the voltage hardly falls", manoeuvre="a flight until the battery is low"),
     *(Quantity(f"IMU {a}", "calibration.imu_position", "m", _length(f"imu_{a}"), (i,), needs=("accelerometer",),

@@ -80,6 +80,7 @@ def vehicle_values(vehicle: Vehicle, frame: Frame, drive: str, mass: float, fixe
         "delay": c.command_delay,
         "clock": -c.clock_offset,
         "curve": curve,
+        "idle": 0.0,
         "sag": 0.0 if vehicle.throttle is None else vehicle.throttle.voltage_exponent,
         "full_speed": 1.0,
         "window": 0.5,
