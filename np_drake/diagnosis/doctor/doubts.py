@@ -11,7 +11,7 @@ import numpy as np
 from np_drake.diagnosis.residuals import FORCE, FlightResiduals
 from np_drake.flight_log import FlightLog
 from np_drake.logs import hover_thrust, rotor_order
-from np_drake.logs.importing.consistency import OPPOSED, SCALE, failing, lone_axes, misfits, never_tilts
+from np_drake.logs.importing.consistency import OPPOSED, SCALE, failing, misfits, never_tilts, told_by_noise
 from np_drake.logs.rotor_torque import torque_agreement
 
 MOST_RESIDUAL = 0.25  # of the weight, from which it is said first [1]
@@ -49,13 +49,13 @@ def doubts(flight: FlightResiduals) -> list[Doubt]:
 
 def law_doubts(log: FlightLog) -> list[Doubt]:
     """Return what stands against a flight without knowing its vehicle."""
-    own = agreement(log)
     t, x = _evenly(log)
+    own = misfits(t, x)
     if level := never_tilts(t, x):
         tilt, needed = level
         flat = f"the attitude never tilts ({1e3 * tilt:.2g} mrad) where the vehicle accelerates sideways"
         return [Doubt(log.name, f"{flat} ({1e3 * needed:.0f} mrad): its pose is planar", fails=True)]
-    aside = lone_axes(own)
+    aside = told_by_noise(t, x, own)
     lift = [law for law in failing(own) if law.startswith("lift")]
     other = [law for law in failing(own) if law not in (*aside, *lift)]
     found = []
@@ -68,7 +68,7 @@ def law_doubts(log: FlightLog) -> list[Doubt]:
         why = "check attitude and frames" if opposed else "another force acts, or the attitude is wrong"
         found.append(Doubt(log.name, f"{what}; {why}", fails=opposed))
     if aside:
-        what = f"misfit of {_shown(aside, own)} ({SCALE}) on that axis alone, as of a sensor that drifts"
+        what = f"misfit of {_shown(aside, own)} ({SCALE}): no more than noise or drift of a sensor"
         found.append(Doubt(log.name, what))
     return found
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from np_drake.logs.errors import LogError
-from np_drake.logs.importing.consistency import AGREES, LAWS, OPPOSED, WINDOW, Misfits, failing, lone_axes, misfits
+from np_drake.logs.importing.consistency import AGREES, LAWS, OPPOSED, WINDOW, Misfits, failing, misfits, told_by_noise
 from np_drake.logs.importing.convert import Values, convert, convert_quantity
 from np_drake.logs.importing.log_map import BODIES, UNITS, WORLDS, LogMap
 from np_drake.logs.windows import Windows
@@ -59,14 +59,15 @@ def check_conventions(t: np.ndarray, raw: Values, log_map: LogMap) -> Verdict:
 
     A law fails where its misfit is large, or where another convention makes it many times smaller. The lift is no law
     of kinematics: where it alone fails and no other convention makes it hold, another force acts, as of a payload. Nor
-    does one axis alone refuse a log, as of a gyro that drifts (`lone_axes`).
+    does an axis refuse a log whose noise explains what disagrees, as of a gyro that drifts (`told_by_noise`).
 
     Args:
         t: (n,) evenly spaced times [s].
         raw: columns (n, k) of the log at these times, by quantity.
         log_map: with the declared conventions.
     """
-    own = misfits(t, convert(raw, log_map))
+    x = convert(raw, log_map)
+    own = misfits(t, x)
     failed = tuple(failing(own))
     doubted = [law for law, misfit in own.items() if misfit > DOUBTED and law not in failed]
     if not failed and not doubted:
@@ -91,7 +92,7 @@ def check_conventions(t: np.ndarray, raw: Values, log_map: LogMap) -> Verdict:
         if found:
             found.sort(key=lambda pair: pair[0])
             return Verdict(own, failed or tuple(doubted), found[0][1], tuple(change for _, change in found[1:]))
-    aside = lone_axes(own)
+    aside = told_by_noise(t, x, own)
     disturbed = all(law in aside or (law.startswith("lift") and own[law] < OPPOSED) for law in failed)
     return Verdict(own, () if disturbed else failed)
 
