@@ -39,7 +39,8 @@ class FlightLog:
     NaN), `normalised` (throttle; thrust and torque by an estimated map).
     timing: standard deviation of the time at which a row's command acts [s]; 0 where it is held from its row.
     layout: where the rotors of `rotor` and `throttle` are; None: in the order of the vehicle file.
-    lacks: what was not logged and is integrated: `height` (position), `velocity`; keys of `library.REQUIREMENTS`.
+    lacks: what was not logged and is integrated: `attitude`, `velocity`, `height` (position); keys of
+    `library.REQUIREMENTS`. The specific force in B, R^T (a + g), is that of the accelerometer all the same.
     """
 
     t: np.ndarray

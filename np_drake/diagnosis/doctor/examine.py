@@ -15,7 +15,7 @@ from np_drake.diagnosis.doctor.swing_test import swing_test
 from np_drake.diagnosis.doctor.traces import GUSTS, explain, nearest_usual, payload_traces, traces
 from np_drake.diagnosis.localisation.identifiability import excitation, excited, manoeuvre, tells_apart
 from np_drake.diagnosis.options import Options
-from np_drake.diagnosis.regressors import DRAG, PAYLOAD, WIND, nuisance_of, tolerance_of, with_input
+from np_drake.diagnosis.regressors import DRAG, PAYLOAD, WIND, hidden_from, nuisance_of, tolerance_of, with_input
 from np_drake.diagnosis.residuals import FORCE, FlightResiduals, make_flight_residuals, natural_step
 from np_drake.effects.library import LIBRARY, effects_for, unobservable
 from np_drake.effects.parameter import usual_size
@@ -38,6 +38,7 @@ INSTEAD = {  # words of a reason of `unobservable`: what to log instead
     "no accelerations": "log the accelerometer",
     "no position": "log the position",
     "no velocity": "log velocity or position",
+    "no attitude": "log the attitude",
 }
 
 
@@ -97,7 +98,7 @@ def _with_answers(report: LogReport, logs: Sequence[FlightLog], vehicle: Vehicle
     every = traces(flights, options.priors)
     near = [t for t in nearest_usual(every) if t.identifier != PAYLOAD]
     tests = []
-    for e in flights:
+    for e in [] if PAYLOAD in hidden_from(flights) else flights:
         tell(0.5, "swing")
         others = nuisance_of([e], options.tolerance)
         own = [dc.replace(t, columns={e.name: t.columns[e.name]}) for t in near]

@@ -60,9 +60,10 @@ def flight_facts(log: FlightLog, vehicle: Vehicle | None = None) -> FlightFacts:
 
 def _signals(log: FlightLog, usual: MeasurementNoise):
     known = dc.asdict(usual)
+    integrated = {"p": "height", "v": "velocity"}
     for field, name, unit, sensor in SIGNALS:
         values = getattr(log, field)
-        if values is None or not np.isfinite(values).all():
+        if integrated.get(field) in log.lacks or values is None or not np.isfinite(values).all():
             continue
         yield SignalFacts(name, unit, *_noise(values), known.get(sensor, 0.0), *_grain(values))
 

@@ -5,7 +5,7 @@ specific force of a multirotor lies along its thrust axis. Each law is tested ax
 moves enough.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 
 import numpy as np
 from scipy import stats
@@ -45,8 +45,8 @@ def misfits(t: np.ndarray, x: Mapping[str, np.ndarray], *, everything: bool = Fa
     """
     over = Windows(t, WINDOW)
     out: Misfits = {}
-    for needed, law in LAWS:
-        if over.fit and all(name in x for name in needed):
+    for needed, law in laws_for(x):
+        if over.fit:
             out |= law(over, everything, *(x[name] for name in needed))
     return out
 
@@ -134,6 +134,16 @@ def _velocity(over: Windows, everything: bool, v: np.ndarray, a: np.ndarray) -> 
     return _compared("velocity", dv, sum_, everything) | {"gravity": gravity}
 
 
+def _weight(over: Windows, everything: bool, a: np.ndarray) -> Misfits:
+    """Return the misfits of a specific force in body axes, all that a log without attitude has of gravity.
+
+    The rotors push along the thrust axis. On the whole they carry the weight: a factor of g is as wrong as a unit.
+    """
+    s = a + [0.0, 0.0, GRAVITY]  # as `convert` leaves it without attitude
+    size = max(float(np.median(np.linalg.norm(s, axis=1))), 1e-9)
+    return {"upright": 1 - float(np.median(s[:, 2])) / size, "gravity": abs(np.log(size / GRAVITY)) / np.log(GRAVITY)}
+
+
 def _thrust(over: Windows, everything: bool, thrust: np.ndarray) -> Misfits:
     return {"thrust": 2.0 * float(np.median(thrust) < 0)}
 
@@ -181,3 +191,11 @@ LAWS: tuple[tuple[tuple[str, ...], Law], ...] = (
     (("velocity", "attitude"), _lift),
     (("thrust",), _thrust),
 )
+
+
+def laws_for(names: Collection[str]) -> list[tuple[tuple[str, ...], Law]]:
+    """Return the laws that these quantities can test, with those that each needs."""
+    laws = LAWS
+    if "attitude" not in names:  # of the accelerometer nothing is known in W
+        laws = (*(pair for pair in LAWS if pair[1] is not _velocity), (("acceleration",), _weight))
+    return [(needed, law) for needed, law in laws if all(name in names for name in needed)]

@@ -8,7 +8,16 @@ from typing import Any
 import numpy as np
 
 from np_drake.logs.errors import LogError
-from np_drake.logs.importing.consistency import AGREES, LAWS, OPPOSED, WINDOW, Misfits, failing, misfits, told_by_noise
+from np_drake.logs.importing.consistency import (
+    AGREES,
+    OPPOSED,
+    WINDOW,
+    Misfits,
+    failing,
+    laws_for,
+    misfits,
+    told_by_noise,
+)
 from np_drake.logs.importing.convert import Values, convert, convert_quantity
 from np_drake.logs.importing.log_map import BODIES, UNITS, WORLDS, LogMap
 from np_drake.logs.windows import Windows
@@ -113,9 +122,7 @@ class Trial:
     def misfits(self, log_map: LogMap) -> Misfits:
         """Return what `consistency.misfits` does of everything in the log, converted by this map."""
         out: Misfits = {}
-        for needed, law in LAWS:
-            if not self._over.fit or not all(name in self._raw for name in needed):
-                continue
+        for needed, law in laws_for(self._raw) if self._over.fit else ():
             keys = tuple(self._key(name, log_map) for name in needed)
             if keys not in self._misfits:
                 x = (self._quantity(name, log_map) for name in needed)
@@ -214,6 +221,8 @@ def _alternatives(raw: Values, log_map: LogMap) -> Iterator[Change]:
         yield tuple((f"{name}.world", _other(WORLDS, own)) for name, own in worlds.items())
     for name in raw:
         for options in _of_quantity(name, log_map):
+            if "attitude" not in raw and ("kind" in options or "axes" in options):
+                continue  # of the body alone
             yield tuple((f"{name}.{option}", value) for option, value in options.items())
 
 

@@ -183,7 +183,7 @@ def test_a_column_that_is_missing_is_named(written):
         written((), (("thrust.columns", ["nothing"]),))
 
 
-@pytest.mark.parametrize("names", [("attitude",), ("position", "velocity", "acceleration")])
+@pytest.mark.parametrize("names", [("attitude", "rates"), ("position", "velocity", "acceleration")])
 def test_a_map_without_the_state_is_refused_before_the_log_is_read(written, names):
     with pytest.raises(LogError, match=f"the map must name columns of {names[0]}"):
         written(declared=tuple((f"{name}.columns", []) for name in names))
