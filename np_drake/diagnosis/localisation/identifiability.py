@@ -9,10 +9,10 @@ from np_drake import attitude
 from np_drake.diagnosis.held_out import pooled
 from np_drake.diagnosis.localisation.localisation import localise
 from np_drake.diagnosis.numerics import NoiseModel, fit_noise
-from np_drake.diagnosis.regressors import Candidate, library_candidates
+from np_drake.diagnosis.regressors import Candidate, hidden_from, library_candidates
 from np_drake.diagnosis.residuals import WRENCH, FlightResiduals
 from np_drake.diagnosis.result import CHANNELS, Confusable, GapReduction, Identifiability
-from np_drake.effects.library import effect_of
+from np_drake.effects.library import REQUIREMENTS, effect_of
 
 # Of any quantity, to tell effects apart [m/s, rad/s, deg, 1]; own choice.
 LEAST_EXCITATION = {"speed": 0.08, "rate": 0.05, "tilt": 1.0, "thrust variation": 0.01}
@@ -114,6 +114,10 @@ def assess_identifiability(
     warnings = [f"{e.name}: {note}" for e in [*train, *held_out] for note in e.log.notes]
     if train[0].log.input == "rotor_speed":
         warnings.append("rotor speed is the input: motor_lag, command_delay and clock_offset cannot be told.")
+    hidden = hidden_from(train)
+    for quantity in sorted({quantity for e in train for quantity in e.log.lacks}):
+        names = ", ".join(name for name, reason in hidden.items() if reason == REQUIREMENTS[quantity])
+        warnings += [f"{REQUIREMENTS[quantity]}: {names} cannot be told."] * bool(names)
     for e in [*train, *held_out]:
         if e.log.a is None:
             warnings.append(

@@ -122,7 +122,7 @@ def default_map(contents: Contents) -> LogMap | None:
 
     The compressed state and the Lee controller's angles stand in for the estimate, whose pitch is nose up, against a
     right-handed y. Rotor speed is measured; thrust and torque of the Lee controller [N, N m] are used where there is
-    none, else PWM.
+    none. PWM is a throttle beside either.
     Source: Bitcraze, logging groups and variables of the firmware; world z up, body x forward, y left.
     """
 
@@ -147,15 +147,14 @@ def default_map(contents: Contents) -> LogMap | None:
 
 
 def _add_inputs(found: LogMap, source: Callable[..., Source]) -> None:
-    """Set the first input of the rotors that the log has."""
+    """Set rotor speed and throttle of the four, and without rotor speed the command of the Lee controller."""
+    found.throttle = source(*_rotors("pwm.m{}_pwm"), unit="pwm16") or source(*_rotors("motor.m{}"), unit="pwm16")
     found.rotor_speed = source(*_rotors("rpm.m{}"), unit="rpm")
     if found.rotor_speed:
         return
     found.thrust = source("ctrlLee.thrustSi", unit="N") or source("ctrlLee.thrustSI", unit="N")
     if found.thrust:
         found.torque = source(*_xyz("ctrlLee.torque"), unit="N.m")
-        return
-    found.throttle = source(*_rotors("pwm.m{}_pwm"), unit="pwm16") or source(*_rotors("motor.m{}"), unit="pwm16")
 
 
 def _left_handed(angles: Source) -> Source:
