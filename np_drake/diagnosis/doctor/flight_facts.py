@@ -96,13 +96,14 @@ def _motion(log: FlightLog) -> dict[str, float]:
         return float(np.sqrt(np.mean(np.sum(values**2, axis=1))))
 
     tilt = np.degrees(np.arccos(np.clip(attitude.body_z(log.q)[:, 2], -1, 1)))
+    v, z = log.v * ("velocity" not in log.lacks), log.p[:, 2] * ("height" not in log.lacks)
     return {
-        "speed [m/s]": rms(log.v),
-        "fastest [m/s]": float(np.linalg.norm(log.v, axis=1).max()),
+        "speed [m/s]": rms(v),
+        "fastest [m/s]": float(np.linalg.norm(v, axis=1).max()),
         "rate [rad/s]": rms(log.w),
         "tilt [deg]": float(np.sqrt(np.mean(tilt**2))),
-        "height span [m]": float(np.ptp(log.p[:, 2])),
-        "lowest [m]": float(log.p[:, 2].min()),
+        "height span [m]": float(np.ptp(z)),
+        "lowest [m]": float(z.min()),
     }
 
 

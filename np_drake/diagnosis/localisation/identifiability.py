@@ -21,13 +21,13 @@ SAME_DISTANCE = 9.0  # squared whitened distance below which two just visible ef
 
 
 def excitation(flights: Sequence[FlightResiduals]) -> dict[str, float]:
-    """Return RMS values and spans over all flights by quantity, with the unit in the key."""
-    v = np.concatenate([e.mids.x[:, 7:10] for e in flights])
+    """Return RMS values and spans over all flights by quantity, with the unit in the key; 0 of what was not logged."""
+    v = np.concatenate([e.mids.x[:, 7:10] * ("velocity" not in e.log.lacks) for e in flights])
     w = np.concatenate([e.w for e in flights])
     tilt = np.degrees(np.concatenate([np.arccos(np.clip(attitude.body_z(e.mids.q)[:, 2], -1, 1)) for e in flights]))
     f = np.concatenate([e.nominal[:, 2] for e in flights])
     tau = np.concatenate([e.nominal[:, 3:] for e in flights])
-    z = np.concatenate([e.mids.x[:, 2] for e in flights])
+    z = np.concatenate([e.mids.x[:, 2] * ("height" not in e.log.lacks) for e in flights])
 
     def rms(a: np.ndarray) -> float:
         return float(np.sqrt(np.mean(np.sum(np.atleast_2d(a.T).T ** 2, axis=1))))

@@ -118,7 +118,7 @@ def read(path: Path, wanted: Mapping[str, list[str]], progress: Progress, chunk:
 
 
 def default_map(contents: Contents) -> LogMap | None:
-    """Return the map of the firmware's own log variables; None without attitude, or any motion of the centre.
+    """Return the map of the firmware's own log variables; None without any motion of the centre, or what turns it.
 
     The compressed state and the Lee controller's angles stand in for the estimate, whose pitch is nose up, against a
     right-handed y. Rotor speed is measured; thrust and torque of the Lee controller [N, N m] are used where there is
@@ -143,7 +143,8 @@ def default_map(contents: Contents) -> LogMap | None:
         voltage=source("pm.vbatMV", unit="mV") or source("pm.vbat", unit="V"),
     )
     _add_inputs(found, source)
-    return found if found.attitude and (found.position or found.velocity or found.acceleration) else None
+    posed = found.attitude and (found.position or found.velocity or found.acceleration)
+    return found if posed or (found.acceleration and found.rates) else None
 
 
 def _add_inputs(found: LogMap, source: Callable[..., Source]) -> None:

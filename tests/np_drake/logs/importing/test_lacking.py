@@ -33,15 +33,18 @@ def table(excited, tmp_path):
     return go
 
 
+OR = ", or gyro and accelerometer (wx wy wz sx sy sz)"
+
+
 @pytest.mark.parametrize(
     "names, said",
     [
-        ([n for n in OURS if n[0] != "q"], "attitude (qw qx qy qz, or Euler angles by a map)"),
-        ([n for n in OURS if n != "qz"], "attitude (qz, or Euler angles by a map)"),
+        ([n for n in OURS if n[0] != "q"], f"attitude (qw qx qy qz, or Euler angles by a map){OR}"),
+        ([n for n in OURS if n != "qz"], f"attitude (qz, or Euler angles by a map){OR}"),
         (
             [*(n for n in OURS if n[0] != "q"), "roll", "pitch", "yaw"],
             "attitude (qw qx qy qz, or Euler angles by a map: "
-            "`attitude: {columns: [roll, pitch, yaw], unit: rad}`, or deg)",
+            f"`attitude: {{columns: [roll, pitch, yaw], unit: rad}}`, or deg){OR}",
         ),
         (OURS[1:], "time (t)"),
         (["t", "qw", "qx", "qy", "qz", "wx"], "position, velocity or acceleration (px py pz, vx vy vz, ax ay az)"),
