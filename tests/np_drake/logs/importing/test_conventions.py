@@ -269,3 +269,28 @@ def test_a_drag_is_no_misfit_of_the_lift(fly):
     log = fly(LinearDrag(0.6, 0.6, 0.3), ConstantWind(3.0, -2.0, 0.0), seed=2, noise=1.0)
     found = misfits(log.t, {"velocity": log.v, "attitude": log.q})
     assert max(found["lift x"], found["lift y"]) < 0.1
+
+
+@pytest.mark.parametrize("order", [(0, 2, 1, 3), (0, 1, 3, 2), (0, 3, 2, 1), (0, 2, 3, 1), (1, 0, 2, 3), (3, 2, 1, 0)])
+def test_a_quaternion_in_an_order_of_no_one_is_refused(sampled, conventions, order):
+    t, x = sampled
+    columns = conventions.columns_in(conventions.plain_map(), x)
+    columns["attitude"] = columns["attitude"][:, list(order)]
+    assert not check_conventions(t, columns, conventions.plain_map()).holds
+
+
+@pytest.mark.parametrize("name", ["rates", "velocity"])
+@pytest.mark.parametrize("seconds", [1.5, 3.0, 4.5])
+def test_a_quantity_of_another_time_is_refused(sampled, conventions, name, seconds):
+    t, x = sampled
+    columns = conventions.columns_in(conventions.plain_map(), x)
+    columns[name] = np.roll(columns[name], round(seconds / (t[1] - t[0])), axis=0)
+    assert not check_conventions(t, columns, conventions.plain_map()).holds
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+def test_a_velocity_of_which_one_axis_is_turned_round_is_refused(sampled, conventions, axis):
+    t, x = sampled
+    columns = conventions.columns_in(conventions.plain_map(), x)
+    columns["velocity"] = columns["velocity"] * [-1.0 if i == axis else 1.0 for i in range(3)]
+    assert not check_conventions(t, columns, conventions.plain_map()).holds
