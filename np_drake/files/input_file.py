@@ -117,7 +117,7 @@ def decompressed_start(start: bytes) -> bytes:
 def open_compressed(path: str | Path) -> BinaryIO:
     """Open a binary file, which is decompressed into memory where it is of gzip.
 
-    Raises: ValueError: if it is damaged, or holds more than `text_budget`; OSError: if it cannot be opened.
+    Raises: ValueError: if it is damaged, or holds more than `block_budget`; OSError: if it cannot be opened.
     """
     with Path(path).open("rb") as file:
         compressed = file.read(len(GZIP)) == GZIP
@@ -125,11 +125,11 @@ def open_compressed(path: str | Path) -> BinaryIO:
         return Path(path).open("rb")
     try:
         with gzip.open(path) as unpacked:
-            content = unpacked.read(text_budget(path) + 1)
+            content = unpacked.read(block_budget(path) + 1)
     except (EOFError, zlib.error, gzip.BadGzipFile) as error:
         raise ValueError(f"{path}: must be a whole gzip file; copy it again.") from error
-    if len(content) > text_budget(path):
-        raise ValueError(f"{path}: must hold at most {text_budget(path) / 1e6:.0f} MB. Is it the right file?")
+    if len(content) > block_budget(path):
+        raise ValueError(f"{path}: must hold at most {block_budget(path) / 1e6:.0f} MB. Is it the right file?")
     return io.BytesIO(content)
 
 

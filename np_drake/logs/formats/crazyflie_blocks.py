@@ -70,7 +70,8 @@ def read(content: bytes, path: Path, wanted: Mapping[str, list[str]], progress: 
         notes += (f"row {odd[0] + 1}: the time is damaged; what follows is left out.",)
     t = MICROSECOND * (float(rows["0"][0]) + np.cumsum(steps.astype(float)))
     q = _quaternions(rows[places[QUATERNION]]) if QUATERNION in places else {}
-    columns = {n: q[n] if n in q else rows[places[n]].astype(float) for n in wanted.get(STREAM, ())}
+    with np.errstate(invalid="ignore"):  # the bits of a damaged float may be a signalling NaN
+        columns = {n: q[n] if n in q else rows[places[n]].astype(float) for n in wanted.get(STREAM, ())}
     progress(1.0)
     facts = {"log version": "0, in blocks", "clock": "time since the start of the firmware [s]"}
     return Recording(str(path), {STREAM: Stream(t, columns)}, facts, notes)
