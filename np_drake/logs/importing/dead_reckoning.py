@@ -9,13 +9,14 @@ from scipy.integrate import cumulative_trapezoid
 
 from np_drake import attitude
 from np_drake.logs.importing.convert import GRAVITY, convert_quantity
-from np_drake.logs.importing.interpolation import Signal, Signals
+from np_drake.logs.importing.interpolation import FASTER, Signal, Signals
 from np_drake.logs.importing.log_map import LogMap, Source
 
 LACKS = {"position": "height", "velocity": "velocity"}  # quantity: what `FlightLog.lacks` says
 # Below which the mean specific force is vertical: no flight accelerates one way for ten seconds [Hz]; own choice.
 LEVEL = 0.05
 EVERY = 0.05  # between two values of that mean [s]
+FINEST = 0.002  # between two attitudes: body rates that are denser are averaged [s]
 _G = np.array([0.0, 0.0, GRAVITY])
 
 
@@ -56,14 +57,15 @@ def with_whole_motion(
 
 
 def _levelled(signals: Signals, log_map: LogMap) -> Signal:
-    """Return the attitude (n, 4) at the times of the body rates, from these and the specific force in body axes.
+    """Return the attitude (n, 4) from body rates and specific force, at the times of the rates or every `FINEST`.
 
     Turned to W by the gyro alone, the mean specific force is vertical but for the gyro's drift, which is taken out.
     Nothing is said of yaw. Source: complementary filter, run in both directions.
     """
     own, force = signals["rates"], signals["acceleration"]
     rates = Signal(own.t, convert_quantity("rates", own.values, log_map))
-    carried = Signal(own.t, attitude.integrated(own.t, np.array([1.0, 0.0, 0.0, 0.0]), rates.values))
+    at = own.t if own.step * FASTER > FINEST else np.arange(own.t[0], own.t[-1], FINEST)
+    carried = Signal(at, attitude.integrated(at, np.array([1.0, 0.0, 0.0, 0.0]), rates.averaged(at, FINEST)))
     specific = convert_quantity("acceleration", force.values, log_map) + _G
     seen = Signal(force.t, attitude.rotate(carried.turned(None, force.t), specific))
     t = np.arange(own.t[0], own.t[-1] + EVERY, EVERY)
@@ -71,11 +73,11 @@ def _levelled(signals: Signals, log_map: LogMap) -> Signal:
     # Mirrored ends: what the vehicle does in its last instant is no mean.
     mirrored = {"padtype": "even", "padlen": min(len(t) - 1, int(1 / (LEVEL * EVERY)))}
     up = filters.sosfiltfilt(sos, seen.averaged(t, EVERY), axis=0, **mirrored)
-    up = Signal(t, up / np.maximum(np.linalg.norm(up, axis=1, keepdims=True), 1e-9)).linear(own.t)
+    up = Signal(t, up / np.maximum(np.linalg.norm(up, axis=1, keepdims=True), 1e-9)).linear(at)
     across = np.cross(up, [0.0, 0.0, 1.0])
     size = np.linalg.norm(across, axis=1, keepdims=True)
     turn = across * np.arctan2(size, up[:, 2:]) / np.maximum(size, 1e-12)
-    return Signal(own.t, attitude.multiply(attitude.from_rotation_vector(turn), carried.values))
+    return Signal(at, attitude.multiply(attitude.from_rotation_vector(turn), carried.values))
 
 
 def _integral(signals: Signals, rate: str, log_map: LogMap) -> Signal:

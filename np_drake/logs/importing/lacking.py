@@ -15,7 +15,8 @@ from np_drake.logs.importing.log_map import SIZES
 DRIVES = re.compile(r"motor|rotor|throttle|pwm|esc|rpm|omega|actuator", re.IGNORECASE)  # in names of what turns rotors
 NUMBERED = re.compile(r"^(.*?)\d+\D?$")  # a name with the number of a rotor
 PLAIN = re.compile(r"[A-Za-z_][\w./]*")  # names that need no quotes in a map
-SPEEDS = (("rpm", "rpm"), ("omega", "rad/s"), ("speed", "rad/s"))  # in names of rotor speed, and their unit
+# In names of rotor speed, and their unit. Most motors have 14 magnets; source: the default of Betaflight's motor_poles.
+SPEEDS = (("erpm", "erpm, pole_pairs: 7"), ("rpm", "rpm"), ("omega", "rad/s"), ("speed", "rad/s"))
 BODY = " ".join((*COLUMNS["w"], *FORCE))
 ANGLES = ("roll", "pitch", "yaw")
 # Largest reading of a throttle, and its unit: of 1 and per cent with an overdriven motor, of pulses with trims.

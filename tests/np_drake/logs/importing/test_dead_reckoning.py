@@ -12,6 +12,7 @@ from np_drake.diagnosis.residuals import FORCE, TORQUE, make_flight_residuals
 from np_drake.effects.base import SensorEffect
 from np_drake.effects.center_of_mass_offset import CenterOfMassOffset
 from np_drake.effects.library import LIBRARY
+from np_drake.flight_log import FlightLog
 from np_drake.logs.columns import COLUMNS
 from np_drake.logs.columns import FORCE as SPECIFIC
 from np_drake.logs.errors import LogError
@@ -196,6 +197,21 @@ def test_a_log_without_attitude_comes_back_from_its_file(body, excited, tmp_path
     assert again.lacks == first.lacks
     for field in ("q", "v", "p", "a", "w"):
         np.testing.assert_allclose(getattr(again, field), getattr(first, field), atol=1e-6)
+
+
+def test_a_gyro_of_two_kilohertz_makes_rows_of_500(body, excited):
+    t = np.arange(excited.t[0], excited.t[-1], 0.0005)
+
+    def dense(values):
+        return np.stack([np.interp(t, excited.t, column) for column in values.T], axis=1)
+
+    q = dense(attitude.one_hemisphere(excited.q, excited.q[0]))
+    log = FlightLog(t, 0 * dense(excited.p), q, dense(excited.v), dense(excited.w), dense(excited.u), dense(excited.a))
+    (dut,), _ = open_flights(body(log))
+    assert dut.step == pytest.approx(0.002)
+    truth = specific_force(log)[2::4]
+    rows = min(len(dut), len(truth))
+    assert np.sqrt(np.mean((specific_force(dut)[:rows] - truth[:rows]) ** 2)) < 0.1
 
 
 TURNS = {

@@ -80,9 +80,10 @@ def test_columns_that_may_be_motors_are_named_with_a_line_that_is_a_map(table, e
     assert load_map_file(tmp_path / "map.yaml").values.throttle.columns == list(motors)
 
 
-def test_columns_of_rotor_speed_are_named_with_their_unit(table, excited):
-    speeds = {f"motor_rpm[{k}]": 7000.0 + 0 * excited.t for k in range(4)}
+@pytest.mark.parametrize("stem, unit", [("motor_rpm", {"unit": "rpm"}), ("eRPM", {"unit": "erpm", "pole_pairs": 7})])
+def test_columns_of_rotor_speed_are_named_with_their_unit(table, excited, stem, unit):
+    speeds = {f"{stem}[{k}]": 7000.0 + 0 * excited.t for k in range(4)}
     with pytest.raises(LogError, match="may be such") as error:
         import_log(table(("thrust", "tx", "ty", "tz", "rotor"), **speeds))
     (line,) = re.findall(r"`(.*)`", str(error.value))
-    assert yaml.safe_load(line) == {"rotor_speed": {"columns": list(speeds), "unit": "rpm"}}
+    assert yaml.safe_load(line) == {"rotor_speed": {"columns": list(speeds)} | unit}
