@@ -64,11 +64,12 @@ def read(content: bytes, path: Path, wanted: Mapping[str, list[str]], progress: 
     if not len(rows):
         raise LogError(f"{path}: must hold at least one whole block after its header; {REMEDY}.")
     # The counter of microseconds has 32 bits and begins anew after 71 minutes.
-    steps = np.diff(rows["0"].astype(np.uint32), prepend=rows["0"][:1].astype(np.uint32))
-    if len(odd := np.flatnonzero(steps * MICROSECOND > LONGEST_PAUSE)):
+    ticks = rows["0"].astype(np.uint32)
+    steps = MICROSECOND * np.diff(ticks, prepend=ticks[:1]).astype(float)
+    if len(odd := np.flatnonzero(steps > LONGEST_PAUSE)):
         rows, steps = rows[: odd[0]], steps[: odd[0]]
         notes += (f"row {odd[0] + 1}: the time is damaged; what follows is left out.",)
-    t = MICROSECOND * (float(rows["0"][0]) + np.cumsum(steps.astype(float)))
+    t = MICROSECOND * float(ticks[0]) + np.cumsum(steps)
     q = _quaternions(rows[places[QUATERNION]]) if QUATERNION in places else {}
     with np.errstate(invalid="ignore"):  # the bits of a damaged float may be a signalling NaN
         columns = {n: q[n] if n in q else rows[places[n]].astype(float) for n in wanted.get(STREAM, ())}
@@ -92,7 +93,7 @@ def _variables(content: bytes, path: Path) -> tuple[list[tuple[str, str]], int]:
 
 def _blocks(content: bytes, offset: int, size: int) -> tuple[list[bytes], tuple[str, ...]]:
     """Return the records of all whole blocks, and a line where the log is cut or damaged."""
-    pieces = []
+    pieces: list[bytes] = []
     while offset < len(content):
         end = offset + 1 + content[offset] * size
         if end + 4 > len(content):
