@@ -237,3 +237,12 @@ def test_a_diagnosis_of_gyro_and_accelerometer_finds_a_cause_of_the_body(body, f
     assert found.verdict == ("center_of_mass_offset",)
     assert found.causes[0].effect.x == pytest.approx(0.01, abs=0.003)
     assert not found.unexplained
+
+
+def test_a_log_shows_what_it_lacks_and_no_range_of_it(body, excited):
+    (dut,), _ = open_flights(body(excited))
+    assert repr(dut).endswith("input command, without attitude, velocity, height)")
+    shown = dut._repr_html_()
+    assert "body rate" in shown
+    assert "height [m]" not in shown
+    assert "speed [m/s]" not in shown
