@@ -159,8 +159,7 @@ def default_map(contents: Contents) -> LogMap | None:
         voltage=source("pm.vbatMV", unit="mV") or source("pm.vbat", unit="V"),
     )
     _add_inputs(found, source)
-    posed = found.attitude and (found.position or found.velocity or found.acceleration)
-    return found if posed or (found.acceleration and found.rates) else None
+    return found if found.tells_motion else None
 
 
 def _opened(path: Path) -> BinaryIO:

@@ -114,10 +114,7 @@ def require_a_flight(log_map: LogMap, path: str, inputs: Callable[[], str] = str
         inputs: returns which of its columns may be an input, for the message.
     Raises: LogError: if it does not.
     """
-    rates, force = log_map.rates, log_map.acceleration
-    in_body = rates and force and force.kind != "acceleration"
-    in_body = in_body and rates.axes_of("rates") == force.axes_of("acceleration") == "body"
-    if not (log_map.attitude or in_body):
+    if not (log_map.attitude or log_map.in_body):
         raise LogError(
             f"{path}: the map must name columns of attitude, or of rates and acceleration in body axes, as a gyro and "
             "an accelerometer read them; a flight log needs these."

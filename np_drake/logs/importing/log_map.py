@@ -139,6 +139,18 @@ class LogMap:
             if source:
                 yield name, source
 
+    @property
+    def in_body(self) -> bool:
+        """Whether it names a gyro and an accelerometer that read in body axes."""
+        rates, force = self.rates, self.acceleration
+        axes = {rates.axes_of("rates"), force.axes_of("acceleration")}
+        return bool(rates and force) and force.kind != "acceleration" and axes == {"body"}
+
+    @property
+    def tells_motion(self) -> bool:
+        """Whether it names attitude and any motion of the centre, or what both can be integrated from."""
+        return self.in_body or bool(self.attitude and (self.position or self.velocity or self.acceleration))
+
     def names(self) -> list[str]:
         """Return the names of all columns that are used, the time among them."""
         sources = [source for _, source in self.sources()]

@@ -115,6 +115,15 @@ def test_an_autopilots_log_without_position_tells_what_its_body_axes_tell(autopi
     assert examine([logs[1]], Vehicle(), sheets={logs[1].name: sheets[1]}).usable
 
 
+def test_an_autopilots_log_without_pose_is_its_gyro_and_accelerometer(autopilot):
+    def poseless(streams):
+        return {n: s for n, s in placeless(streams).items() if n not in ("vehicle_attitude", "ATT", "XKQ.0", "XKQ1")}
+
+    (whole,), (dut,) = autopilot(dict).flights, autopilot(poseless).flights
+    assert dut.lacks == ("attitude", "velocity", "height")
+    assert np.median(specific_force(dut)[:, 2]) == pytest.approx(np.median(specific_force(whole)[:, 2]), rel=0.02)
+
+
 @pytest.mark.parametrize("suffix", [".csv", ".parquet"])
 def test_a_log_that_was_written_without_position_keeps_its_sheet(flown, autopilots, import_px4, tmp_path, suffix):
     ours = autopilots.throttle(flown)
