@@ -113,12 +113,14 @@ def signals(log: FlightLog, unmixer: np.ndarray, drive: str = "") -> Signals:
     good &= np.linalg.norm(force, axis=1) > FLYING * 9.81
     source = {"rotor_speed": _rotor_speed(log, unmixer), "throttle": log.throttle,
               "command": np.maximum(log.u @ unmixer.T, 0.0)}[drive]  # fmt: skip
+    if not _of_four_rotors(source):
+        raise ValueError(f"{log.name}: identification needs the {drive.replace('_', ' ')} of four rotors in every row.")
     logged = log.rotor if drive == "rotor_speed" else source
     good &= np.add.reduceat(_spikes(np.concatenate([logged, log.w], axis=1))[: edges[-1]], edges[:-1]) == 0
     if log.bridged is not None:
         good &= np.add.reduceat(log.bridged[: edges[-1]], edges[:-1]) == 0
     good &= length[:, 0] < 1.6 * np.median(length)
-    four = log.throttle is not None and np.ndim(log.throttle) == 2 and log.throttle.shape[1] == 4
+    volts = log.voltage if log.voltage is not None and (log.voltage > 0).all() else None
     return Signals(
         name=log.name,
         t=log.t,
@@ -132,8 +134,8 @@ def signals(log: FlightLog, unmixer: np.ndarray, drive: str = "") -> Signals:
         good=good,
         drive=drive,
         input=np.asarray(source, float),
-        command=log.throttle if four and drive == "rotor_speed" else None,
-        voltage=log.voltage if log.voltage is not None and np.isfinite(log.voltage).all() else None,
+        command=log.throttle if _of_four_rotors(log.throttle) and drive == "rotor_speed" else None,
+        voltage=volts,
         accelerometer=log.a is not None,
         timing=log.timing,
     )
@@ -144,9 +146,9 @@ def drive_of(log: FlightLog) -> str:
 
     Raises: ValueError: where the log has neither rotor speed, nor the throttle of four rotors, nor thrust and torque.
     """
-    if log.rotor is not None and np.isfinite(log.rotor).all():
+    if _of_four_rotors(log.rotor):
         return "rotor_speed"
-    if log.throttle is not None and np.ndim(log.throttle) == 2 and log.throttle.shape[1] == 4:
+    if _of_four_rotors(log.throttle):
         return "throttle"
     if log.input == "command" and np.isfinite(log.u).all():
         return "command"
@@ -154,6 +156,11 @@ def drive_of(log: FlightLog) -> str:
         f"{log.name}: identification needs what turns each rotor: rotor speed, throttle of four motors, or thrust and "
         "torque; the log has none of them."
     )
+
+
+def _of_four_rotors(values: np.ndarray | None) -> bool:
+    """Return whether readings are those of four rotors, in every row."""
+    return values is not None and np.ndim(values) == 2 and values.shape[1] == 4 and bool(np.isfinite(values).all())
 
 
 def _spikes(values: np.ndarray) -> np.ndarray:
@@ -181,9 +188,10 @@ def _rotor_speed(log: FlightLog, unmixer: np.ndarray) -> np.ndarray | None:
 def _mean_after(values: np.ndarray, dt: np.ndarray, edges: np.ndarray) -> np.ndarray:
     """Return the means (m, c) of values (n, c) that are each the mean over the interval after their row."""
     weighted = values[: len(dt)] * dt[:, None]
-    return np.add.reduceat(weighted[: edges[-1]], edges[:-1], axis=0) / np.add.reduceat(dt[: edges[-1]], edges[:-1])[
-        :, None
-    ]
+    return (
+        np.add.reduceat(weighted[: edges[-1]], edges[:-1], axis=0)
+        / np.add.reduceat(dt[: edges[-1]], edges[:-1])[:, None]
+    )
 
 
 def _mean_line(values: np.ndarray, dt: np.ndarray, edges: np.ndarray) -> np.ndarray:
