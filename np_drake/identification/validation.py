@@ -60,6 +60,7 @@ def vehicle_values(vehicle: Vehicle, frame: Frame, drive: str, mass: float, fixe
     imu = np.array(c.imu_position or [0.0, 0.0, 0.0]) / arm
     up = max(vehicle.rotor_time_constant, 1e-6)
     down = c.rotor_time_constant_down or up
+    spin = frame.unit if drive == "rotor_speed" else float(np.sqrt(weight / vehicle.thrust_coefficient))
     zero = dict.fromkeys(fixed, 0.0)
     return zero | {
         "scale": scale,
@@ -73,6 +74,7 @@ def vehicle_values(vehicle: Vehicle, frame: Frame, drive: str, mass: float, fixe
         "jxz": xz,
         "jyz": yz,
         "torque": vehicle.torque_coefficient / vehicle.thrust_coefficient / frame.radius,
+        "rotor_momentum": c.rotor_inertia * spin / J[2, 2],
         **{f"imu_{a}": float(imu[i]) for i, a in enumerate("xyz")},
         **{f"tilt_{a}": float(c.imu_tilt[i]) for i, a in enumerate("xyz")},
         "lag": up,
@@ -144,7 +146,9 @@ def _least_squares(found: Identification, start: Values) -> Values:
     Channels count by their deviation. Source: the way of mujoco.sysid, where the user names the parameters.
     """
     models = found.models
-    names = [name for name in USUAL if name in {p.name for p in (*found.estimate.layout.shared, *found.estimate.layout.own)}]
+    names = [
+        name for name in USUAL if name in {p.name for p in (*found.estimate.layout.shared, *found.estimate.layout.own)}
+    ]
     logs = {"scale", "jxx", "jyy", "jzz", "torque", "lag"}
     size = [np.maximum(np.std(np.concatenate([m.flight.force, m.flight.alpha], axis=1), axis=0), 1e-6) for m in models]
 
