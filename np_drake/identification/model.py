@@ -185,7 +185,12 @@ class FlightModel:
         by direction with its rate of change (m,), and their mean (m,).
         """
         rotors, d = self._rotors(v), self.frame.directions
-        return rotors.thrust @ self.gains(v), (rotors.thrust @ self.arms(v).T, rotors.speed @ d, rotors.rate @ d, rotors.mean)
+        return rotors.thrust @ self.gains(v), (
+            rotors.thrust @ self.arms(v).T,
+            rotors.speed @ d,
+            rotors.rate @ d,
+            rotors.mean,
+        )
 
     def _keep(self, stage: str, key: tuple, make: Callable[[], Any]) -> Any:
         """Return a stage for this key. The two last are kept, for finite differences move one parameter at a time."""
@@ -241,7 +246,7 @@ class FlightModel:
         return self._keep("rotors", key, make)
 
     def _driven(self, v: Values) -> tuple[np.ndarray, np.ndarray]:
-        """Return the relative speeds (k, 4) at the edges of the fine grid (k,) [s] by the command, without dead time."""
+        """Return relative speeds (k, 4) at the edges of the fine grid (k,) [s] by the command, without dead time."""
         s, grid = self.flight, self.flight.substeps
 
         def make() -> tuple[np.ndarray, np.ndarray]:
@@ -285,7 +290,7 @@ class FlightModel:
 
 @dc.dataclass(frozen=True)
 class Rotors:
-    """Rotors in the bins: mean relative speed, mean of its square, that at the accelerometer's time, and rate of change.
+    """Rotors in the bins: mean relative speed, mean of its square, that at the accelerometer's time, and its rate.
 
     All are (m, 4); the last is in 1/s.
     """

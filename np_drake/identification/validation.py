@@ -8,7 +8,7 @@ from scipy.optimize import least_squares
 
 from np_drake.flight_log import FlightLog
 from np_drake.identification.identify import Identification
-from np_drake.identification.model import G, FlightModel, Frame, Values, inertia
+from np_drake.identification.model import FlightModel, Frame, G, Values, inertia
 from np_drake.identification.prediction import ERRORS, predict
 from np_drake.identification.signals import signals
 from np_drake.vehicle import Vehicle
