@@ -70,16 +70,18 @@ def estimate(models: Sequence[FlightModel], layout: Layout) -> Estimate:
         layout: of the parameters.
     """
     z = np.zeros(layout.size)
-    for number in range(PASSES):
+    alone = [z] * len(models)
+    for again in range(PASSES):
         whitenings = []
-        first = number == 0
         for number, model in enumerate(models):
-            if not first:
-                model.smooth(layout.values(z, number))
-            e = model.residual(layout.values(z, number))
+            if again:
+                model.smooth(layout.values(alone[number], number))
+            # What this flight alone leaves: a disagreement with others is not its noise.
+            e = model.residual(layout.values(alone[number], number))
             whitenings.append(Whitening.of(e, model.flight.good))
         before = z
         z, parts = _descend(models, layout, z, whitenings)
+        alone = [_alone(part, layout, z, number)[0] for number, part in enumerate(parts)]
         if np.abs(z - before).max() < 0.02:
             break
     H = sum(part.information for part in parts) + np.eye(layout.size)
@@ -170,6 +172,15 @@ def _part(model: FlightModel, layout: Layout, z: np.ndarray, number: int, whiten
     return _Part(gradient, information, scores, 0.5 * float(np.sum(e**2)))
 
 
+def _alone(part: _Part, layout: Layout, z: np.ndarray, number: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return what a flight alone tells (k,), by one step from the common estimate, and the inverse of its Hessian."""
+    own = layout.indices(number)
+    inverse = np.linalg.inv(part.information[np.ix_(own, own)] + np.eye(len(own)))
+    moved = z.copy()
+    moved[own] = np.clip(z[own] - inverse @ (part.gradient[own] + z[own]), -BOUND, BOUND)
+    return moved, inverse
+
+
 def _agreement(parts: Sequence[_Part], layout: Layout, z: np.ndarray) -> dict[str, Agreement]:
     """Return how flights agree: each by one step from the common estimate, less what the prior tells."""
     if len(parts) < 2:
@@ -178,9 +189,8 @@ def _agreement(parts: Sequence[_Part], layout: Layout, z: np.ndarray) -> dict[st
     values, sds = np.full((len(parts), n), np.nan), np.full((len(parts), n), np.nan)
     for number, part in enumerate(parts):
         own = layout.indices(number)
-        H = part.information[np.ix_(own, own)] + np.eye(len(own))
-        inverse = np.linalg.inv(H)
-        mean = z[own] - inverse @ (part.gradient[own] + z[own])
+        moved, inverse = _alone(part, layout, z, number)
+        mean = moved[own]
         scores = part.scores[:, own]
         M = scores.T @ scores * len(scores) / max(len(scores) - 1, 1) + np.eye(len(own))
         variance = np.maximum(np.diag(inverse @ M @ inverse), np.diag(inverse))[:n]
@@ -223,7 +233,7 @@ def _add_spread_of_own(covariance: np.ndarray, layout: Layout, z: np.ndarray) ->
 def _between(agreement: Agreement) -> float:
     """Return what the variance between flights adds to that of their mean, with Student's t for their number."""
     here = np.isfinite(agreement.sd)
-    weight = 1.0 / (agreement.sd[here] ** 2 + agreement.variance)
+    weight = 1.0 / agreement.sd[here] ** 2  # as flights count in the common estimate
     share = float((weight**2).sum() / weight.sum() ** 2)
     few = float(stats.t.ppf(0.975, here.sum() - 1) / stats.norm.ppf(0.975))
     return agreement.variance * share * few**2
