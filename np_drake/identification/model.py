@@ -135,8 +135,8 @@ class FlightModel:
         Args:
             v: parameters by name.
         """
-        patterns = np.array([v["gain_roll"], v["gain_pitch"], v["gain_yaw"]]) @ self.frame.patterns
-        return 0.25 * G * v["scale"] * (1.0 + patterns)
+        patterns = np.array([v["gain_roll"], v["gain_pitch"], v["gain_yaw"] + v["shift_yaw"]]) @ self.frame.patterns
+        return 0.25 * G * v["scale"] * v["charge"] * (1.0 + patterns)
 
     def center(self, v: Values) -> np.ndarray:
         """Return the centre of mass (3,) from Bo [m].
@@ -144,7 +144,7 @@ class FlightModel:
         Args:
             v: parameters by name.
         """
-        return self.frame.arm * np.array([v["com_x"], v["com_y"], 0.0])
+        return self.frame.arm * np.array([v["com_x"] + v["shift_x"], v["com_y"] + v["shift_y"], 0.0])
 
     def arms(self, v: Values) -> np.ndarray:
         """Return the map (3, 4) from relative thrusts to torque over mass about the centre of mass [m²/s²].
@@ -185,7 +185,12 @@ class FlightModel:
         by direction with its rate of change (m,), and their mean (m,).
         """
         rotors, d = self._rotors(v), self.frame.directions
-        return rotors.thrust @ self.gains(v), (rotors.thrust @ self.arms(v).T, rotors.speed @ d, rotors.rate @ d, rotors.mean)
+        return rotors.thrust @ self.gains(v), (
+            rotors.thrust @ self.arms(v).T,
+            rotors.speed @ d,
+            rotors.rate @ d,
+            rotors.mean,
+        )
 
     def _keep(self, stage: str, key: tuple, make: Callable[[], Any]) -> Any:
         """Return a stage for this key. The two last are kept, for finite differences move one parameter at a time."""
