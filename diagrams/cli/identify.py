@@ -39,7 +39,8 @@ def identify(
         str, Option(metavar="FIRMWARE", help="Without a file: order of the rotors: px4 | ardupilot | betaflight | …")
     ] = "px4",
     held_out: Annotated[
-        list[Path] | None, Option(metavar="LOG", help="Flights to judge by; default: the last, or the last third of one.")
+        list[Path] | None,
+        Option(metavar="LOG", help="Flights to judge by; default: the last, or the last third of one."),
     ] = None,
     input: Annotated[
         str, Option(metavar="KIND", help="rotor_speed | throttle | command; default: the first that the logs hold.")
@@ -131,9 +132,7 @@ def _split(
     return flights, flights, [(LAST, 1.0)]
 
 
-def _judge(
-    found: "Identification", judging: "list[FlightLog]", parts: list[tuple[float, float]]
-) -> "list[HeldOut]":
+def _judge(found: "Identification", judging: "list[FlightLog]", parts: list[tuple[float, float]]) -> "list[HeldOut]":
     from np_drake.identification.validation import held_out
 
     return held_out(found, judging, parts, plain=True)
@@ -191,7 +190,14 @@ def _judged(rows: "list[HeldOut]") -> "tuple[str, list[str], list[tuple[Any, ...
         return float(np.sqrt(np.sum(np.square(values))))
 
     table = [
-        (row.flight, row.model, size(row.force), size(row.torque), *row.open_loop[:, 0], *np.rad2deg(row.open_loop[:, 2]))
+        (
+            row.flight,
+            row.model,
+            size(row.force),
+            size(row.torque),
+            *row.open_loop[:, 0],
+            *np.rad2deg(row.open_loop[:, 2]),
+        )
         for row in rows
     ]
     header = ["flight", "model", "force [N]", "torque [N·m]", "0.1 s [m]", "0.5 s [m]", "0.1 s [deg]", "0.5 s [deg]"]

@@ -135,8 +135,8 @@ class FlightModel:
         Args:
             v: parameters by name.
         """
-        patterns = np.array([v["gain_roll"], v["gain_pitch"], v["gain_yaw"]]) @ self.frame.patterns
-        return 0.25 * G * v["scale"] * (1.0 + patterns)
+        patterns = np.array([v["gain_roll"], v["gain_pitch"], v["gain_yaw"] + v["shift_yaw"]]) @ self.frame.patterns
+        return 0.25 * G * v["scale"] * v["charge"] * (1.0 + patterns)
 
     def center(self, v: Values) -> np.ndarray:
         """Return the centre of mass (3,) from Bo [m].
@@ -144,7 +144,7 @@ class FlightModel:
         Args:
             v: parameters by name.
         """
-        return self.frame.arm * np.array([v["com_x"], v["com_y"], 0.0])
+        return self.frame.arm * np.array([v["com_x"] + v["shift_x"], v["com_y"] + v["shift_y"], 0.0])
 
     def arms(self, v: Values) -> np.ndarray:
         """Return the map (3, 4) from relative thrusts to torque over mass about the centre of mass [m²/s²].

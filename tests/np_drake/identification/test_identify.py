@@ -39,7 +39,9 @@ def again(analytic):
     """Identify from logs with the mass, on the shortest flights."""
 
     def run(*logs, **options) -> Identification:
-        return identify(logs, options.pop("prior", analytic.KNOWN), mass=options.pop("mass", analytic.TRUE.mass), **options)
+        return identify(
+            logs, options.pop("prior", analytic.KNOWN), mass=options.pop("mass", analytic.TRUE.mass), **options
+        )
 
     return run
 
@@ -199,7 +201,9 @@ def test_a_flight_just_long_enough_is_identified(again, short):
 
 @pytest.mark.parametrize("kind", ["desk", "thrown"])
 def test_a_log_that_does_not_fly_is_refused_in_a_line(again, short, kind):
-    rest = dc.replace(short, rotor=0 * short.rotor) if kind == "desk" else dc.replace(short, a=short.a * 0 - [0, 0, 9.81])
+    rest = (
+        dc.replace(short, rotor=0 * short.rotor) if kind == "desk" else dc.replace(short, a=short.a * 0 - [0, 0, 9.81])
+    )
     with pytest.raises(ValueError, match=r"identify: .*flight7") as told:
         again(rest)
     assert "\n" not in str(told.value)

@@ -36,7 +36,7 @@ def test_values_in_rows_that_do_not_count_change_nothing(coloured):
     )
 
 
-def test_an_outlier_counts_like_one_of_three_deviations_and_an_impossible_one_not(coloured):
+def test_an_outlier_counts_as_huber_says_and_an_impossible_one_not(coloured):
     e = np.random.default_rng(1).normal(size=(4000, 1))
     e[2000], e[3000] = 5.0, 50.0
     dut = Whitening.of(e, np.ones(4000, bool), order=1)
