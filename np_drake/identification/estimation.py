@@ -85,24 +85,31 @@ def estimate(models: Sequence[FlightModel], layout: Layout) -> Estimate:
         if np.abs(z - before).max() < 0.02:
             break
     H = sum(part.information for part in parts) + np.eye(layout.size)
-    scores = np.concatenate([part.scores for part in parts])
+    single = parts
+    if len(parts) > 1:
+        flights = zip(models, alone, whitenings, strict=True)
+        single = [_part(model, layout, own, number, w) for number, (model, own, w) in enumerate(flights)]
+    scores = np.concatenate([part.scores for part in single])
     M = scores.T @ scores * len(scores) / max(len(scores) - 1, 1) + np.eye(layout.size)
     inverse = np.linalg.inv(H)
     robust = inverse @ M @ inverse
     # The blocks are few for what is hardly excited: never surer than the model with white innovations.
     wider = np.sqrt(np.maximum(np.diag(inverse) / np.diag(robust), 1.0))
     covariance = robust * np.outer(wider, wider)
-    agreement = _agreement(parts, layout, z)
+    agreement = _agreement(single, layout, alone)
     for i, name in enumerate(layout.names):
         if name in agreement:
             covariance[i, i] += _between(agreement[name])
     _add_spread_of_own(covariance, layout, z)
+    # Whatever flights leave, vehicles lie as the prior says.
+    known = np.minimum(1.0 / np.sqrt(np.diag(covariance)), 1.0)
+    covariance = covariance * np.outer(known, known)
     clustered = None
     if len(parts) >= LEAST_FLIGHTS:
-        flights = np.stack([part.gradient for part in parts])
-        flights = flights - flights.mean(axis=0)
+        gradients = np.stack([part.gradient for part in parts])
+        gradients = gradients - gradients.mean(axis=0)
         few = float(stats.t.ppf(0.975, len(parts) - 1) / stats.norm.ppf(0.975))
-        spread = flights.T @ flights * len(parts) / (len(parts) - 1) + np.eye(layout.size)
+        spread = gradients.T @ gradients * len(parts) / (len(parts) - 1) + np.eye(layout.size)
         clustered = few**2 * inverse @ spread @ inverse
     return Estimate(layout, z, covariance, H - np.eye(layout.size), clustered, agreement)
 
@@ -173,7 +180,7 @@ def _part(model: FlightModel, layout: Layout, z: np.ndarray, number: int, whiten
 
 
 def _alone(part: _Part, layout: Layout, z: np.ndarray, number: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return what a flight alone tells (k,), by one step from the common estimate, and the inverse of its Hessian."""
+    """Return what a flight alone tells (k,), by one step from z (k,), and the inverse of its Hessian."""
     own = layout.indices(number)
     inverse = np.linalg.inv(part.information[np.ix_(own, own)] + np.eye(len(own)))
     moved = z.copy()
@@ -181,23 +188,29 @@ def _alone(part: _Part, layout: Layout, z: np.ndarray, number: int) -> tuple[np.
     return moved, inverse
 
 
-def _agreement(parts: Sequence[_Part], layout: Layout, z: np.ndarray) -> dict[str, Agreement]:
-    """Return how flights agree: each by one step from the common estimate, less what the prior tells."""
+def _agreement(parts: Sequence[_Part], layout: Layout, alone: Sequence[np.ndarray]) -> dict[str, Agreement]:
+    """Return how flights agree: what each tells alone, less what the prior tells.
+
+    Args:
+        parts: of the flights, each at its own estimate.
+        layout: of the parameters.
+        alone: estimates (k,) of the flights.
+    """
     if len(parts) < 2:
         return {}
     n = len(layout.shared)
     values, sds = np.full((len(parts), n), np.nan), np.full((len(parts), n), np.nan)
     for number, part in enumerate(parts):
         own = layout.indices(number)
-        moved, inverse = _alone(part, layout, z, number)
+        moved, inverse = _alone(part, layout, alone[number], number)
         mean = moved[own]
         scores = part.scores[:, own]
         M = scores.T @ scores * len(scores) / max(len(scores) - 1, 1) + np.eye(len(own))
         variance = np.maximum(np.diag(inverse @ M @ inverse), np.diag(inverse))[:n]
         told = variance < 0.25
-        alone = variance / np.maximum(1.0 - variance, 1e-9)
-        values[number] = np.where(told, mean[:n] * alone / variance, np.nan)
-        sds[number] = np.where(told, np.sqrt(np.maximum(alone, 1e-18)), np.nan)
+        free = variance / np.maximum(1.0 - variance, 1e-9)  # of the prior
+        values[number] = np.where(told, mean[:n] * free / variance, np.nan)
+        sds[number] = np.where(told, np.sqrt(np.maximum(free, 1e-18)), np.nan)
     return {
         p.name: found for i, p in enumerate(layout.shared) if (found := _compare(values[:, i], sds[:, i])) is not None
     }

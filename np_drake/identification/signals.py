@@ -107,23 +107,26 @@ def signals(log: FlightLog, unmixer: np.ndarray, drive: str = "") -> Signals:
         middle = attitude.rotation_vector(attitude.multiply(attitude.conjugate(log.q[:-1]), log.q[1:]))
         half = attitude.multiply(log.q[:-1], attitude.from_rotation_vector(0.5 * middle))
         force = _mean_after(attitude.rotate_back(half, np.diff(log.v, axis=0) / dt[:, None] + g), dt, edges)
-    smooth = most_likely(log.w, white_noise([log.w]), log.step)
-    products = smooth[:, :, None] * smooth[:, None, :]
     good = np.isfinite(force).all(axis=1)
     good &= np.linalg.norm(force, axis=1) > FLYING * 9.81
     source = {"rotor_speed": log.rotor, "throttle": log.throttle, "command": np.maximum(log.u @ unmixer.T, 0.0)}[drive]
     if not _of_four_rotors(source):
         raise ValueError(f"{log.name}: identification needs the {drive.replace('_', ' ')} of four rotors in every row.")
     source = np.asarray(source, float)
+    logged = log.throttle if drive == "throttle" else source
+    spikes = _spikes(np.concatenate([logged, log.w], axis=1))
+    w = _across(log.w, spikes)
     # Readings of rotor speed have noise. A command that changes between rows is noise to them, a held one is exact.
     if drive == "rotor_speed":
-        source = np.sqrt(_likely(np.square(source), unmixer, log.step))
+        source = np.sqrt(_likely(np.square(_across(source, spikes)), unmixer, log.step))
     elif log.timing > 0:
         source = _likely(source, unmixer, log.step)
-    logged = log.rotor if drive == "rotor_speed" else log.throttle if drive == "throttle" else source
-    good &= np.add.reduceat(_spikes(np.concatenate([logged, log.w], axis=1))[: edges[-1]], edges[:-1]) == 0
-    if log.bridged is not None:
-        good &= np.add.reduceat(log.bridged[: edges[-1]], edges[:-1]) == 0
+    smooth = most_likely(w, white_noise([w]), log.step)
+    products = smooth[:, :, None] * smooth[:, None, :]
+    bad = spikes if log.bridged is None else spikes | log.bridged
+    # A bin reaches to the row after its last.
+    touched = bad[:-1] | bad[1:]
+    good &= np.add.reduceat(touched[: edges[-1]], edges[:-1]) == 0
     good &= length[:, 0] < 1.6 * np.median(length)
     volts = log.voltage if log.voltage is not None and (log.voltage > 0).all() else None
     return Signals(
@@ -132,8 +135,8 @@ def signals(log: FlightLog, unmixer: np.ndarray, drive: str = "") -> Signals:
         smooth=smooth,
         edges=edges,
         force=force,
-        alpha=np.diff(log.w[edges], axis=0) / length,
-        rate=_mean_line(log.w, dt, edges),
+        alpha=np.diff(w[edges], axis=0) / length,
+        rate=_mean_line(w, dt, edges),
         spread=_mean_line(products.reshape(rows, 9), dt, edges).reshape(-1, 3, 3),
         velocity=_mean_line(velocity_in_body, dt, edges) if known else None,
         good=good,
@@ -178,6 +181,14 @@ def _spikes(values: np.ndarray) -> np.ndarray:
     # Readings that mostly repeat have no usual deviation: that of those that do not.
     moving = np.array([np.median(a[a > 0]) / 0.6745 if (a > 0).any() else np.inf for a in apart.T])
     return np.any(apart > SPIKE * np.maximum(usual, moving), axis=1)
+
+
+def _across(values: np.ndarray, bad: np.ndarray) -> np.ndarray:
+    """Return readings (n, c) with lines across bad rows (n,)."""
+    if not bad.any() or bad.all():
+        return values
+    rows = np.arange(len(bad))
+    return np.stack([np.interp(rows, rows[~bad], column[~bad]) for column in values.T], axis=1)
 
 
 def _likely(values: np.ndarray, unmixer: np.ndarray, step: float) -> np.ndarray:

@@ -97,7 +97,7 @@ def test_the_unit_of_rotor_speed_scales_the_coefficient_alone(alone, again, shor
     other = again(dc.replace(short, rotor=short.rotor * 10.0))
     assert other["thrust coefficient"].value == pytest.approx(alone["thrust coefficient"].value / 100.0, rel=1e-3)
     for name in ("inertia xx", "inertia zz", "centre of mass x", "torque over thrust", "IMU x"):
-        assert other[name].value == pytest.approx(alone[name].value, abs=0.05 * (alone[name].high - alone[name].low))
+        assert other[name].value == pytest.approx(alone[name].value, abs=0.1 * (alone[name].high - alone[name].low))
 
 
 def test_twice_the_mass_doubles_inertia_and_thrust_and_no_ratio(analytic, alone, again, short):
@@ -133,8 +133,8 @@ def test_faults_in_the_telemetry_of_a_rotor_change_nothing(alone, again, short):
 
 
 def test_more_flights_narrow_the_intervals(alone, found):
-    wider = [alone[q.name].within > q.within for q in found.quantities]
-    assert np.mean(wider) > 0.8
+    narrower = [q.within / alone[q.name].within for q in found.quantities if q.quantity.field]
+    assert np.median(narrower) < 0.7
 
 
 def test_hover_tells_thrust_and_not_inertia(analytic, again):
@@ -150,7 +150,8 @@ def test_hover_tells_thrust_and_not_inertia(analytic, again):
 def test_no_quantity_is_less_sure_than_its_prior(analytic, alone, found, again):
     hover = again(analytic.flight(seed=1, seconds=5.0, size=0.0))
     for dut in (alone, found, hover):
-        for q in dut.quantities:
+        # Products of inertia go with the moments, which differ from those of the prior.
+        for q in (q for q in dut.quantities if not q.quantity.unit.startswith("kg") or q.quantity.positive):
             prior = np.log(q.prior[1] / q.prior[0]) if q.quantity.positive else q.prior[1] - q.prior[0]
             width = np.log(q.high / q.low) if q.quantity.positive else q.high - q.low
             assert width < 1.3 * prior, q.name
@@ -182,7 +183,7 @@ def test_flights_that_differ_in_inertia_disagree_on_it_alone_and_widen_it(analyt
 
 
 def test_flights_of_one_vehicle_agree(found):
-    ps = [q.p for q in found.quantities if np.isfinite(q.p)]
+    ps = [q.p for q in found.quantities if np.isfinite(q.p) and q.quantity.field]
     assert len(ps) > 10
     assert min(ps) > 0.001
 
@@ -217,7 +218,7 @@ def test_a_log_at_rest_among_flights_is_left_out_with_a_note(again, short, alone
 
 
 def test_flights_that_differ_in_what_they_hold_are_refused(again, short):
-    with pytest.raises(ValueError, match="flight7: .*rotor speed of four rotors"):
+    with pytest.raises(ValueError, match=r"flight7: .*rotor speed of four rotors"):
         again(short, dc.replace(short, rotor=None))
 
 
