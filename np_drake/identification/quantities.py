@@ -107,6 +107,12 @@ def _full(v: Values, b: Basis) -> float:
     return b.hover_thrust(v) * _full_over_hover(v, b) ** 2
 
 
+def _linear(v: Values, b: Basis) -> float:
+    """Return the linear share of the vehicle file's curve, which has no idle speed, that gives the thrust of hover."""
+    u = float(np.clip(b.frame.throttle, 0.05, 0.95))
+    return (float(target_speed(np.array(u), v["curve"], v["idle"])) ** 2 - u * u) / (u - u * u)
+
+
 ROLL = "roll and pitch doublets"
 YAW = "fast turns of the heading"
 BLIPS = "quick changes of height"
@@ -148,7 +154,7 @@ QUANTITIES: tuple[Quantity, ...] = (
              lambda v, b: b.spin * _full_over_hover(v, b),
              positive=True, needs=("throttle", "speed"), why="throttle stays near hover",
              manoeuvre="climbs at full throttle"),
-    Quantity("linear share of throttle", "throttle.linear", "1", _plain("curve"), needs=THROTTLE,
+    Quantity("linear share of throttle", "throttle.linear", "1", _linear, needs=THROTTLE,
              why="throttle stays near hover", manoeuvre="climbs and descents"),
     Quantity("idle speed over full speed", "", "1", _plain("idle"), needs=THROTTLE,
              why="throttle stays near hover", manoeuvre="descents with idle motors"),
