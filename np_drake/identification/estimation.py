@@ -161,19 +161,19 @@ def _part(model: FlightModel, layout: Layout, z: np.ndarray, number: int, whiten
     """Return the share of one flight in the normal equations."""
     e = model.residual(layout.values(z, number))
     own = layout.indices(number)
-    J = np.empty((*e.shape, len(own)))
+    J = np.empty((len(own), *e.shape))
     for column, i in enumerate(own):
         moved = z.copy()
         moved[i] += STEP
-        J[..., column] = (model.residual(layout.values(moved, number)) - e) / STEP
-    e, J = whitening.apply(e), whitening.apply(J)
-    each = np.einsum("mck,mc->mk", J, e)
+        J[column] = whitening.apply((model.residual(layout.values(moved, number)) - e) / STEP)
+    e = whitening.apply(e)
+    each = np.einsum("kmc,mc->mk", J, e)
     rows = max(1, round(BLOCK / model.flight.step))
     blocks = np.add.reduceat(each, np.arange(0, len(each), rows))
     k = layout.size
     information, gradient, scores = np.zeros((k, k)), np.zeros(k), np.zeros((len(blocks), k))
-    flat = J.reshape(-1, len(own))
-    information[np.ix_(own, own)] = flat.T @ flat
+    flat = J.reshape(len(own), -1)
+    information[np.ix_(own, own)] = flat @ flat.T
     gradient[own] = each.sum(axis=0)
     scores[:, own] = blocks
     return _Part(gradient, information, scores, 0.5 * float(np.sum(e**2)))

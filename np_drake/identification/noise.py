@@ -48,13 +48,12 @@ class Whitening:
         """Return whitened channels, zero where rows do not count.
 
         Args:
-            values: (m, c, …) channels, or columns in these channels.
+            values: (m, c) channels, or how they change with a parameter.
         """
         out = np.empty_like(values)
         for i, taps in enumerate(self.taps):
-            out[:, i] = signal.lfilter(taps, 1.0, values[:, i], axis=0)
-        weight = np.where(self.good[:, None], self.weight, 0.0)
-        return out * weight.reshape(weight.shape + (1,) * (values.ndim - 2))
+            out[:, i] = signal.lfilter(taps, 1.0, values[:, i])
+        return out * np.where(self.good[:, None], self.weight, 0.0)
 
 
 def _filter(x: np.ndarray, good: np.ndarray, order: int) -> np.ndarray:
