@@ -48,7 +48,7 @@ class Truth:
             volts: voltage to which full throttle refers [V]; 0: that of the vehicle.
         """
         v, c = self.vehicle, self.vehicle.calibration
-        drag, flapping, lift = self.air
+        drag, _, lift = self.air
         found = {
             "torque over thrust": v.torque_coefficient / v.thrust_coefficient,
             "inertia of a rotor": c.rotor_inertia,
@@ -107,7 +107,6 @@ def draw_truth(rng: np.random.Generator, kind: str) -> Truth:
     xx = mass * arm**2 * _drawn(rng, told.inertia)
     yy = xx * _drawn(rng, told.inertia_pitch)
     zz = (xx + yy) * min(_drawn(rng, told.inertia_yaw), 0.98)
-    spin = np.sqrt(0.25 * mass * G / k)
     off = np.array([_spread(rng, 0.0, 0.02) for _ in range(3)])
     mean = 0.5 * (xx + yy)
     J = np.diag([xx, yy, zz])

@@ -246,7 +246,7 @@ class FlightModel:
         return self._keep("rotors", key, make)
 
     def _driven(self, v: Values) -> tuple[np.ndarray, np.ndarray]:
-        """Return the relative speeds (k, 4) at the edges of the fine grid (k,) [s] by the command, without dead time."""
+        """Return the fine grid (k,) [s] and the relative speeds (k, 4) there by the command, without dead time."""
         s, grid = self.flight, self.flight.substeps
 
         def make() -> tuple[np.ndarray, np.ndarray]:
@@ -290,9 +290,8 @@ class FlightModel:
 
 @dc.dataclass(frozen=True)
 class Rotors:
-    """Rotors in the bins: mean relative speed, mean of its square, that at the accelerometer's time, and rate of change.
-
-    All are (m, 4); the last is in 1/s.
+    """Rotors in the bins, (m, 4): mean relative speed and its square [1], the square at the accelerometer's time [1], and
+    the rate of change of the speed [1/s].
     """
 
     speed: np.ndarray
