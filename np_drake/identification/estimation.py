@@ -31,8 +31,8 @@ SETTLED = 1e-3  # largest step at which the descent ends
 class Estimate:
     """Parameters of the model on some flights.
 
-    z: (k,) standardised coordinates.   covariances: (k, k) of z, by what is taken as independent: innovations, blocks of
-    several lengths and, of enough flights, these; all but the first widened by Student's t for their number. The
+    z: (k,) standardised coordinates.   covariances: (k, k) of z, by what is taken as independent: innovations, blocks
+    of several lengths and, of enough flights, these; all but the first widened by Student's t for their number. The
     variance of anything is the largest.   information: (k, k) of the data alone.
     agreement: by shared parameter, how the flights agree; only where two or more tell it.
     """
@@ -92,7 +92,7 @@ def estimate(models: Sequence[FlightModel], layout: Layout) -> Estimate:
         z, parts = _descend(models, layout, z, whitenings)
         if np.abs(z - before).max() < 0.02:
             break
-    information = sum(part.information for part in parts)
+    information = np.sum([part.information for part in parts], axis=0)
     inverse = np.linalg.inv(information + np.eye(layout.size))
     agreement = _agreement(parts, layout, z)
     covariances = [inverse]

@@ -290,8 +290,9 @@ class FlightModel:
 
 @dc.dataclass(frozen=True)
 class Rotors:
-    """Rotors in the bins, (m, 4): mean relative speed and its square [1], the square at the accelerometer's time [1], and
-    the rate of change of the speed [1/s].
+    """Relative speeds of the rotors in the bins, (m, 4).
+
+    speed: mean [1].   thrust: mean square [1].   late: the same at the accelerometer's time [1].   rate: of change [1/s].
     """
 
     speed: np.ndarray
