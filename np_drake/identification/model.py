@@ -292,7 +292,8 @@ class FlightModel:
 class Rotors:
     """Relative speeds of the rotors in the bins, (m, 4).
 
-    speed: mean [1].   thrust: mean square [1].   late: the same at the accelerometer's time [1].   rate: of change [1/s].
+    speed: mean [1].   thrust: mean square [1].   late: the same at the accelerometer's time [1].   rate: of its change
+    [1/s].
     """
 
     speed: np.ndarray
