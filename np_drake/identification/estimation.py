@@ -21,6 +21,7 @@ ITERATIONS = 3  # of Gauss-Newton within one
 STEP = 1e-4  # of a finite difference, in standard deviations of the prior
 BLOCK = 1.0  # length of the blocks into which a flight's scores are summed [s]; own choice: a manoeuvre
 TOGETHER = (1, 3, 9)  # blocks that are taken as dependent; own choice: up to the slow errors of an estimator
+LEAST_BLOCKS = 8  # of one length from which they tell a covariance; own choice: Student's factor is then 1.2
 LEAST_FLIGHTS = 5  # from which flights are taken as independent clusters; own choice
 LARGEST = 2.0  # step in standard deviations of the prior
 BOUND = 6.0  # standard deviations of the prior beyond which a parameter does not go
@@ -82,26 +83,43 @@ def estimate(models: Sequence[FlightModel], layout: Layout) -> Estimate:
         layout: of the parameters.
     """
     z = np.zeros(layout.size)
+    alone = [z] * len(models)
     for turn in range(PASSES):
         whitenings = []
-        for number, model in enumerate(models):
+        for model, (number, own) in zip(models, enumerate(alone), strict=True):
             if turn:
-                model.smooth(layout.values(z, number))
-            whitenings.append(Whitening.of(model.residual(layout.values(z, number)), model.flight.good))
+                model.smooth(layout.values(own, number))
+            # What this flight alone leaves: a disagreement with others is not its noise.
+            whitenings.append(Whitening.of(model.residual(layout.values(own, number)), model.flight.good))
         before = z
         z, parts = _descend(models, layout, z, whitenings)
+        alone = [_alone(part, layout, z, number)[0] for number, part in enumerate(parts)]
         if np.abs(z - before).max() < 0.02:
             break
     information = np.sum([part.information for part in parts], axis=0)
     inverse = np.linalg.inv(information + np.eye(layout.size))
-    agreement = _agreement(parts, layout, z)
+    single = parts
+    if len(parts) > 1:
+        flights = zip(models, alone, whitenings, strict=True)
+        single = [_part(model, layout, own, number, w) for number, (model, own, w) in enumerate(flights)]
+    agreement = _agreement(single, layout, alone)
     covariances = [inverse]
     for together in TOGETHER:
-        covariances.append(_sandwich(inverse, np.concatenate([_summed(part.scores, together) for part in parts])))
+        scores = np.concatenate([_summed(part.scores, together) for part in single])
+        if together == 1 or len(scores) >= LEAST_BLOCKS:
+            covariances.append(_sandwich(inverse, scores))
     if len(parts) >= LEAST_FLIGHTS:
         covariances.append(_sandwich(inverse, np.stack([part.gradient for part in parts])))
     between = _between_flights(agreement, layout) + _spread_of_own(covariances[1], layout, z)
-    return Estimate(layout, z, tuple(c + np.diag(between) for c in covariances), information, agreement)
+    # Whatever flights leave, vehicles lie as the prior says.
+    within = tuple(_not_above_the_prior(c + np.diag(between)) for c in covariances)
+    return Estimate(layout, z, within, information, agreement)
+
+
+def _not_above_the_prior(covariance: np.ndarray) -> np.ndarray:
+    """Return the covariance (k, k) of z with no deviation above that of the prior, 1."""
+    known = np.minimum(1.0 / np.sqrt(np.diag(covariance)), 1.0)
+    return covariance * np.outer(known, known)
 
 
 def _summed(scores: np.ndarray, together: int) -> np.ndarray:
@@ -186,24 +204,38 @@ def _part(model: FlightModel, layout: Layout, z: np.ndarray, number: int, whiten
     return _Part(gradient, information, scores, 0.5 * float(np.sum(e**2)))
 
 
-def _agreement(parts: Sequence[_Part], layout: Layout, z: np.ndarray) -> dict[str, Agreement]:
-    """Return how flights agree: each by one step from the common estimate, less what the prior tells."""
+def _alone(part: _Part, layout: Layout, z: np.ndarray, number: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return what a flight alone tells (k,), by one step from z (k,), and the inverse of its Hessian."""
+    own = layout.indices(number)
+    inverse = np.linalg.inv(part.information[np.ix_(own, own)] + np.eye(len(own)))
+    moved = z.copy()
+    moved[own] = np.clip(z[own] - inverse @ (part.gradient[own] + z[own]), -BOUND, BOUND)
+    return moved, inverse
+
+
+def _agreement(parts: Sequence[_Part], layout: Layout, alone: Sequence[np.ndarray]) -> dict[str, Agreement]:
+    """Return how flights agree: what each tells alone, less what the prior tells.
+
+    Args:
+        parts: of the flights, each at its own estimate.
+        layout: of the parameters.
+        alone: estimates (k,) of the flights.
+    """
     if len(parts) < 2:
         return {}
     n = len(layout.shared)
     values, sds = np.full((len(parts), n), np.nan), np.full((len(parts), n), np.nan)
     for number, part in enumerate(parts):
         own = layout.indices(number)
-        H = part.information[np.ix_(own, own)] + np.eye(len(own))
-        inverse = np.linalg.inv(H)
-        mean = z[own] - inverse @ (part.gradient[own] + z[own])
+        moved, inverse = _alone(part, layout, alone[number], number)
+        mean = moved[own]
         scores = part.scores[:, own]
         M = scores.T @ scores * len(scores) / max(len(scores) - 1, 1) + np.eye(len(own))
         variance = np.maximum(np.diag(inverse @ M @ inverse), np.diag(inverse))[:n]
         told = variance < 0.25
-        alone = variance / np.maximum(1.0 - variance, 1e-9)
-        values[number] = np.where(told, mean[:n] * alone / variance, np.nan)
-        sds[number] = np.where(told, np.sqrt(np.maximum(alone, 1e-18)), np.nan)
+        free = variance / np.maximum(1.0 - variance, 1e-9)  # of the prior
+        values[number] = np.where(told, mean[:n] * free / variance, np.nan)
+        sds[number] = np.where(told, np.sqrt(np.maximum(free, 1e-18)), np.nan)
     return {
         p.name: found for i, p in enumerate(layout.shared) if (found := _compare(values[:, i], sds[:, i])) is not None
     }
@@ -248,7 +280,7 @@ def _spread_of_own(covariance: np.ndarray, layout: Layout, z: np.ndarray) -> np.
 def _between(agreement: Agreement) -> float:
     """Return what the variance between flights adds to that of their mean, with Student's t for their number."""
     here = np.isfinite(agreement.sd)
-    weight = 1.0 / (agreement.sd[here] ** 2 + agreement.variance)
+    weight = 1.0 / agreement.sd[here] ** 2  # as flights count in the common estimate
     share = float((weight**2).sum() / weight.sum() ** 2)
     few = float(stats.t.ppf(0.975, here.sum() - 1) / stats.norm.ppf(0.975))
     return agreement.variance * share * few**2

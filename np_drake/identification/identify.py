@@ -16,6 +16,7 @@ from np_drake.identification.signals import Signals, drive_of, signals
 from np_drake.vehicle import Vehicle
 
 SHORTEST = 3.0  # flight that tells anything [s]; own choice: three swings of a small vehicle
+LEAST = 1.5  # of it that counts [s]; own choice: half of that
 STEP = 1e-4  # of a finite difference, in standard deviations of the prior
 
 
@@ -94,7 +95,17 @@ def identify(
     if not long:
         raise ValueError(f"identify: needs a flight of {SHORTEST:g} s at least; got none among {len(flights)} logs.")
     drive = drive or drive_of(long[0])
-    seen = [signals(log, prior.unmixer, drive).part(0.0, stop) for log in long]
+    all_seen = [signals(log, prior.unmixer, drive).part(0.0, stop) for log in long]
+    seen = [flight for flight in all_seen if _flies(flight)]
+    rests = [
+        f"{flight.name}: flies less than {LEAST:g} s without gaps and faults; left out"
+        for flight in all_seen
+        if not _flies(flight)
+    ]
+    if not seen:
+        raise ValueError(f"identify: no log tells anything of the vehicle. {'; '.join(rests)}.")
+    if any(flight.command is None for flight in seen):
+        seen = [dc.replace(flight, command=None) for flight in seen]
     frame = _frame(seen, prior, drive)
     parts = _parts(seen, drive)
     coefficient = prior.thrust_coefficient if trusted and mass is None and drive == "rotor_speed" else None
@@ -108,7 +119,13 @@ def identify(
     layout = Layout.of(parameters(spin, step), parts, len(seen))
     models = tuple(FlightModel(flight, frame) for flight in seen)
     basis = Basis(frame, drive, mass, coefficient, spin, newtons)
-    return Identification(basis, estimate(models, layout), frozenset(known), models, prior, notes)
+    return Identification(basis, estimate(models, layout), frozenset(known), models, prior, (*notes, *rests))
+
+
+def _flies(flight: Signals) -> bool:
+    """Return whether a log holds flight: rotors turn and carry the vehicle, and bins count."""
+    counts = float(flight.good.sum()) * flight.step
+    return counts >= LEAST and float(np.median(flight.input)) > 0.0
 
 
 def _agreement(e: Estimate, gradient: np.ndarray) -> float:

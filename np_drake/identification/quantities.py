@@ -97,14 +97,20 @@ def _gain(i: int) -> Callable[[Values, Basis], float]:
     return of
 
 
-def _full(v: Values, b: Basis) -> float:
-    """Return the thrust of one rotor at full throttle and the reference voltage [N]."""
-    return b.hover_thrust(v) * _full_speed(v, b) ** 2
-
-
-def _full_speed(v: Values, b: Basis) -> float:
+def _full_over_hover(v: Values, b: Basis) -> float:
     """Return rotor speed at full throttle over that in hover [1]."""
     return v["full_speed"] / float(target_speed(np.array(b.frame.throttle), v["curve"], v["idle"]))
+
+
+def _full(v: Values, b: Basis) -> float:
+    """Return the thrust of one rotor at full throttle and the reference voltage [N]."""
+    return b.hover_thrust(v) * _full_over_hover(v, b) ** 2
+
+
+def _linear(v: Values, b: Basis) -> float:
+    """Return the linear share of the vehicle file's curve, which has no idle speed, that gives the thrust of hover."""
+    u = float(np.clip(b.frame.throttle, 0.05, 0.95))
+    return (float(target_speed(np.array(u), v["curve"], v["idle"])) ** 2 - u * u) / (u - u * u)
 
 
 ROLL = "roll and pitch doublets"
@@ -145,10 +151,10 @@ QUANTITIES: tuple[Quantity, ...] = (
     Quantity("thrust at full throttle", "throttle.full_thrust", "N", _full, positive=True, needs=("throttle", "mass"),
              per_mass=True, why="throttle stays near hover", manoeuvre="climbs at full throttle"),
     Quantity("rotor speed at full throttle", "", "rad/s",
-             lambda v, b: b.spin * _full_speed(v, b),
+             lambda v, b: b.spin * _full_over_hover(v, b),
              positive=True, needs=("throttle", "speed"), why="throttle stays near hover",
              manoeuvre="climbs at full throttle"),
-    Quantity("linear share of throttle", "throttle.linear", "1", _plain("curve"), needs=THROTTLE,
+    Quantity("linear share of throttle", "throttle.linear", "1", _linear, needs=THROTTLE,
              why="throttle stays near hover", manoeuvre="climbs and descents"),
     Quantity("idle speed over full speed", "", "1", _plain("idle"), needs=THROTTLE,
              why="throttle stays near hover", manoeuvre="descents with idle motors"),
@@ -159,7 +165,8 @@ QUANTITIES: tuple[Quantity, ...] = (
       for i, (a, m) in enumerate((("x", YAW), ("y", YAW), ("z", ROLL)))),
     *(Quantity(f"IMU tilt {a}", "calibration.imu_tilt", "rad", _plain(f"tilt_{a}"), (i,), needs=("accelerometer",),
                why="a bias of the accelerometer looks the same", manoeuvre=BLIPS) for i, a in enumerate("xyz")),
-    Quantity("drag, lateral", "", "1/s", _plain("drag"), needs=("velocity",), why="it flies slowly", manoeuvre="speed"),
+    Quantity("drag, lateral", "", "1/s", _plain("drag"), needs=("velocity",), why="it flies slowly",
+             manoeuvre="speed"),
     Quantity("drag, vertical", "", "1/s", _plain("climb"), needs=("velocity",), why="it climbs slowly",
              manoeuvre=BLIPS),
     Quantity("lift of lateral speed", "", "1/m", _plain("lift"), needs=("velocity",), why="it flies slowly",
