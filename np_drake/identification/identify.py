@@ -51,8 +51,7 @@ class Identification:
             z, zero = e.z, np.zeros_like(e.z)
             here, gradient = of(z), _gradient(of, z)
             before, slope = of(zero), _gradient(of, zero)
-            covariances = [c for c in (e.covariance, e.clustered) if c is not None]
-            sd = float(np.sqrt(max(gradient @ c @ gradient for c in covariances)))
+            sd = float(np.sqrt(e.variance(gradient)))
             prior = float(np.linalg.norm(slope))
             bounds = np.array([here, here - SURE * sd, here + SURE * sd, before - SURE * prior, before + SURE * prior])
             value, low, high, *both = np.exp(bounds) if q.positive else bounds
