@@ -108,12 +108,13 @@ def estimate(models: Sequence[FlightModel], layout: Layout) -> Estimate:
         scores = np.concatenate([_summed(part.scores, together) for part in single])
         if together == 1 or len(scores) >= LEAST_BLOCKS:
             covariances.append(_sandwich(inverse, scores))
+    between = _between_flights(agreement, layout) + _spread_of_own(covariances[1], layout, z)
+    covariances = [c + np.diag(between) for c in covariances]
+    # The gradients of flights at the common estimate hold the differences between them.
     if len(parts) >= LEAST_FLIGHTS:
         covariances.append(_sandwich(inverse, np.stack([part.gradient for part in parts])))
-    between = _between_flights(agreement, layout) + _spread_of_own(covariances[1], layout, z)
     # Whatever flights leave, vehicles lie as the prior says.
-    within = tuple(_not_above_the_prior(c + np.diag(between)) for c in covariances)
-    return Estimate(layout, z, within, information, agreement)
+    return Estimate(layout, z, tuple(map(_not_above_the_prior, covariances)), information, agreement)
 
 
 def _not_above_the_prior(covariance: np.ndarray) -> np.ndarray:

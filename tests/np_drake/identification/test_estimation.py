@@ -112,6 +112,13 @@ def test_a_flight_that_is_far_surer_than_the_others_counts_alone():
     assert sd > 0.9 * WIDE.sd * np.sqrt(dut.agreement["slope"].variance)
 
 
+def test_differences_between_many_flights_count_once():
+    slopes = [1.8, 2.0, 2.2, 2.4, 1.9, 2.3]
+    _, _, sd = told(*[line(seed, s, noise=0.1) for seed, s in enumerate(slopes)])
+    few = 2.571 / 1.96  # Student's t of five degrees of freedom over that of many
+    assert sd == pytest.approx(few * np.std(slopes, ddof=1) / np.sqrt(6.0), rel=0.15)
+
+
 def test_offsets_of_flights_are_their_own():
     one, two = line(0), line(1)
     two.y += 3.0
