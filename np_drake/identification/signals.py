@@ -93,6 +93,9 @@ def signals(log: FlightLog, unmixer: np.ndarray, drive: str = "") -> Signals:
     Raises: ValueError: where the log tells nothing of its four rotors.
     """
     drive = drive or drive_of(log)
+    for field in ("t", "q", "v", "w", "a"):
+        if not np.isfinite(0.0 if getattr(log, field) is None else getattr(log, field)).all():
+            raise ValueError(f"{log.name}: {field} must be numbers in every row; fill or cut those that are not.")
     rows = len(log)
     each = max(1, int(np.ceil(BIN / log.step - 0.1)))
     edges = np.arange(0, rows, each)

@@ -228,6 +228,20 @@ def test_telemetry_of_throttle_in_one_flight_alone_is_left_out(analytic, again, 
     assert all(model.channels == 6 for model in dut.models)
 
 
+@pytest.mark.parametrize("drive", ["rotor_speed", "throttle", "command"])
+def test_constant_readings_without_noise_tell_thrust_alone(again, short, drive):
+    rows = len(short)
+    still = dc.replace(short, w=0 * short.w, q=np.tile([1.0, 0.0, 0.0, 0.0], (rows, 1)), v=0 * short.v, a=0 * short.a)
+    inputs = {
+        "rotor_speed": {"rotor": np.full((rows, 4), 595.0)},
+        "throttle": {"throttle": np.full((rows, 4), 0.4), "rotor": None},
+        "command": {"u": np.tile([1.3 * 9.81, 0.0, 0.0, 0.0], (rows, 1)), "rotor": None, "input": "command"},
+    }
+    dut = again(dc.replace(still, **inputs[drive]))
+    assert all(np.isfinite([q.value, q.low, q.high]).all() for q in dut.quantities)
+    assert not dut["inertia xx"].told
+
+
 @pytest.mark.parametrize("rate", [50.0, 400.0])
 def test_slow_and_fast_logs_tell_the_same(analytic, again, rate):
     dut = again(analytic.flight(seed=7, seconds=5.0, rate=rate))

@@ -99,6 +99,14 @@ def test_a_voltage_that_is_none_is_left_out(analytic, log, volts):
     assert signals(dc.replace(log, voltage=voltage), analytic.KNOWN.unmixer).voltage is None
 
 
+@pytest.mark.parametrize("field", ["t", "q", "v", "w", "a"])
+def test_a_log_with_holes_is_refused(analytic, log, field):
+    values = getattr(log, field).copy()
+    values[50] = np.nan
+    with pytest.raises(ValueError, match=f"flight3: {field} must be numbers"):
+        signals(dc.replace(log, **{field: values}), analytic.KNOWN.unmixer)
+
+
 def test_throttle_with_holes_is_left_out_beside_rotor_speed(analytic):
     log = analytic.flight(seconds=4.0, drive="both")
     log.throttle[5, 1] = np.nan
