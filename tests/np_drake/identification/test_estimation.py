@@ -68,6 +68,15 @@ def test_intervals_hold_the_truth_as_often_as_they_say(pole):
     assert 0.6 < np.std(errors) < 1.35
 
 
+def test_a_slope_that_changes_within_the_flight_widens_its_interval():
+    given = line(3, 0.0, rows=6000)
+    changes = 0.5 * np.random.default_rng(3).normal(size=60)
+    given.y += (2.0 + np.repeat(changes, 100)) * given.x
+    _, slope, sd = told(given)
+    assert sd > 0.9 * 0.5 / np.sqrt(60)  # that of sixty seconds, each with a slope of its own
+    assert slope == pytest.approx(2.0 + changes.mean(), abs=sd)
+
+
 def test_outliers_hardly_move_the_estimate():
     clean, broken = line(1), line(1)
     broken.y[::100] += 200.0
