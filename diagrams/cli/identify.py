@@ -1,27 +1,31 @@
 """`np-drake identify`: what flight logs tell of a vehicle, as a vehicle file."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Argument, Option
 
-from diagrams.cli.output import progress, say, tell
+from diagrams.batch.failed_run import FailedRun
+from diagrams.cli import output
+from diagrams.cli.output import Table, progress, say, tell
 from diagrams.cli.runner import Report, Run, reports
 
 if TYPE_CHECKING:
     from np_drake.flight_log import FlightLog
     from np_drake.identification.identify import Identification
-    from np_drake.identification.quantities import Identified
     from np_drake.identification.validation import HeldOut
     from np_drake.vehicle import Vehicle
 
-Out = Annotated[Path | None, Option("--out", metavar="DIR", help="Folder for vehicle.yaml, page and JSON.")]
-FILE = "vehicle.yaml"
-DIFFER = 0.01  # probability below which flights differ by more than chance [1]; own choice
+Out = Annotated[Path | None, Option("--out", metavar="DIR", help="Folder for vehicle.yaml, page, figures and JSON.")]
+FILE, JSON, SCHEMA = "vehicle.yaml", "identification.json", "identification"
 LAST = 2 / 3  # share of a single flight that is fitted; own choice
+READ, FITTED = 0.3, 0.8  # shares of the bar
+DENSITY = 370.0  # mass over the cube of the arm [kg/m³], where the mass is not known; nothing but ratios is told then
 
 
-@reports("identification", seed=None, out=Out)
+@reports(SCHEMA, seed=None, out=Out)
 def identify(
     run: Run,
     logs: Annotated[list[Path], Argument(metavar="LOG...", help="Flights of one vehicle, of any format of `import`.")],
@@ -36,13 +40,17 @@ def identify(
     wheelbase: Annotated[float | None, Option(help="Without a file: from motor to motor, across [m].")] = None,
     propeller: Annotated[float | None, Option(help="Without a file: propeller diameter [m].")] = None,
     order: Annotated[
-        str, Option(metavar="FIRMWARE", help="Without a file: order of the rotors: px4 | ardupilot | betaflight | …")
-    ] = "px4",
+        str | None,
+        Option(
+            metavar="AUTOPILOT", help="Without a file: order of the rotors: px4 | ardupilot | betaflight | crazyflie."
+        ),
+    ] = None,
     held_out: Annotated[
-        list[Path] | None, Option(metavar="LOG", help="Flights to judge by; default: the last, or the last third of one.")
+        list[Path] | None,
+        Option(metavar="LOG", help="To judge by; default: the last, or the last third of a single one. Repeatable."),
     ] = None,
     input: Annotated[
-        str, Option(metavar="KIND", help="rotor_speed | throttle | command; default: the first that the logs hold.")
+        str, Option(metavar="KIND", help="rotor_speed | throttle | command; default: the first that all logs hold.")
     ] = "",
     log_map: Annotated[
         Path | None, Option("--map", metavar="FILE", help="Map of columns and conventions, as for `import`.")
@@ -50,169 +58,195 @@ def identify(
     name: Annotated[str, Option(help="Name of the vehicle.")] = "identified",
 ) -> Report:
     """Identify mass or thrust, inertia, motors, delays and sensors of a vehicle from its flights."""
-    from np_drake.identification.identify import identify as identified
+    with _earlier_named(run.out), progress("identifying", 1.0) as advance:
+        from np_drake.identification.drives import common_drive
+        from np_drake.identification.identify import identify as identified
+        from np_drake.identification.validation import held_out as errors_on
 
-    prior, mass = _prior(vehicle, mass, wheelbase, propeller, order, trust)
-    flights = _open(logs, prior, log_map)
-    judging = _open(held_out, prior, log_map) if held_out else []
-    with progress("identifying", 1.0) as advance:
-        advance(0.1)
-        fitted, judging, parts = _split(flights, judging)
-        found = identified(
-            fitted, prior, mass=mass, trusted=trust == "thrust" or mass is None, drive=input,
-            stop=LAST if parts else 1.0,
-        )  # fmt: skip
-        advance(0.8)
-        rows = _judge(found, judging, parts)
+        _require_different(logs, held_out or [])
+        prior, mass = _prior(vehicle, mass, wheelbase, propeller, order, trust)
+        opened, notes = _open([*logs, *(held_out or [])], prior, log_map, advance)
+        flights = [log for found in opened[: len(logs)] for log in found]
+        judging = [log for found in opened[len(logs) :] for log in found]
+        drive = common_drive([*flights, *judging], input)
+        if trust == "thrust" and (drive == "throttle" or (drive == "rotor_speed" and vehicle is None)):
+            raise ValueError(f"--trust thrust: {drive} tells no newtons without a measured coefficient; give --mass.")
+        fitted, judging, parts, left_out = _split(flights, judging)
+        advance(READ, f"{len(fitted)} flight{'s' * (len(fitted) > 1)}")
+        stop = parts[0][0] if parts else 1.0
+        found = identified(fitted, prior, mass=mass, trusted=trust == "thrust", drive=drive, stop=stop)
+        advance(FITTED, "judging")
+        rows = errors_on(found, judging, parts, plain=True)
         advance(1.0)
-    tell(*found.notes, indent="  ")
+    tell(*notes, *left_out, *found.notes, indent="  ")
+    config = {"logs": logs, "vehicle": prior.name, "mass": mass, "trust": trust, "input": drive}
+    config |= {"held_out": [log.name for log in judging], "map": log_map}
+    own, failure = _vehicle(found, name)
+    metrics = as_json(found, rows)
 
     def write(folder: Path) -> None:
         from diagrams.identification.page import write_page
+        from np_drake.vehicle_text import save_vehicle
 
-        _write_vehicle(found, folder / FILE, name)
-        say(f"page: {write_page(found, rows, judging, folder)}")
+        (folder / FILE).unlink(missing_ok=True)  # of an earlier identification
+        if own is not None:
+            save_vehicle(own, folder / FILE)
+            say(f"vehicle file: {folder / FILE}")
+        output.write_metrics(folder / JSON, SCHEMA, seed=run.seed, config=config, **metrics)
+        say(f"page: {write_page(found, rows, judging, folder, parts=parts)}")
 
-    config = {"logs": logs, "vehicle": prior.name, "mass": mass, "trust": trust, "input": found.basis.drive}
-    return Report(
-        [_table(found), *([_judged(rows)] if rows else [])],
-        config=config | {"held_out": [log.name for log in judging], "map": log_map},
-        metrics=as_json(found, rows),
-        lines=summary(found),
-        write=write,
-    )
+    from diagrams.identification.text import summary
+
+    tables = [_table(found), *([_judged(rows)] if rows else [])]
+    return Report(tables, config=config, metrics=metrics, lines=summary(found), write=write, failure=failure)
+
+
+@contextmanager
+def _earlier_named(folder: Path | None) -> Iterator[None]:
+    """Say with the reason of a failure that the folder's vehicle file is of an earlier run."""
+    try:
+        yield
+    except (ValueError, OSError) as error:
+        if folder is None or not (folder / FILE).is_file():
+            raise
+        from diagrams.cli.outcome import text_of
+
+        raise ValueError(f"{text_of(error)} {folder / FILE} is of an earlier run.") from error
+
+
+def _require_different(logs: list[Path], judging: list[Path]) -> None:
+    """Check that no log is given twice.
+
+    Raises: ValueError: where one is.
+    """
+    fitted, held = ([path.resolve() for path in paths] for paths in (logs, judging))
+    for path in [*logs, *judging]:
+        if [*fitted, *held].count(path.resolve()) > 1:
+            both = path.resolve() in fitted and path.resolve() in held
+            raise ValueError(f"{path}: must be given once; got it {'as LOG and as --held-out' if both else 'twice'}.")
 
 
 def _prior(
-    vehicle: Path | None, mass: float | None, wheelbase: float | None, propeller: float | None, order: str, trust: str
+    vehicle: Path | None,
+    mass: float | None,
+    wheelbase: float | None,
+    propeller: float | None,
+    order: str | None,
+    trust: str,
 ) -> "tuple[Vehicle, float | None]":
     """Return the vehicle whose geometry is given, and its mass; None where it is to be told or is not known."""
+    from np_drake.rotor_layout import FIRMWARE
     from np_drake.vehicle import load_vehicle
-    from np_drake.vehicle_estimate import Measured, estimate
+    from np_drake.vehicle_estimate import HEAVIEST, LIGHTEST, Measured, estimate
 
     if trust not in ("mass", "thrust"):
         raise ValueError(f"--trust must be mass or thrust; got {trust!r}.")
-    if mass is not None and not 0 < mass < 1e4:
-        raise ValueError(f"--mass must be positive, in kg; got {mass:g}.")
+    if mass is not None and not LIGHTEST <= mass <= HEAVIEST:
+        raise ValueError(f"--mass must be {LIGHTEST:g} to {HEAVIEST:g} kg; got {mass:g}.")
+    if mass is not None and trust == "thrust":
+        raise ValueError("--trust thrust: tells the mass; leave --mass out.")
+    measures = {"--wheelbase": wheelbase, "--propeller": propeller, "--order": order}
     if vehicle is not None:
-        if wheelbase is not None or propeller is not None:
-            raise ValueError("--vehicle holds the rotors' places; leave --wheelbase and --propeller out.")
+        if given := [option for option, value in measures.items() if value is not None]:
+            raise ValueError(f"--vehicle: holds the rotors' places; leave {', '.join(given)} out.")
         prior = load_vehicle(vehicle)
         return prior, None if trust == "thrust" else mass or prior.mass
     if wheelbase is None:
-        raise ValueError("identify needs the rotors' places: give --vehicle FILE, or --wheelbase M (motor to motor).")
-    diameter = propeller or 0.5 * wheelbase
-    # Without a mass the file's is a guess by size, of which nothing but ratios comes out.
-    guess = mass or 37.0 * (0.5 * wheelbase) ** 3 / 0.1
-    prior = estimate(Measured(guess, wheelbase, diameter, 0.5, order=order), "estimate")
-    return prior, None if trust == "thrust" else mass
+        raise ValueError(
+            "needs the rotors' places: give --vehicle FILE, or --wheelbase M (motor to motor) and --order."
+        )
+    if order is None:
+        raise ValueError(f"give --order {'|'.join(FIRMWARE)} (whose logs you have) as well.")
+    guess = min(max(DENSITY * abs(0.5 * wheelbase) ** 3, LIGHTEST), HEAVIEST)
+    diameter = 0.5 * wheelbase if propeller is None else propeller
+    measured = Measured(guess if mass is None else mass, wheelbase, diameter, 0.5, order=order)
+    return estimate(measured, f"frame of {wheelbase:g} m"), None if trust == "thrust" else mass
 
 
-def _open(paths: list[Path], vehicle: "Vehicle", log_map: Path | None) -> "list[FlightLog]":
-    """Return the flights of logs, with the rotors in the order of the vehicle, and print what a reader derived."""
+def _open(
+    paths: list[Path], vehicle: "Vehicle", log_map: Path | None, advance: Any
+) -> "tuple[list[list[FlightLog]], list[str]]":
+    """Return the flights of each log, with rotors in the order of the vehicle, and what readers derived."""
     from np_drake.logs.importing.log_map import load_map_file
     from np_drake.logs.opening import read_as_logged, with_vehicle
 
     declared = None if log_map is None else load_map_file(log_map)
-    opened = with_vehicle([read_as_logged(path, declared) for path in paths], vehicle)
-    flights = [log for found in opened for log in found.flights]
-    tell(*(f"{log.name}: {note}" for log in flights for note in log.notes), indent="  ")
-    return flights
+    read = []
+    for number, path in enumerate(paths):
+        advance(READ * number / len(paths), f"reading {path.name}")
+        read.append(read_as_logged(path, declared))
+    opened = [found.flights for found in with_vehicle(read, vehicle)]
+    said: dict[str, list[str]] = {}
+    for log in (log for flights in opened for log in flights):
+        for note in log.notes:
+            said.setdefault(note, []).append(log.name)
+    return opened, [f"{', '.join(names)}: {note}" for note, names in said.items()]
 
 
 def _split(
     flights: "list[FlightLog]", judging: "list[FlightLog]"
-) -> "tuple[list[FlightLog], list[FlightLog], list[tuple[float, float]]]":
-    """Return flights to fit, those to judge by, and the shares of these that count; none: whole flights."""
-    if judging:
-        return flights, judging, []
-    if len(flights) > 1:
-        return flights[:-1], flights[-1:], []
-    return flights, flights, [(LAST, 1.0)]
+) -> "tuple[list[FlightLog], list[FlightLog], list[tuple[float, float]], list[str]]":
+    """Return flights to fit, those to judge by, the shares of these that count (none: whole), and what is left out."""
+    from np_drake.identification.identify import SHORTEST, lasts
+
+    short = [log for log in [*flights, *judging] if lasts(log) < SHORTEST]
+    said = [f"{log.name}: shorter than {SHORTEST:g} s; left out" for log in short]
+    long, judges = ([log for log in logs if lasts(log) >= SHORTEST] for logs in (flights, judging))
+    if judging and not judges:
+        raise ValueError(f"--held-out: must last {SHORTEST:g} s at least; got {lasts(judging[0]):.2g} s.")
+    if judges or not long:
+        return long, judges, [], said
+    if len(long) > 1:
+        return long[:-1], long[-1:], [], said
+    if LAST * lasts(long[0]) < SHORTEST:
+        return long, [], [], [*said, f"{long[0].name}: too short to hold a third of it out"]
+    return long, long, [(LAST, 1.0)], said
 
 
-def _judge(
-    found: "Identification", judging: "list[FlightLog]", parts: list[tuple[float, float]]
-) -> "list[HeldOut]":
-    from np_drake.identification.validation import held_out
-
-    return held_out(found, judging, parts, plain=True)
-
-
-def _write_vehicle(found: "Identification", path: Path, name: str) -> None:
-    """Write the vehicle file, or say why there is none."""
+def _vehicle(found: "Identification", name: str) -> "tuple[Vehicle | None, FailedRun | None]":
+    """Return the identified vehicle, or None with the reason where its values are none's."""
     from np_drake.identification.identified_vehicle import identified_vehicle
-    from np_drake.vehicle_text import save_vehicle
 
-    path.unlink(missing_ok=True)  # of an earlier identification
     if found.basis.ratios:
-        tell(f"no {path.name}: {RATIOS}")
-        return
-    save_vehicle(identified_vehicle(found, name), path)
-    say(f"vehicle file: {path}")
+        return None, None
+    try:
+        return identified_vehicle(found, name), None
+    except ValueError as error:
+        return None, FailedRun(f"no {FILE}: {' '.join(str(error).split())}")
 
 
-RATIOS = "the mass is not known, so that all values are over it (kg counts as 1); give --mass for a vehicle file."
-
-
-def _table(found: "Identification") -> "tuple[str, list[str], list[tuple[Any, ...]]]":
+def _table(found: "Identification") -> Table:
     """Return the table of what is told."""
+    from diagrams.identification.text import agreement, half_width, interval
+
     rows = [
-        (q.name, unit_of(found, q), q.value, _half_width(q, q.low, q.high), _half_width(q, *q.prior),
-         "flights" if q.told else "prior", "" if q.p != q.p else "agree" if q.p >= DIFFER else f"differ, p {q.p:.1g}")
+        (q.name, interval(found, q)[0], half_width(found, q, q.low, q.high), half_width(found, q, *q.prior),
+         "flights" if q.told else "prior", agreement(q))
         for q in found.quantities
     ]  # fmt: skip
-    return "vehicle", ["quantity", "unit", "value", "95 %", "prior", "told by", "flights"], rows
+    several = len(found.models) > 1
+    header = ["quantity", "value", "95 %", "prior", "told by", *["flights"] * several]
+    return "vehicle", header, [row[: len(header)] for row in rows]
 
 
-def unit_of(found: "Identification", q: "Identified") -> str:
-    """Return the unit of a quantity, over the mass where only ratios are told.
-
-    Args:
-        found: the identification.
-        q: one of its quantities.
-    """
-    return f"{q.quantity.unit}/kg" if found.basis.ratios and q.quantity.per_mass else q.quantity.unit
-
-
-def _half_width(q: "Identified", low: float, high: float) -> str:
-    """Return half of an interval, relative where a quantity is positive."""
-    if not q.quantity.positive:
-        return f"± {0.5 * (high - low):.2g}"
-    factor = float((high / low) ** 0.5)
-    return f"± {100 * (factor - 1):.2g} %" if factor < 1.5 else f"× ÷ {factor:.2g}"
-
-
-def _judged(rows: "list[HeldOut]") -> "tuple[str, list[str], list[tuple[Any, ...]]]":
+def _judged(rows: "list[HeldOut]") -> Table:
     """Return the table of errors on what was not fitted."""
     import numpy as np
 
     def size(values: Any) -> float:
         return float(np.sqrt(np.sum(np.square(values))))
 
-    table = [
-        (row.flight, row.model, size(row.force), size(row.torque), *row.open_loop[:, 0], *np.rad2deg(row.open_loop[:, 2]))
-        for row in rows
-    ]
-    header = ["flight", "model", "force [N]", "torque [N·m]", "0.1 s [m]", "0.5 s [m]", "0.1 s [deg]", "0.5 s [deg]"]
-    return "held out: RMS of the residual, median errors of open-loop prediction", header, table
-
-
-def summary(found: "Identification") -> list[str]:
-    """Return what a reader must know, a sentence each."""
-    told = [q.name for q in found.quantities if q.told]
-    lines = [f"told by the flights: {', '.join(told)}" if told else "the flights tell nothing that the prior does not"]
-    ways: dict[str, list[str]] = {}
-    for q in found.quantities:
-        if not q.told and q.quantity.manoeuvre:
-            ways.setdefault(q.quantity.manoeuvre, []).append(q.name)
-    lines += [f"not told: {', '.join(names)}; {way} would tell" for way, names in ways.items()]
-    differing = [q.name for q in found.quantities if q.p < DIFFER]
-    if differing:
-        lines.append(f"flights differ in {', '.join(differing)}; intervals hold the spread between flights")
-    if found.basis.ratios:
-        lines.append(RATIOS)
-    return lines
+    names = list(dict.fromkeys(row.flight for row in rows))
+    several = len(names) > 1
+    table: list[tuple[Any, ...]] = []
+    for row in rows:
+        angles = np.rad2deg(row.open_loop[:, 2])
+        first = [row.flight] * several
+        table.append((*first, row.model, size(row.force), size(row.torque), *row.open_loop[:, 0], *angles))
+    errors = ["0.1 s [m]", "0.5 s [m]", "0.1 s [deg]", "0.5 s [deg]"]
+    header = [*["flight"] * several, "model", "force [N]", "torque [N·m]", *errors]
+    which = "held out" if several else f"held out, {names[0]}"
+    return f"{which}: RMS of the residual, median errors of open-loop prediction", header, table
 
 
 def as_json(found: "Identification", rows: "list[HeldOut]") -> dict[str, Any]:
@@ -222,9 +256,14 @@ def as_json(found: "Identification", rows: "list[HeldOut]") -> dict[str, Any]:
         found: the identification.
         rows: errors on what was not fitted.
     """
-    return {
-        "ratios": found.basis.ratios,
-        "quantities": [
+    from diagrams.identification.text import not_told, unit_of
+    from np_drake.identification.flight_agreement import flight_values
+
+    each = {told.quantity.name: told for told in flight_values(found)}
+    quantities = []
+    for q in found.quantities:
+        told = each.get(q.name)
+        quantities.append(
             {
                 "name": q.name,
                 "field": q.quantity.field,
@@ -234,13 +273,26 @@ def as_json(found: "Identification", rows: "list[HeldOut]") -> dict[str, Any]:
                 "ci95": [q.low, q.high],
                 "prior95": list(q.prior),
                 "told": q.told,
-                "agreement": None if q.p != q.p else q.p,
+                "agreement": _finite(q.p),
+                "flights": []
+                if told is None
+                else [[_finite(v) for v in row] for row in zip(told.value, told.low, told.high, strict=True)],
+                "apart": [] if told is None else list(told.apart),
+                "moves_with": "" if told is None else told.moves_with,
             }
-            for q in found.quantities
-        ],
+        )
+    return {
+        "ratios": found.basis.ratios,
+        "fitted": [model.flight.name for model in found.models],
+        "quantities": quantities,
+        "not_told": [{"names": names, "because": why, "manoeuvre": way} for way, names, why in not_told(found)],
         "held_out": [
-            {"flight": r.flight, "model": r.model, "force": list(r.force), "torque": list(r.torque),
-             "open_loop": [[None if x != x else float(x) for x in row] for row in r.open_loop]}
+            {"flight": r.flight, "model": r.model, "force": list(map(float, r.force)),
+             "torque": list(map(float, r.torque)), "open_loop": [[_finite(x) for x in row] for row in r.open_loop]}
             for r in rows
         ],
     }  # fmt: skip
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if value == value and abs(value) != float("inf") else None

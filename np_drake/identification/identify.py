@@ -7,15 +7,18 @@ from functools import cached_property
 import numpy as np
 
 from np_drake.flight_log import FlightLog
+from np_drake.identification.drives import common_drive
 from np_drake.identification.estimation import Estimate, estimate
-from np_drake.identification.model import G, FlightModel, Frame
+from np_drake.identification.model import FlightModel, Frame, G
 from np_drake.identification.parameters import Layout
 from np_drake.identification.priors import parameters
 from np_drake.identification.quantities import QUANTITIES, SURE, TOLD, Basis, Identified
-from np_drake.identification.signals import Signals, drive_of, signals
+from np_drake.identification.signals import Signals, signals
 from np_drake.vehicle import Vehicle
 
 SHORTEST = 3.0  # flight that tells anything [s]; own choice: three swings of a small vehicle
+IN_THE_AIR = 2.0  # of it, in the air [s]; own choice: two blocks of time for the covariance would be less
+REMEDY = "Fly roll and pitch doublets, fast turns of the heading and quick changes of height."
 STEP = 1e-4  # of a finite difference, in standard deviations of the prior
 
 
@@ -56,8 +59,10 @@ class Identification:
             bounds = np.array([here, here - SURE * sd, here + SURE * sd, before - SURE * prior, before + SURE * prior])
             value, low, high, *both = np.exp(bounds) if q.positive else bounds
             told = bool(0.0 < sd < TOLD * prior)
-            p = _agreement(e, gradient)
-            found.append(Identified(q, float(value), float(low), float(high), (both[0], both[1]), told, p))
+            follows = layout.names[int(np.argmax(np.abs(gradient)))]
+            p = e.agreement[follows].p if follows in e.agreement else float("nan")
+            of_prior = (float(both[0]), float(both[1]))
+            found.append(Identified(q, float(value), float(low), float(high), of_prior, told, p, follows))
         return tuple(found)
 
     def __getitem__(self, name: str) -> Identified:
@@ -81,21 +86,26 @@ def identify(
         prior: vehicle whose rotor positions, directions and radius are given.
         mass: with battery [kg]; None: not known.
         trusted: whether logged thrust [N], or the prior's thrust coefficient, is right, so that the mass is told.
-        drive: what turns the rotors, of `signals.DRIVES`; empty: as the logs have it.
+        drive: what turns the rotors, of `signals.DRIVES`; empty: the first that all logs hold.
         stop: share of each flight that is used, from its beginning [1].
     Raises: ValueError: one line, where flights tell nothing of the vehicle or differ in what they hold.
     """
-    lasts = [len(log) > 1 and log.t[-1] - log.t[0] >= SHORTEST for log in flights]
-    long = [log for log, enough in zip(flights, lasts, strict=True) if enough]
-    notes = tuple(
-        f"{log.name}: shorter than {SHORTEST:g} s; left out"
-        for log, enough in zip(flights, lasts, strict=True)
-        if not enough
-    )
+    drive = common_drive(flights, drive)
+    notes = [f"{log.name}: shorter than {SHORTEST:g} s; left out" for log in flights if lasts(log) < SHORTEST]
+    long = [log for log in flights if lasts(log) >= SHORTEST]
     if not long:
-        raise ValueError(f"identify: needs a flight of {SHORTEST:g} s at least; got none among {len(flights)} logs.")
-    drive = drive or drive_of(long[0])
-    seen = [signals(log, prior.unmixer, drive).part(0.0, stop) for log in long]
+        most = max(map(lasts, flights), default=0.0)
+        raise ValueError(f"identify: needs a flight of {SHORTEST:g} s at least; the longest lasts {most:.2g} s.")
+    seen, kept = [], []
+    for log in long:
+        flight = signals(log, prior.unmixer, drive).part(0.0, stop)
+        if reason := _unfit(flight, stop):
+            notes.append(f"{log.name}: {reason}; left out")
+        else:
+            seen.append(flight)
+            kept.append(log)
+    if not seen:
+        raise ValueError(f"identify: no flight tells anything of the vehicle. {'; '.join(notes)}. {REMEDY}")
     frame = _frame(seen, prior, drive)
     parts = _parts(seen, drive)
     coefficient = prior.thrust_coefficient if trusted and mass is None and drive == "rotor_speed" else None
@@ -105,17 +115,26 @@ def identify(
     spin = frame.unit if drive == "rotor_speed" else float(
         np.sqrt(0.25 * (mass or prior.mass) * G / prior.thrust_coefficient)
     )  # fmt: skip
-    step = max(float(np.median(np.diff(log.t))) for log in long)
+    step = max(float(np.median(np.diff(log.t))) for log in kept)
     layout = Layout.of(parameters(spin, step), parts, len(seen))
     models = tuple(FlightModel(flight, frame) for flight in seen)
     basis = Basis(frame, drive, mass, coefficient, spin, newtons)
-    return Identification(basis, estimate(models, layout), frozenset(known), models, prior, notes)
+    return Identification(basis, estimate(models, layout), frozenset(known), models, prior, tuple(notes))
 
 
-def _agreement(e: Estimate, gradient: np.ndarray) -> float:
-    """Return the agreement of flights on the parameter that a quantity follows most; NaN: not tested."""
-    leading = e.layout.names[int(np.argmax(np.abs(gradient)))]
-    return e.agreement[leading].p if leading in e.agreement else float("nan")
+def lasts(log: FlightLog) -> float:
+    """Return the length of a flight [s]."""
+    return float(log.t[-1] - log.t[0]) if len(log) > 1 else 0.0
+
+
+def _unfit(flight: Signals, stop: float) -> str:
+    """Return why a flight tells nothing of its vehicle; empty: it does."""
+    if not np.isfinite(flight.input).all():
+        return "what turns the rotors is not known in every row"
+    if not (flight.input[flight.edges[:-1]][flight.good].mean(axis=0) > 0).all():
+        return "a rotor does not turn, as on a desk"
+    seconds = float(flight.good.sum() * flight.step)
+    return "" if seconds >= IN_THE_AIR * min(stop, 1.0) else f"only {seconds:.1f} s without gaps in the air"
 
 
 def _gradient(of, z: np.ndarray, shared: slice) -> np.ndarray:
