@@ -64,6 +64,7 @@ def identify(
         from np_drake.identification.validation import held_out as errors_on
 
         _require_different(logs, held_out or [])
+        common_drive([], input)  # refuses what is no input before logs are read
         prior, mass = _prior(vehicle, mass, wheelbase, propeller, order, trust)
         opened, notes = _open([*logs, *(held_out or [])], prior, log_map, advance)
         flights = [log for found in opened[: len(logs)] for log in found]
@@ -97,7 +98,7 @@ def identify(
 
     from diagrams.identification.text import summary
 
-    tables = [_table(found), *([_judged(rows)] if rows else [])]
+    tables = [_table(found), *([_judged(found, rows)] if rows else [])]
     return Report(tables, config=config, metrics=metrics, lines=summary(found), write=write, failure=failure)
 
 
@@ -160,7 +161,23 @@ def _prior(
     guess = min(max(DENSITY * abs(0.5 * wheelbase) ** 3, LIGHTEST), HEAVIEST)
     diameter = 0.5 * wheelbase if propeller is None else propeller
     measured = Measured(guess if mass is None else mass, wheelbase, diameter, 0.5, order=order)
-    return estimate(measured, f"frame of {wheelbase:g} m"), None if trust == "thrust" else mass
+    frame = estimate(measured, f"frame of {wheelbase:g} m")
+    return frame if mass is not None else _over_mass(frame), mass
+
+
+def _over_mass(vehicle: "Vehicle") -> "Vehicle":
+    """Return the vehicle with mass 1, all forces and moments over its mass."""
+    import dataclasses as dc
+
+    m = vehicle.mass
+    return dc.replace(
+        vehicle,
+        mass=1.0,
+        inertia=(vehicle.J / m).tolist(),
+        thrust_coefficient=vehicle.thrust_coefficient / m,
+        torque_coefficient=vehicle.torque_coefficient / m,
+        max_rotor_thrust=vehicle.max_rotor_thrust / m,
+    ).check()
 
 
 def _open(
@@ -229,7 +246,7 @@ def _table(found: "Identification") -> Table:
     return "vehicle", header, [row[: len(header)] for row in rows]
 
 
-def _judged(rows: "list[HeldOut]") -> Table:
+def _judged(found: "Identification", rows: "list[HeldOut]") -> Table:
     """Return the table of errors on what was not fitted."""
     import numpy as np
 
@@ -244,7 +261,8 @@ def _judged(rows: "list[HeldOut]") -> Table:
         first = [row.flight] * several
         table.append((*first, row.model, size(row.force), size(row.torque), *row.open_loop[:, 0], *angles))
     errors = ["0.1 s [m]", "0.5 s [m]", "0.1 s [deg]", "0.5 s [deg]"]
-    header = [*["flight"] * several, "model", "force [N]", "torque [N·m]", *errors]
+    over = "/kg" if found.basis.ratios else ""
+    header = [*["flight"] * several, "model", f"force [N{over}]", f"torque [N·m{over}]", *errors]
     which = "held out" if several else f"held out, {names[0]}"
     return f"{which}: RMS of the residual, median errors of open-loop prediction", header, table
 

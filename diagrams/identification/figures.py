@@ -113,7 +113,8 @@ def _flights(ax, found: Identification, told: FlightValues) -> None:
         )
     p = "" if math.isnan(q.p) else f"p {q.p:.2g}" if q.p >= 0.001 else "p < 0.001"
     weight = "bold" if told.differ else "normal"
-    ax.set_title(f"{q.name} [{shown or '1'}]", loc="left", fontsize=9, fontweight=weight)
+    ax.set_title(q.name, loc="left", fontsize=9, fontweight=weight)
+    ax.set_ylabel(f"[{shown or '1'}]", fontsize=8)
     ax.set_title(p, loc="right", fontsize=8.5, fontweight=weight)
     ax.tick_params(labelsize=8)
     ax.ticklabel_format(axis="y", useOffset=False)
@@ -122,8 +123,14 @@ def _flights(ax, found: Identification, told: FlightValues) -> None:
     ax.spines[["top", "right"]].set_visible(False)
 
 
-def residual_figure(rows: Sequence[HeldOut]) -> Figure:
-    """Return the RMS of held-out force and torque by axis, a mark a model and flight."""
+def residual_figure(rows: Sequence[HeldOut], *, per_mass: bool = False) -> Figure:
+    """Return the RMS of held-out force and torque by axis, a mark a model and flight.
+
+    Args:
+        rows: errors on held-out flights.
+        per_mass: whether they are over the mass.
+    """
+    over = "/kg" if per_mass else ""
     figure, grid = new_figure(1, 2, width=9.0, height=3.0)
     for ax, (name, unit) in zip(grid[0], (("force", "N"), ("torque", "N·m")), strict=True):
         flights = list(dict.fromkeys(row.flight for row in rows))
@@ -143,7 +150,7 @@ def residual_figure(rows: Sequence[HeldOut]) -> Figure:
                 label=row.model,
             )
         ax.set_xticks(range(3), [f"{name} {axis}" for axis in "xyz"])
-        ax.set(yscale="log", ylabel=f"RMS [{shown}]", xlim=(-0.5, 2.5))
+        ax.set(yscale="log", ylabel=f"RMS [{shown}{over}]", xlim=(-0.5, 2.5))
         low, high = ax.get_ylim()
         ax.set_ylim(low / 1.5, 1.5 * high)
         ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))

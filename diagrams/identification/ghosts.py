@@ -85,9 +85,11 @@ def path_figure(ghosts: Ghosts) -> Figure:
     """Return the logged path from above with the ghosts of the window, a panel a model."""
     log, (first, last) = ghosts.log, ghosts.rows
     inside = (log.t >= ghosts.window[0]) & (log.t <= ghosts.window[1])
-    x, y = (_limits(log.p[first : last + 1, c], 0.15) for c in (0, 1))
-    height = 1.1 + 4.0 * (y[1] - y[0]) / (x[1] - x[0])
-    figure, grid = new_figure(1, 2, width=9.0, height=float(np.clip(height, 2.6, 6.5)), sharex=True, sharey=True)
+    low, high = log.p[first : last + 1, :2].min(axis=0), log.p[first : last + 1, :2].max(axis=0)
+    half = np.maximum(0.65 * (high - low), 0.25 * np.max(high - low) + 0.01)
+    x, y = (0.5 * (low + high)[c] + half[c] * np.array([-1.0, 1.0]) for c in (0, 1))
+    height = 1.1 + 4.0 * half[1] / half[0]
+    figure, grid = new_figure(1, 2, width=9.0, height=min(height, 6.5), sharex=True, sharey=True)
     for ax, (name, prediction) in zip(grid[0], ghosts.drawn.items(), strict=True):
         ax.plot(*log.p[first : last + 1, :2].T, color="0.8", linewidth=0.9, label="whole flight")
         ax.plot(*log.p[inside, :2].T, color=LOGGED, linewidth=1.6, label="logged, as shown against time")

@@ -49,7 +49,7 @@ def write_page(
     if each:
         figures["agreement"] = agreement_figure(found, each)
     if rows:
-        figures["residuals"] = residual_figure(rows)
+        figures["residuals"] = residual_figure(rows, per_mass=found.basis.ratios)
     ghosts, why = None, "No flight was held out."
     for number, log in enumerate(judging):
         if log.lacks:
@@ -93,6 +93,7 @@ def content(found: Identification, rows: Sequence[HeldOut], each: Sequence[Fligh
     """
     drive = KINDS[found.basis.drive]
     differing = [told for told in each if told.differ]
+    units = ("N/kg", "N·m/kg") if found.basis.ratios else ("N", "N·m")
     return {
         "vehicle": found.prior.name,
         "headline": headline(found),
@@ -115,7 +116,7 @@ def content(found: Identification, rows: Sequence[HeldOut], each: Sequence[Fligh
         "differing": [f"{capital(told.text)}." for told in differing],
         "numbers": flights_line(found),
         "residual_header": ["flight", "model", *(f"{kind} {axis}" for kind in ("force", "torque") for axis in "xyz")],
-        "residuals": [_residual(row) for row in rows],
+        "residuals": [_residual(row, units) for row in rows],
         "open_header": ["flight", "model", *(f"{name}, {h:g} s" for h in HORIZONS for name in _OPEN)],
         "open_loop": [_open_loop(row) for row in rows if np.isfinite(row.open_loop).any()],
         "horizon": f"{HORIZON:g}",
@@ -136,13 +137,9 @@ def content(found: Identification, rows: Sequence[HeldOut], each: Sequence[Fligh
 _OPEN = {"position": ("m", 1.0), "velocity": ("m/s", 1.0), "attitude": ("°", 180 / np.pi), "rates": ("rad/s", 1.0)}
 
 
-def _residual(row: HeldOut) -> list[str]:
-    return [
-        row.flight,
-        row.model,
-        *(measure(float(v), "N") for v in row.force),
-        *(measure(float(v), "N·m") for v in row.torque),
-    ]
+def _residual(row: HeldOut, units: tuple[str, str]) -> list[str]:
+    both = zip((row.force, row.torque), units, strict=True)
+    return [row.flight, row.model, *(measure(float(v), unit) for values, unit in both for v in values)]
 
 
 def _open_loop(row: HeldOut) -> list[str]:

@@ -140,11 +140,8 @@ def lead(found: Identification, rows: Sequence[HeldOut]) -> str:
     leading = ("mass", "thrust coefficient", "thrust at full throttle", "inertia xx", "inertia yy", "inertia zz",
                "time constant up", "transport delay")  # fmt: skip
     known = {q.name: q for q in found.quantities if q.told}
-    values = [
-        f"{name} {interval(found, known[name])[0]} ({half_width(found, known[name], known[name].low, known[name].high)})"
-        for name in leading
-        if name in known and known[name].quantity.positive
-    ]
+    first = [known[name] for name in leading if name in known and known[name].quantity.positive]
+    values = [f"{q.name} {interval(found, q)[0]} ({half_width(found, q, q.low, q.high)})" for q in first]
     said = [f"{listed(values)}."] if values else []
     said[:1] = [said[0][:1].upper() + said[0][1:]] if said else []
     if text := change(rows):
