@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from np_drake.flight_log import FlightLog
     from np_drake.identification.identify import Identification
     from np_drake.identification.validation import HeldOut
+    from np_drake.logs.opening import Opened
     from np_drake.vehicle import Vehicle
 
 Out = Annotated[Path | None, Option("--out", metavar="DIR", help="Folder for vehicle.yaml, page, figures and JSON.")]
@@ -158,7 +159,7 @@ def _prior(
         )
     if order is None:
         raise ValueError(f"give --order {'|'.join(FIRMWARE)} (whose logs you have) as well.")
-    guess = min(max(DENSITY * abs(0.5 * wheelbase) ** 3, LIGHTEST), HEAVIEST)
+    guess = min(max(DENSITY * (0.5 * wheelbase) ** 3, LIGHTEST), HEAVIEST) if wheelbase > 0 else LIGHTEST
     diameter = 0.5 * wheelbase if propeller is None else propeller
     measured = Measured(guess if mass is None else mass, wheelbase, diameter, 0.5, order=order)
     frame = estimate(measured, f"frame of {wheelbase:g} m")
@@ -192,12 +193,25 @@ def _open(
     for number, path in enumerate(paths):
         advance(READ * number / len(paths), f"reading {path.name}")
         read.append(read_as_logged(path, declared))
+        _require_turning(read[-1])
     opened = [found.flights for found in with_vehicle(read, vehicle)]
     said: dict[str, list[str]] = {}
     for log in (log for flights in opened for log in flights):
         for note in log.notes:
             said.setdefault(note, []).append(log.name)
     return opened, [f"{', '.join(names)}: {note}" for note, names in said.items()]
+
+
+def _require_turning(opened: "Opened") -> None:
+    """Check that the rotors of a log turn.
+
+    Raises: ValueError: where they do not, with what would tell the vehicle.
+    """
+    from np_drake.identification.identify import REMEDY
+
+    inputs = [log.rotor if log.rotor is not None else log.throttle for log in opened.flights]
+    if all(values is not None and not (values > 0).any() for values in inputs):
+        raise ValueError(f"{opened.path}: its rotors do not turn, as on a desk, so that it tells nothing. {REMEDY}")
 
 
 def _split(
@@ -211,7 +225,9 @@ def _split(
     long, judges = ([log for log in logs if lasts(log) >= SHORTEST] for logs in (flights, judging))
     if judging and not judges:
         raise ValueError(f"--held-out: must last {SHORTEST:g} s at least; got {lasts(judging[0]):.2g} s.")
-    if judges or not long:
+    if not long:
+        raise ValueError(f"needs a flight of {SHORTEST:g} s at least; the longest lasts {max(map(lasts, flights)):.2g} s.")
+    if judges:
         return long, judges, [], said
     if len(long) > 1:
         return long[:-1], long[-1:], [], said
