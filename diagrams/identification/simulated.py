@@ -4,6 +4,7 @@ import dataclasses as dc
 
 import numpy as np
 
+from diagrams.batch.failed_run import FailedRun
 from diagrams.challenge.generate.sensor_quality import REAL, draw_sensor_quality, kept_rows, rows_of, with_sensor_noise
 from diagrams.challenge.generate.trajectories import draw_plans
 from diagrams.challenge.simulators.drake.simulator import fly
@@ -22,6 +23,9 @@ from np_drake.vehicle_physics import AIR, least_torque_over_thrust
 INPUTS = ("rotor_speed", "throttle", "command")
 LIGHTEST, HEAVIEST = 0.03, 20.0  # [kg]
 G = 9.81
+TACHOMETER = 0.002  # white noise of rotor speed, of hover [1]; that of telemetry of the flights by IMRCLab is 0.001
+SATURATED = 0.005  # share of rotor commands at a limit, from which a loop oscillates [1]; own choice
+ATTEMPTS = 40  # draws of a vehicle until its controller flies it
 
 
 @dc.dataclass(frozen=True)
@@ -166,19 +170,48 @@ def fly_truth(truth: Truth, rng: np.random.Generator, flights: int, seconds: flo
     logs, white = [], v.measurement_noise
     for number, plan in enumerate(draw_plans(rng, v, seconds, flights)):
         # The accelerometer's reading is turned to W by the attitude of the log.
-        quality = dc.replace(draw_sensor_quality(REAL, rng, spin), rotor=0.01 * spin, turned=True)
+        quality = dc.replace(draw_sensor_quality(REAL, rng, spin), rotor=TACHOMETER * spin, turned=True)
         seen = np.array([0.002] * 3 + [0.0, *[0.003] * 3] + [0.02] * 3 + [white.rate] * 3)
         exact = fly(v, plan, (*effects, *truth.air), t=quality.instants(rng, seconds), noise=seen)
+        thrust = exact.u @ v.unmixer.T
+        limited = (thrust < 0.01 * v.max_rotor_thrust) | (thrust > 0.99 * v.max_rotor_thrust)
+        if np.mean(limited) > SATURATED:
+            raise FailedRun("identification: no ordinary flight: the loop of this vehicle oscillates.")
         logs.append(_as_logged(exact, truth, quality, rng, f"flight{number}"))
     return logs
+
+
+def draw_and_fly(seed: int, kind: str, flights: int, seconds: float) -> tuple[Truth, list[FlightLog]]:
+    """Return a vehicle and its logs, drawn until its controller flies it without oscillation.
+
+    Args:
+        seed: of the draw.
+        kind: of input.
+        flights: how many.
+        seconds: length of each [s].
+    Raises: FailedRun: if no draw can be flown.
+    """
+    for attempt in range(ATTEMPTS):
+        rng = np.random.default_rng((seed, attempt))
+        truth = draw_truth(rng, kind)
+        try:
+            return truth, fly_truth(truth, rng, flights, seconds)
+        except FailedRun:
+            continue
+    raise FailedRun(f"identification: no vehicle of seed {seed} could be flown.")
 
 
 def _as_logged(exact: FlightLog, truth: Truth, quality, rng: np.random.Generator, name: str) -> FlightLog:
     """Return a flight as the sensors of the vehicle log it."""
     v, g = truth.vehicle, np.array([0.0, 0.0, G])
-    place = np.array(v.calibration.imu_position)
-    lever = np.cross(exact.al, place) + np.cross(exact.w, np.cross(exact.w, place))
-    moved = dc.replace(exact, a=exact.a + attitude.rotate(exact.q, lever))
+    # The accelerometer averages over the interval after a row: the change of its velocity.
+    velocity = exact.v + attitude.rotate(exact.q, np.cross(exact.w, v.calibration.imu_position))
+    rate = np.diff(velocity, axis=0) / np.diff(exact.t)[:, None]
+    half = attitude.rotation_vector(attitude.multiply(attitude.conjugate(exact.q[:-1]), exact.q[1:]))
+    middle = attitude.multiply(exact.q[:-1], attitude.from_rotation_vector(0.5 * half))
+    force = attitude.rotate_back(middle, rate + g)
+    force = np.concatenate([force, force[-1:]])
+    moved = dc.replace(exact, a=attitude.rotate(exact.q, force) - g)
     log = with_sensor_noise(moved, v, quality, rng)
     turn = attitude.from_rotation_vector(np.array([v.calibration.imu_tilt]))[0]
     turns = np.broadcast_to(turn, log.q.shape)

@@ -20,6 +20,7 @@ PASSES = 4  # of noise models
 ITERATIONS = 3  # of Gauss-Newton within one
 STEP = 1e-4  # of a finite difference, in standard deviations of the prior
 BLOCK = 2.0  # length of blocks that are taken as independent [s]; own choice: longer than manoeuvres last
+LEAST_FLIGHTS = 5  # from which flights are taken as independent clusters; own choice
 LARGEST = 2.0  # step in standard deviations of the prior
 BOUND = 6.0  # standard deviations of the prior beyond which a parameter does not go
 SETTLED = 1e-3  # largest step at which the descent ends
@@ -30,6 +31,7 @@ class Estimate:
     """Parameters of the model on some flights.
 
     z: (k,) standardised coordinates.   covariance: (k, k) of z.   information: (k, k) of the data alone.
+    clustered: (k, k) covariance with flights as independent, widened by Student's t; None: of too few flights.
     agreement: by shared parameter, how the flights agree; only where two or more tell it.
     """
 
@@ -37,6 +39,7 @@ class Estimate:
     z: np.ndarray
     covariance: np.ndarray
     information: np.ndarray
+    clustered: np.ndarray | None = None
     agreement: dict[str, "Agreement"] = dc.field(default_factory=dict)
 
     @property
@@ -91,7 +94,14 @@ def estimate(models: Sequence[FlightModel], layout: Layout) -> Estimate:
     for i, name in enumerate(layout.names):
         if name in agreement:
             covariance[i, i] += _between(agreement[name])
-    return Estimate(layout, z, covariance, H - np.eye(layout.size), agreement)
+    clustered = None
+    if len(parts) >= LEAST_FLIGHTS:
+        flights = np.stack([part.gradient for part in parts])
+        flights = flights - flights.mean(axis=0)
+        few = float(stats.t.ppf(0.975, len(parts) - 1) / stats.norm.ppf(0.975))
+        spread = flights.T @ flights * len(parts) / (len(parts) - 1) + np.eye(layout.size)
+        clustered = few**2 * inverse @ spread @ inverse
+    return Estimate(layout, z, covariance, H - np.eye(layout.size), clustered, agreement)
 
 
 @dc.dataclass(frozen=True)

@@ -54,7 +54,8 @@ class Identification:
             z, zero = e.z, np.zeros_like(e.z)
             here, gradient = of(z), _gradient(of, z, shared)
             before, slope = of(zero), _gradient(of, zero, shared)
-            sd = float(np.sqrt(max(gradient @ e.covariance[shared, shared] @ gradient, 0.0)))
+            covariances = [c for c in (e.covariance, e.clustered) if c is not None]
+            sd = float(np.sqrt(max(gradient @ c[shared, shared] @ gradient for c in covariances)))
             prior = float(np.linalg.norm(slope))
             bounds = np.array([here, here - SURE * sd, here + SURE * sd, before - SURE * prior, before + SURE * prior])
             value, low, high, *both = np.exp(bounds) if q.positive else bounds

@@ -13,6 +13,8 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from scipy import ndimage
+from scipy.interpolate import CubicSpline
 
 from np_drake import attitude
 from np_drake.identification.rotor_response import at, lagged, means, target_speed
@@ -23,6 +25,9 @@ from np_drake.training_data.segments import white_noise
 G = 9.81  # [m/s²]
 FORCE, TORQUE, SPEED = slice(0, 3), slice(3, 6), slice(6, 10)
 Values = dict[str, float]
+# Disturbances are slower, errors of rotor speed faster [s]: 5 Hz; own choice: gusts and wakes against rows of a log.
+SLOW = 0.83 / 5.0
+FLATTEST = 0.995  # of Jzz over Jxx + Jyy, whose bound is 1 [1]
 RESPONSE = ("lag", "lag_ratio", "curve", "sag")  # of a rotor to its command
 
 
@@ -70,7 +75,9 @@ class FlightModel:
         self._relative = flight.input / frame.unit
         self._time = flight.instants - flight.t[0]
         self._euler = _euler_of_moments(flight.spread)
-        self._rates = flight.smooth[flight.edges]
+        self._rates = CubicSpline(self._time, flight.smooth[flight.edges])  # body rates at a time [rad/s]
+        self._quiet = np.diff(flight.smooth[flight.edges], axis=0) / np.diff(self._time)[:, None]
+        self._last: Values | None = None
 
     def residual(self, v: Values) -> np.ndarray:
         """Return the channels (m, 6 or 10), measured less predicted.
@@ -86,7 +93,9 @@ class FlightModel:
         turn, gyro = np.eye(3) + attitude.skew(tilt), np.eye(3) + attitude.skew(tilt + twist)
         w, alpha = s.rate @ gyro.T, s.alpha @ gyro.T
         # The attitude is taken as that of the sensors' axes.
-        air, torque = self.air_wrench(v, None if s.velocity is None else s.velocity @ turn.T)
+        heading = np.eye(3) + attitude.skew(np.array([0.0, 0.0, v["heading"]]))
+        flow = None if s.velocity is None else s.velocity @ (turn @ heading).T
+        air, torque = self.air_wrench(v, flow, rotors.mean)
         j = inertia(v) * frame.arm**2
         torque += rotors.thrust @ self.arms(v).T - self._euler @ j[_MOMENTS]
         # Angular momentum of the rotors, which turn against their reaction torques.
@@ -97,29 +106,53 @@ class FlightModel:
         torque[:, 2] += momentum * (rotors.rate @ frame.directions)
         e = np.empty((len(s), self.channels))
         e[:, TORQUE] = alpha - torque @ np.linalg.inv(j).T
+        if self._last is not None:
+            e[:, TORQUE] += self._fast(v, e[:, TORQUE], torque, alpha, gyro, j)
         place = frame.arm * np.array([v["imu_x"], v["imu_y"], v["imu_z"]]) - center
-        push = air + self._lever(v["force_late"]) @ place
+        push = air + self._lever(v) @ place
         push[:, 2] += rotors.late @ gains
         e[:, FORCE] = s.force - push @ turn - np.array([v["bias_x"], v["bias_y"], v["bias_z"]])
         if self.channels == 10:
             e[:, SPEED] = self._measured_speed - self._predicted_speed(v)
         return e
 
-    def smooth(self, v: Values) -> None:
-        """Take for the angular acceleration that moves the accelerometer what model and gyro tell together.
+    def _fast(self, v: Values, e: np.ndarray, torque: np.ndarray, alpha: np.ndarray, gyro: np.ndarray, j: np.ndarray):
+        """Return what to add to the residual e (m, 3) so that its fast part errs on the side of the rotors.
 
-        It is that of the model and, of the gyro's difference to it, what stands above white noise.
+        What disturbs a vehicle is slow; what is wrong with readings of rotor speed, their time above all, is fast. In
+        the fast part inertia explains the torque of the rotors by the measured motion, in the slow part the motion by
+        the torque. Both residuals are the same where inertia and gains are those of the step before.
+        Source: errors in variables; the two regressions bound the truth (Frisch 1934).
+        """
+        last = inertia(self._last) * self.frame.arm**2
+        kept = {name: self._last[name] for name in ("scale", "gain_roll", "gain_pitch", "gain_yaw")}
+        other = torque + self._rotors(v).thrust @ (self.arms(v | kept) - self.arms(v)).T
+        inverse = np.linalg.inv(last).T
+        fast = alpha + (self._quiet @ gyro.T @ (j - last).T - other) @ inverse - e
+        fast[~self.flight.good] = 0.0
+        fast[:, 2] = 0.0  # about z only the ratio of torque to inertia shows
+        return fast - ndimage.gaussian_filter1d(fast, SLOW / (2 * np.pi * self.flight.step), axis=0)
+
+    def smooth(self, v: Values) -> None:
+        """Take from a first estimate how the sensors' errors enter.
+
+        Where rotors follow commands, the angular acceleration that moves the accelerometer is that of the model and, of
+        the gyro's difference to it, what stands above white noise. Where their speed is measured, its errors are taken
+        as fast.
 
         Args:
             v: parameters by name.
         """
         s = self.flight
+        if s.drive == "rotor_speed":
+            self._last = dict(v)
+            return
         length = np.diff(self._time)[:, None]
         missed = np.where(s.good[:, None], self.residual(v)[:, TORQUE], 0.0) * length
         difference = np.concatenate([np.zeros((1, 3)), np.cumsum(missed, axis=0)])
         likely = most_likely(difference, white_noise([difference]), s.step)
         rates = np.concatenate([np.zeros((1, 3)), np.cumsum(s.alpha * length, axis=0)])
-        self._rates = rates - difference + likely
+        self._rates = CubicSpline(self._time, rates - difference + likely)
         self._kept.pop("lever", None)
 
     def gains(self, v: Values) -> np.ndarray:
@@ -150,32 +183,35 @@ class FlightModel:
         lean = frame.directions + v["lean_x"] * frame.patterns[0] + v["lean_y"] * frame.patterns[1]
         return self.gains(v) * np.stack([arms[:, 1], -arms[:, 0], v["torque"] * frame.radius * lean])
 
-    def air_wrench(self, v: Values, u: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
+    def air_wrench(self, v: Values, u: np.ndarray | None, spin: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return force (m, 3) at Bo and torque (m, 3) about the centre of mass of the air [m/s², m²/s²].
+
+        Drag grows with rotor speed, as the effect `linear_drag`.
 
         Args:
             v: parameters by name.
             u: (m, 3) velocity in body axes [m/s]; None: not known, and no wrench.
+            spin: (m,) mean relative rotor speed [1].
         """
         if u is None:
             return np.zeros((len(self.flight), 3)), np.zeros((len(self.flight), 3))
-        force = u * np.array([-v["drag"], -v["drag"], -v["climb"]])
+        force = u * np.array([-v["drag"], -v["drag"], -v["climb"]]) * spin[:, None]
         force[:, 2] += v["lift"] * (u[:, 0] ** 2 + u[:, 1] ** 2)
         torque = force @ attitude.skew(-self.center(v)).T
         torque[:, 0] -= self.frame.arm * v["flap_y"] * u[:, 1]
         torque[:, 1] += self.frame.arm * v["flap_x"] * u[:, 0]
         return force, torque
 
-    def wrench(self, v: Values) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    def wrench(self, v: Values) -> tuple[np.ndarray, tuple[np.ndarray, ...]]:
         """Return what the rotors do in the bins.
 
         Args:
             v: parameters by name.
         Returns: collective thrust (m,) and, in a tuple, torque (m, 3) over mass, and their summed relative speed (m,)
-        by direction with its rate of change (m,).
+        by direction with its rate of change (m,), and their mean (m,).
         """
         rotors, d = self._rotors(v), self.frame.directions
-        return rotors.thrust @ self.gains(v), (rotors.thrust @ self.arms(v).T, rotors.speed @ d, rotors.rate @ d)
+        return rotors.thrust @ self.gains(v), (rotors.thrust @ self.arms(v).T, rotors.speed @ d, rotors.rate @ d, rotors.mean)
 
     def _keep(self, stage: str, key: tuple, make: Callable[[], Any]) -> Any:
         """Return a stage for this key. The two last are kept, for finite differences move one parameter at a time."""
@@ -188,17 +224,28 @@ class FlightModel:
             kept.pop(next(iter(kept)))
         return value
 
-    def _lever(self, late: float) -> np.ndarray:
-        """Return the map (m, 3, 3) from a place to its acceleration, by which the accelerometer is late [1/s²]."""
+    def _window(self, v: Values) -> tuple[np.ndarray, np.ndarray]:
+        """Return begin and end (m,) of the times over which the accelerometer's readings are means [s]."""
+        # Whether an accelerometer of one reading a bin averages over it is not known.
+        share = float(np.clip(v["window"], 0.1, 1.0)) if self.flight.single else 1.0
+        middle, half = 0.5 * (self._time[1:] + self._time[:-1]) - v["force_late"], 0.5 * share * np.diff(self._time)
+        return middle - half, middle + half
+
+    def _lever(self, v: Values) -> np.ndarray:
+        """Return the map (m, 3, 3) from a place to its acceleration at the accelerometer's time [1/s²]."""
 
         def make() -> np.ndarray:
-            s, t = self.flight, self._time
-            rates = np.stack([np.interp(t - late, t, column) for column in self._rates.T], axis=1)
-            alpha = np.diff(rates, axis=0) / np.diff(t)[:, None]
-            # w x (w x r) = (w w' - |w|² 1) r.
-            return attitude.skew(alpha) + s.spread - np.trace(s.spread, axis1=1, axis2=2)[:, None, None] * np.eye(3)
+            starts, stops = self._window(v)
+            alpha = (self._rates(stops) - self._rates(starts)) / (stops - starts)[:, None]
+            return attitude.skew(alpha) + self._centripetal
 
-        return self._keep("lever", (late,), make)
+        return self._keep("lever", (v["force_late"], v["window"]), make)
+
+    @cached_property
+    def _centripetal(self) -> np.ndarray:
+        """(m, 3, 3) map from a place to w x (w x place), which is (w w' - |w|² 1) place [1/s²]."""
+        spread = self.flight.spread
+        return spread - np.trace(spread, axis1=1, axis2=2)[:, None, None] * np.eye(3)
 
     def _rotors(self, v: Values) -> "Rotors":
         """Return what the rotors do in the bins."""
@@ -209,13 +256,11 @@ class FlightModel:
         def make() -> Rotors:
             t, speed = self._measured if measured else self._driven(v)
             edges, square = self._time - late, speed * speed
-            # Whether an accelerometer of one reading a bin averages over it is not known.
-            share = float(np.clip(v["window"], 0.05, 1.0)) if self.flight.single else 1.0
-            middle, half = 0.5 * (edges[1:] + edges[:-1]) - v["force_late"], 0.5 * share * np.diff(edges)
+            starts, stops = self._window(v)
             return Rotors(
                 means(t, speed, edges[:-1], edges[1:]),
                 means(t, square, edges[:-1], edges[1:]),
-                means(t, square, middle - half, middle + half),
+                means(t, square, starts - late, stops - late),
                 np.diff(at(t, speed, edges), axis=0) / np.diff(edges)[:, None],
             )
 
@@ -276,6 +321,11 @@ class Rotors:
     late: np.ndarray
     rate: np.ndarray
 
+    @cached_property
+    def mean(self) -> np.ndarray:
+        """(m,) mean relative speed [1]."""
+        return self.speed.mean(axis=1)
+
 
 _MOMENTS = ([0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2])  # xx, yy, zz, xy, xz, yz of a matrix
 
@@ -302,4 +352,4 @@ def inertia(v: Values) -> np.ndarray:
     """
     xx, yy = v["jxx"], v["jxx"] * v["jyy"]
     xy, xz, yz = (-0.5 * (xx + yy) * v[name] for name in ("jxy", "jxz", "jyz"))
-    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, v["jzz"] * (xx + yy)]])
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, min(v["jzz"], FLATTEST) * (xx + yy)]])

@@ -7,6 +7,7 @@ from scipy import linalg, signal
 
 ORDER = 16  # of the autoregressive model; own choice: 0.16 s at 100 Hz
 OUTLYING = 3.0  # standard deviations from which a whitened residual counts less; Huber's bend
+IMPOSSIBLE = 8.0  # from which it does not count; own choice: a Gaussian has none in a thousand years of flight
 
 
 @dc.dataclass(frozen=True)
@@ -40,6 +41,7 @@ class Whitening:
         spread = np.median(size[kept], axis=0) / 0.6745 if kept.any() else np.ones(e.shape[1])
         ratio = size / np.maximum(spread, 1e-12)
         weight = np.sqrt(np.minimum(1.0, OUTLYING / np.maximum(ratio, 1e-12))) / np.maximum(spread, 1e-12)
+        weight[ratio > IMPOSSIBLE] = 0.0
         return cls(taps, kept, weight)
 
     def apply(self, values: np.ndarray) -> np.ndarray:

@@ -71,9 +71,9 @@ def predict(
     thrust, forces = model.wrench(v)
     out, h = [x], s.step / SUBSTEPS
     for k in range(steps):
-        f, m, spin, change = (part[first + k] for part in (thrust, *forces))
+        held = tuple(part[first + k] for part in (thrust, *forces))
         for _ in range(SUBSTEPS):
-            x = _step(model, v, x, (f, m, spin, change), h)
+            x = _step(model, v, x, held, h)
         out.append(x)
     states_out = np.array(out)
     R = attitude.rotation_matrix(states_out[..., 3:7])
@@ -97,10 +97,10 @@ def _step(model: FlightModel, v: Values, x: np.ndarray, held: tuple, h: float) -
 
 def _rate(model: FlightModel, v: Values, x: np.ndarray, held: tuple) -> np.ndarray:
     """Return the rates of change (s, 13) of states x (s, 13), of the centre of mass."""
-    thrust, moment, spin, change = held
+    thrust, moment, spin, change, mean = held
     q, w = x[:, 3:7], x[:, 10:13]
     u = attitude.rotate_back(q, x[:, 7:10])
-    air, torque = model.air_wrench(v, u)
+    air, torque = model.air_wrench(v, u, mean)
     push = air.copy()
     push[:, 2] += thrust
     a = attitude.rotate(q, push) - [0.0, 0.0, G]

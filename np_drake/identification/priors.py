@@ -58,8 +58,7 @@ def parameters(spin: float, step: float) -> tuple[Parameter, ...]:
         Parameter("lift", 0.0, 0.1, needs=AIR),
         Parameter("flap_x", 0.0, 0.2, needs=AIR),
         Parameter("flap_y", 0.0, 0.2, needs=AIR),
-        # Times [s]: rotor speed or command to body, accelerometer after gyro, first-order lags.
-        Parameter("clock", 0.0, 0.01, needs=SPEED),
+        # Times [s]: command to body, accelerometer after gyro, first-order lags.
         Parameter("delay", 0.005, 0.01, needs=MOTORS),
         Parameter("force_late", 0.0, 0.005 + 0.3 * step),
         Parameter("window", 0.5, 0.3, needs=("accelerometer",)),  # over which it averages, of the interval of rows
@@ -70,6 +69,8 @@ def parameters(spin: float, step: float) -> tuple[Parameter, ...]:
         Parameter("curve", 0.2, 0.3, needs=("throttle",)),
         Parameter("sag", 1.5, 0.5, needs=("throttle", "voltage")),
         Parameter("full_speed", 0.0, 0.5, log=True, needs=BOTH),
+        Parameter("clock", 0.0, 0.01, flight=True, needs=SPEED),  # rotor speed to body [s]
+        Parameter("heading", 0.0, 0.02, flight=True, needs=AIR),  # of the attitude against the sensors [rad]
         Parameter("bias_x", 0.0, 0.3, flight=True),
         Parameter("bias_y", 0.0, 0.3, flight=True),
         Parameter("bias_z", 0.0, 0.1, flight=True),

@@ -4,6 +4,7 @@ import dataclasses as dc
 from functools import cached_property
 
 import numpy as np
+from scipy import ndimage
 
 from np_drake import attitude
 from np_drake.flight_log import FlightLog
@@ -13,6 +14,7 @@ from np_drake.training_data.segments import white_noise
 
 BIN = 0.009  # least length of a bin [s]; own choice: motors answer below 15 Hz, and a log at 100 Hz keeps its rows
 DRIVES = ("rotor_speed", "throttle", "command")
+SPIKE = 12.0  # deviations from the median of neighbours from which a reading is a fault; own choice
 FLYING = 0.3  # specific force over gravity below which a vehicle is thrown, held or falls [1]; own choice
 
 
@@ -109,10 +111,13 @@ def signals(log: FlightLog, unmixer: np.ndarray, drive: str = "") -> Signals:
     products = smooth[:, :, None] * smooth[:, None, :]
     good = np.isfinite(force).all(axis=1)
     good &= np.linalg.norm(force, axis=1) > FLYING * 9.81
+    source = {"rotor_speed": _rotor_speed(log, unmixer), "throttle": log.throttle,
+              "command": np.maximum(log.u @ unmixer.T, 0.0)}[drive]  # fmt: skip
+    logged = log.rotor if drive == "rotor_speed" else source
+    good &= np.add.reduceat(_spikes(np.concatenate([logged, log.w], axis=1))[: edges[-1]], edges[:-1]) == 0
     if log.bridged is not None:
         good &= np.add.reduceat(log.bridged[: edges[-1]], edges[:-1]) == 0
     good &= length[:, 0] < 1.6 * np.median(length)
-    source = {"rotor_speed": _rotor_speed(log, unmixer), "throttle": log.throttle, "command": np.maximum(log.u @ unmixer.T, 0.0)}[drive]
     four = log.throttle is not None and np.ndim(log.throttle) == 2 and log.throttle.shape[1] == 4
     return Signals(
         name=log.name,
@@ -149,6 +154,18 @@ def drive_of(log: FlightLog) -> str:
         f"{log.name}: identification needs what turns each rotor: rotor speed, throttle of four motors, or thrust and "
         "torque; the log has none of them."
     )
+
+
+def _spikes(values: np.ndarray) -> np.ndarray:
+    """Return which rows (n,) of readings (n, c) stand out of their neighbours, which a step does not.
+
+    Source: Hampel's identifier, with the median of seven rows and the deviation of all.
+    """
+    apart = np.abs(values - ndimage.median_filter(values, size=(7, 1), mode="nearest"))
+    usual = np.median(apart, axis=0) / 0.6745
+    # Readings that mostly repeat have no usual deviation: that of those that do not.
+    moving = np.array([np.median(a[a > 0]) / 0.6745 if (a > 0).any() else np.inf for a in apart.T])
+    return np.any(apart > SPIKE * np.maximum(usual, moving), axis=1)
 
 
 def _rotor_speed(log: FlightLog, unmixer: np.ndarray) -> np.ndarray | None:
