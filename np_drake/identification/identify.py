@@ -1,7 +1,7 @@
 """Identification of a vehicle from its flight logs."""
 
 import dataclasses as dc
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -41,7 +41,6 @@ class Identification:
     def quantities(self) -> tuple[Identified, ...]:
         """What is told of the vehicle, in the order of a vehicle file."""
         e, layout = self.estimate, self.estimate.layout
-        shared = slice(0, len(layout.shared))
         found = []
         for q in QUANTITIES:
             if not self.parts.issuperset(q.needs):
@@ -52,15 +51,16 @@ class Identification:
                 return float(np.log(value)) if q.positive else value
 
             z, zero = e.z, np.zeros_like(e.z)
-            here, gradient = of(z), _gradient(of, z, shared)
-            before, slope = of(zero), _gradient(of, zero, shared)
+            here, gradient = of(z), _gradient(of, z)
+            before, slope = of(zero), _gradient(of, zero)
             covariances = [c for c in (e.covariance, e.clustered) if c is not None]
-            sd = float(np.sqrt(max(gradient @ c[shared, shared] @ gradient for c in covariances)))
-            prior = float(np.linalg.norm(slope))
+            sd = float(np.sqrt(max(gradient @ c @ gradient for c in covariances)))
+            prior = float(np.linalg.norm(_of_one_flight(slope, layout)))
             bounds = np.array([here, here - SURE * sd, here + SURE * sd, before - SURE * prior, before + SURE * prior])
             value, low, high, *both = np.exp(bounds) if q.positive else bounds
             told = bool(0.0 < sd < TOLD * prior)
-            follows = layout.names[int(np.argmax(np.abs(gradient)))]
+            steepest = int(np.argmax(np.abs(_of_one_flight(gradient, layout))))
+            follows = layout.names[steepest] if steepest < len(layout.shared) else ""
             p = e.agreement[follows].p if follows in e.agreement else float("nan")
             of_prior = (float(both[0]), float(both[1]))
             found.append(Identified(q, float(value), float(low), float(high), of_prior, told, p, follows))
@@ -138,14 +138,20 @@ def _unfit(flight: Signals, stop: float) -> str:
     return "" if seconds >= IN_THE_AIR * min(stop, 1.0) else f"only {seconds:.1f} s without gaps in the air"
 
 
-def _gradient(of, z: np.ndarray, shared: slice) -> np.ndarray:
-    """Return the derivatives of a function of z by the shared coordinates."""
-    here, out = of(z), np.zeros(shared.stop)
-    for i in range(shared.stop):
+def _gradient(of: Callable[[np.ndarray], float], z: np.ndarray) -> np.ndarray:
+    """Return the derivatives of a function of z."""
+    here, out = of(z), np.zeros_like(z)
+    for i in range(len(z)):
         moved = z.copy()
         moved[i] += STEP
         out[i] = (of(moved) - here) / STEP
     return out
+
+
+def _of_one_flight(gradient: np.ndarray, layout: Layout) -> np.ndarray:
+    """Return derivatives by the shared parameters, and by a flight's own where those of all flights move together."""
+    own = gradient[len(layout.shared) :].reshape(layout.flights, len(layout.own))
+    return np.concatenate([gradient[: len(layout.shared)], own.sum(axis=0)])
 
 
 def _parts(flights: Sequence[Signals], drive: str) -> set[str]:
