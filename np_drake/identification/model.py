@@ -13,7 +13,6 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy import ndimage
 from scipy.interpolate import CubicSpline
 
 from np_drake import attitude
@@ -25,8 +24,6 @@ from np_drake.training_data.segments import white_noise
 G = 9.81  # [m/s²]
 FORCE, TORQUE, SPEED = slice(0, 3), slice(3, 6), slice(6, 10)
 Values = dict[str, float]
-# Disturbances are slower, errors of rotor speed faster [s]: 5 Hz; own choice: gusts and wakes against rows of a log.
-SLOW = 0.83 / 5.0
 FLATTEST = 0.995  # of Jzz over Jxx + Jyy, whose bound is 1 [1]
 RESPONSE = ("lag", "lag_ratio", "curve", "sag")  # of a rotor to its command
 
@@ -76,8 +73,6 @@ class FlightModel:
         self._time = flight.instants - flight.t[0]
         self._euler = _euler_of_moments(flight.spread)
         self._rates = CubicSpline(self._time, flight.smooth[flight.edges])  # body rates at a time [rad/s]
-        self._quiet = np.diff(flight.smooth[flight.edges], axis=0) / np.diff(self._time)[:, None]
-        self._last: Values | None = None
 
     def residual(self, v: Values) -> np.ndarray:
         """Return the channels (m, 6 or 10), measured less predicted.
@@ -106,8 +101,6 @@ class FlightModel:
         torque[:, 2] += momentum * (rotors.rate @ frame.directions)
         e = np.empty((len(s), self.channels))
         e[:, TORQUE] = alpha - torque @ np.linalg.inv(j).T
-        if self._last is not None:
-            e[:, TORQUE] += self._fast(v, e[:, TORQUE], torque, alpha, gyro, j)
         place = frame.arm * np.array([v["imu_x"], v["imu_y"], v["imu_z"]]) - center
         push = air + self._lever(v) @ place
         push[:, 2] += rotors.late @ gains
@@ -116,36 +109,17 @@ class FlightModel:
             e[:, SPEED] = self._measured_speed - self._predicted_speed(v)
         return e
 
-    def _fast(self, v: Values, e: np.ndarray, torque: np.ndarray, alpha: np.ndarray, gyro: np.ndarray, j: np.ndarray):
-        """Return what to add to the residual e (m, 3) so that its fast part errs on the side of the rotors.
-
-        What disturbs a vehicle is slow; what is wrong with readings of rotor speed, their time above all, is fast. In
-        the fast part inertia explains the torque of the rotors by the measured motion, in the slow part the motion by
-        the torque. Both residuals are the same where inertia and gains are those of the step before.
-        Source: errors in variables; the two regressions bound the truth (Frisch 1934).
-        """
-        last = inertia(self._last) * self.frame.arm**2
-        kept = {name: self._last[name] for name in ("scale", "gain_roll", "gain_pitch", "gain_yaw")}
-        other = torque + self._rotors(v).thrust @ (self.arms(v | kept) - self.arms(v)).T
-        inverse = np.linalg.inv(last).T
-        fast = alpha + (self._quiet @ gyro.T @ (j - last).T - other) @ inverse - e
-        fast[~self.flight.good] = 0.0
-        fast[:, 2] = 0.0  # about z only the ratio of torque to inertia shows
-        return fast - ndimage.gaussian_filter1d(fast, SLOW / (2 * np.pi * self.flight.step), axis=0)
-
     def smooth(self, v: Values) -> None:
-        """Take from a first estimate how the sensors' errors enter.
+        """Take for the angular acceleration that moves the accelerometer what model and gyro tell together.
 
-        Where rotors follow commands, the angular acceleration that moves the accelerometer is that of the model and, of
-        the gyro's difference to it, what stands above white noise. Where their speed is measured, its errors are taken
-        as fast.
+        It is that of the model and, of the gyro's difference to it, what stands above white noise. Measured rotor speed
+        is not better than the gyro, which is then taken alone.
 
         Args:
             v: parameters by name.
         """
         s = self.flight
         if s.drive == "rotor_speed":
-            self._last = dict(v)
             return
         length = np.diff(self._time)[:, None]
         missed = np.where(s.good[:, None], self.residual(v)[:, TORQUE], 0.0) * length
