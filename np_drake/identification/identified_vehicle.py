@@ -44,7 +44,7 @@ def identified_vehicle(found: Identification, name: str) -> Vehicle:
         sources[field] = f"given: {prior.name}"
     if (body := _possible(np.array(values["inertia"]))) is not None:
         values["inertia"] = body.tolist()
-        sources["inertia"] += "; moved to the nearest that a body can have"
+        sources["inertia"] += "; zz lowered to the largest that a body can have"
     coefficient = values.get("thrust_coefficient", prior.thrust_coefficient)
     if "torque_coefficient" in values:
         intervals["torque_coefficient"] = [[_rounded(coefficient * end) for end in intervals["torque_coefficient"][0]]]
@@ -86,17 +86,34 @@ def identified_vehicle(found: Identification, name: str) -> Vehicle:
 
 
 def _possible(J: np.ndarray) -> np.ndarray | None:
-    """Return the inertia (3, 3) of the nearest body; None where J is one of a body.
+    """Return the inertia (3, 3) with zz, which flights tell least, lowered until it is one of a body; None where it is.
 
     Of a body, tr(J)/2 - J is the second moment of its mass, which no direction has below zero.
     """
-    moments, axes = np.linalg.eigh(0.5 * np.trace(J) * np.eye(3) - J)
-    least = FLATTEST * moments.max()
-    if moments.min() >= least:
+
+    def flat(zz: float) -> bool:
+        moments = np.linalg.eigvalsh(0.5 * (np.trace(J) - J[2, 2] + zz) * np.eye(3) - _with(J, zz))
+        return bool(moments[0] < FLATTEST * moments[-1])
+
+    low, high = float(max(J[0, 0], J[1, 1])), float(J[2, 2])
+    if not flat(high) or flat(low):
         return None
-    second = axes @ np.diag(np.maximum(moments, least)) @ axes.T
-    J = np.trace(second) * np.eye(3) - second
-    return np.array([[_rounded(value) for value in row] for row in 0.5 * (J + J.T)])
+    while high - low > 10.0**-DIGITS * high:
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if flat(middle) else (middle, high)
+    return _with(J, _rounded(low))
+
+
+def _with(J: np.ndarray, zz: float) -> np.ndarray:
+    """Return the inertia (3, 3) with another moment about z.
+
+    Args:
+        J: inertia [kg·m²].
+        zz: moment about z [kg·m²].
+    """
+    out = J.copy()
+    out[2, 2] = zz
+    return out
 
 
 def _rounded(value: float) -> float:
