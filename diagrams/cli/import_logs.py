@@ -24,7 +24,8 @@ def import_logs(
         list[Path],
         Argument(
             metavar="LOG...",
-            help="Logs: PX4 ULog, ROS bag or MCAP, Crazyflie micro-SD, ArduPilot DataFlash, Neural-Fly, CSV, Parquet.",
+            help="Logs: PX4 ULog, ROS bag or MCAP, Crazyflie micro-SD, ArduPilot DataFlash, Betaflight blackbox, "
+            "Neural-Fly, CSV, Parquet.",
         ),
     ],
     log_map: Annotated[

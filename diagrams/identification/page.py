@@ -16,7 +16,7 @@ from np_drake.files.atomic_file import require_writable, write_bytes, write_text
 from np_drake.files.figure_file import png
 from np_drake.files.number_text import NOTHING, fixed
 from np_drake.flight_log import FlightLog
-from np_drake.identification.flight_agreement import FlightValues, flight_values
+from np_drake.identification.flight_agreement import FlightValues, flight_values, strained
 from np_drake.identification.identify import Identification
 from np_drake.identification.validation import HORIZONS, HeldOut
 
@@ -130,6 +130,7 @@ def content(found: Identification, rows: Sequence[HeldOut], each: Sequence[Fligh
             ("mass", _mass(found)),
             ("np_drake", version("np_drake")),
         ],
+        "strained": [f"{sentence}." for sentence in strained(found)],
         "notes": list(found.notes),
     }
 

@@ -41,8 +41,12 @@ class Truth:
     input: str
     known: Vehicle
 
-    def quantities(self) -> dict[str, float]:
-        """Return the true values by the names of `np_drake.identification.quantities`."""
+    def quantities(self, volts: float = 0.0) -> dict[str, float]:
+        """Return the true values by the names of `np_drake.identification.quantities`.
+
+        Args:
+            volts: voltage to which full throttle refers [V]; 0: that of the vehicle.
+        """
         v, c = self.vehicle, self.vehicle.calibration
         drag, flapping, lift = self.air
         found = {
@@ -67,7 +71,7 @@ class Truth:
         if self.input == "command":
             return found | {"logged thrust, true over logged": 1.0}
         return found | {
-            "thrust at full throttle": v.throttle.full_thrust,
+            "thrust at full throttle": float(v.throttle.thrust(1.0, volts or None)),
             "linear share of throttle": v.throttle.linear,
             "power of the voltage": v.throttle.voltage_exponent,
         }

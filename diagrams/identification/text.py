@@ -8,7 +8,7 @@ import numpy as np
 from np_drake.diagnosis.report.words import UNITS, estimate, flights, listed, number, suited
 from np_drake.diagnosis.result import Estimate
 from np_drake.files.number_text import percent
-from np_drake.identification.flight_agreement import DIFFER, flight_values
+from np_drake.identification.flight_agreement import DIFFER, flight_values, strained
 from np_drake.identification.identify import Identification
 from np_drake.identification.quantities import Identified
 from np_drake.identification.validation import HeldOut
@@ -107,6 +107,7 @@ def summary(found: Identification) -> list[str]:
     differing = [each.text for each in flight_values(found) if each.differ]
     if differing:
         lines += [*differing, "where flights differ, intervals hold the spread between them"]
+    lines += strained(found)
     if found.basis.ratios:
         lines.append(RATIOS)
     return lines

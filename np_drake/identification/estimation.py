@@ -94,6 +94,7 @@ def estimate(models: Sequence[FlightModel], layout: Layout) -> Estimate:
     for i, name in enumerate(layout.names):
         if name in agreement:
             covariance[i, i] += _between(agreement[name])
+    _add_spread_of_own(covariance, layout, z)
     clustered = None
     if len(parts) >= LEAST_FLIGHTS:
         flights = np.stack([part.gradient for part in parts])
@@ -205,6 +206,20 @@ def _compare(values: np.ndarray, sd: np.ndarray) -> Agreement | None:
     spread = weight.sum() - (weight**2).sum() / weight.sum()
     variance = max(0.0, (Q - (len(x) - 1)) / spread)
     return Agreement(values, sd, variance, float(stats.chi2.sf(Q, len(x) - 1)))
+
+
+def _add_spread_of_own(covariance: np.ndarray, layout: Layout, z: np.ndarray) -> None:
+    """Add to the variances of flights' own parameters by how much flights differ beyond them.
+
+    A mean over flights is then that of any flight, not of these alone.
+    """
+    if layout.flights < 2:
+        return
+    first, count = len(layout.shared), len(layout.own)
+    for i in range(count):
+        own = slice(first + i, None, count)
+        excess = float(np.var(z[own], ddof=1) - np.mean(np.diag(covariance)[own]))
+        covariance[np.arange(len(z))[own], np.arange(len(z))[own]] += max(excess, 0.0)
 
 
 def _between(agreement: Agreement) -> float:

@@ -15,6 +15,14 @@ from np_drake.identification.quantities import SURE, Identified
 
 DIFFER = 0.01  # probability below which flights differ by more than chance [1]; own choice
 MOVES = 0.05  # probability below which a quantity moves with a covariate [1]; the usual level
+FAR = 4.0  # deviations of its prior beyond which what a flight has of its own is no accident [1]: once in 16 000
+OWN = {  # what a parameter of one flight stands for where it is far from its prior
+    "clock": "the clock of the rotors is far off",
+    "heading": "the heading of the attitude is far off",
+    "bias_x": "a steady force pushes along x",
+    "bias_y": "a steady force pushes along y",
+    "bias_z": "thrust or mass is not that of the other flights",
+}
 FEWEST = 4  # flights from which a trend is tested; own choice: a line through three has one degree of freedom
 
 
@@ -78,6 +86,18 @@ def flight_values(found: Identification) -> list[FlightValues]:
         moves = moves_with(agreement, covariates(found)) if quantity.p < DIFFER else ""
         shown.append(FlightValues(quantity, names, value, np.minimum(*both), np.maximum(*both), apart, moves))
     return shown
+
+
+def strained(found: Identification) -> list[str]:
+    """Return a sentence for each flight of several that has something of its own far from its prior."""
+    layout = found.estimate.layout
+    own = found.estimate.z[len(layout.shared) :].reshape(layout.flights, len(layout.own))
+    return [
+        f"{model.flight.name} stands out: {OWN.get(parameter.name, parameter.name)}"
+        for model, values in zip(found.models, own, strict=True)
+        for parameter, z in zip(layout.own, values, strict=True)
+        if abs(z) > FAR and layout.flights > 1
+    ]
 
 
 def covariates(found: Identification) -> dict[str, np.ndarray]:

@@ -122,7 +122,7 @@ QUANTITIES: tuple[Quantity, ...] = (
              why="only its ratio to inertia zz shows", manoeuvre=f"{ROLL} while turning"),
     Quantity("inertia of a rotor", "calibration.rotor_inertia", "kg·m²",
              lambda v, b: v["rotor_momentum"] * _moment(2, 2)(v, b) / b.spin, positive=True, per_mass=True,
-             why="the heading is hardly accelerated", manoeuvre=YAW),
+             needs=SPEED, why="the heading is hardly accelerated", manoeuvre=YAW),
     Quantity("time constant up", "rotor_time_constant", "s", _plain("lag"), positive=True, needs=MOTORS,
              why="commands change slowly", manoeuvre=f"{ROLL}, {BLIPS}"),
     Quantity("time constant down", "calibration.rotor_time_constant_down", "s", lambda v, b: v["lag"] * v["lag_ratio"],

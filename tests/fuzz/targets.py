@@ -87,6 +87,16 @@ def _written(name: str, file: str, streams: dict[str, Stream], **options: Any) -
     return seeds
 
 
+def _blackbox(folder: Path) -> list[bytes]:
+    """Return a log of Indiflight, with all kinds of frames and events, and two logs in one file."""
+    made = writer("blackbox")
+    names = {"pos": 3, "vel": 3, "quat": 4, "gyroADC": 3, "accSmooth": 3, "motor": 4, "omega": 4, "hoverAttitude": 4}
+    values = {f"{n}[{i}]": 900 + np.arange(ROWS) * (i + 1) for n, count in names.items() for i in range(count)}
+    beside = {1: [("S", [3, 1, 0, 1]), ("H", [5, 6]), ("G", [7, 8, 9, 10]), *made.EVENTS.values()]}
+    log = made.main_log(values, beside=beside, settings={"Firmware revision": "Indiflight 5.0.0 (a) H743"})
+    return [log.encode(), log.encode() + log.encode()]
+
+
 def _bags1(folder: Path) -> list[bytes]:
     """Return ROS 1 bags with plain and packed chunks."""
     path, made = folder / "a.bag", []
@@ -197,6 +207,7 @@ TARGETS = {
         Target("ulog", ".ulg", open_flights, _written("ulog", "a.ulg", PX4)),
         Target("dataflash", ".bin", open_flights, _written("dataflash", "a.bin", COPTER)),
         Target("crazyflie", "", open_flights, _written("crazyflie", "log00", {"estPose": stream("stateEstimate.x")})),
+        Target("blackbox", ".bbl", open_flights, _blackbox),
         Target("ros1", ".bag", open_flights, _bags1),
         Target("ros2", ".mcap", open_flights, _bags2),
         Target("sqlite", ".db3", open_flights, _written("ros", "a.db3", ODOMETRY)),

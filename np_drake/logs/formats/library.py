@@ -4,6 +4,7 @@ import codecs
 from pathlib import Path
 
 from np_drake.logs.errors import LogError
+from np_drake.logs.formats.blackbox import BLACKBOX
 from np_drake.logs.formats.crazyflie import CRAZYFLIE
 from np_drake.logs.formats.dataflash import DATAFLASH
 from np_drake.logs.formats.format import Format, first_bytes
@@ -14,6 +15,7 @@ from np_drake.logs.formats.ulog import ULOG
 
 FORMATS: tuple[Format, ...] = (  # the first that recognises a file reads it
     CRAZYFLIE,
+    BLACKBOX,
     ULOG,
     DATAFLASH,
     ROS,

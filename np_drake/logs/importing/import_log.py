@@ -28,7 +28,7 @@ from np_drake.logs.importing.telemetry import usable_inputs
 
 GIVE_MAP = "Give a map (--map FILE, docs/reference/log-map.md)"
 SHORTEST = 1.0  # log whose unit of time is found by its rate alone [s]; own choice
-ENDINGS = re.compile(r"(\.(csv|tsv|txt|parquet|ulg|bin|log|mcap|db3|bag))?(\.gz)?$", re.IGNORECASE)
+ENDINGS = re.compile(r"(\.(csv|tsv|txt|parquet|ulg|bin|log|mcap|db3|bag|bbl|bfl))?(\.gz)?$", re.IGNORECASE)
 
 
 @dc.dataclass(frozen=True)

@@ -55,6 +55,12 @@ def crazyflie_writer() -> ModuleType:
 
 
 @pytest.fixture(scope="session")
+def blackbox_writer() -> ModuleType:
+    """Return the module that writes blackbox logs."""
+    return load_writer("blackbox")
+
+
+@pytest.fixture(scope="session")
 def ulog_writer() -> ModuleType:
     """Return the module that writes ULog files."""
     return load_writer("ulog")

@@ -170,6 +170,81 @@ def test_dataflash(flight, specific, throttle, writer, tmp_path):
     assert np.allclose(dut.throttle, throttle, atol=1e-9)
 
 
+def vectors(**quantities):
+    """Return columns `name[i]` of whole numbers."""
+    return {f"{name}[{i}]": np.round(v[:, i]) for name, v in quantities.items() for i in range(v.shape[1])}
+
+
+COUNT = 0.01  # of a centimetre in a second, the coarsest of its whole numbers
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_blackbox_of_indiflight(flight, specific, throttle, writer, tmp_path, turned):
+    rates, forces = np.rad2deg(10 * flight.w), specific / 9.80665 * 2048
+    hover = np.zeros((len(flight), 4))
+    if turned:  # the IMU is learnt to be turned about y, 0.1 s after its turn of the flight before is forgotten
+        turn = np.array([0.8, 0.0, 0.6, 0.0])
+        rates, forces = (attitude.rotate(np.tile(turn, (len(flight), 1)), frd(v)) for v in (rates, forces))
+        hover[:] = 8127 * turn
+    columns = vectors(
+        pos=1000 * ned(flight.p),
+        vel=100 * ned(flight.v),
+        quat=8127 * q_ned_frd(flight.q),
+        gyroADC=rates,
+        accSmooth=forces,
+        motor=158 + 1889 * throttle,
+        omegaUnfiltered=2000 * throttle,
+        **({"hoverAttitude": hover} if turned else {}),
+    )
+    options = {"step": round(1e6 * (flight.t[1] - flight.t[0])), "settings": INDIFLIGHT}
+    writer("blackbox").write(tmp_path / "log.BFL", writer("blackbox").main_log(columns, **options))
+    found = imported(tmp_path / "log.BFL")
+    dut = assert_same(found, flight, COUNT, command=False)
+    assert dut.name == "log"
+    assert dut.input == "rotor_speed"
+    assert np.allclose(dut.rotor, 2000 * throttle, atol=0.6)
+    assert np.allclose(dut.throttle, throttle, atol=0.6 / 1889)
+    assert found.sheet.rotors.source == "Betaflight, Quad X"
+
+
+def test_a_sheet_of_a_blackbox_tells_its_filters(flight, specific, throttle, writer, tmp_path):
+    columns = vectors(
+        quat=8127 * q_ned_frd(flight.q),
+        gyroADC=np.rad2deg(10 * flight.w),
+        accSmooth=specific / 9.80665 * 2048,
+        motor=158 + 1889 * throttle,
+    )
+    filters = {"gyro_lpf1_static_hz": "100", "gyro_lpf1_type": "2", "acc_lpf_hz": "2500"}
+    options = {"step": round(1e6 * (flight.t[1] - flight.t[0])), "settings": INDIFLIGHT | filters}
+    writer("blackbox").write(tmp_path / "log.BFL", writer("blackbox").main_log(columns, **options))
+    write_sheet(imported(tmp_path / "log.BFL").sheet, tmp_path / "log.csv")
+    text = (tmp_path / "log.import.yaml").read_text()
+    assert text.count("late: 0.0020486") == 2  # attitude and rates: 2 stages of 155 Hz [s]
+    assert text.count("late: 0.0081944") == 1
+
+
+INDIFLIGHT = {"Firmware revision": "Indiflight 5.0.0 (norevision) STM32H743", "blackbox_high_resolution": "1"}
+
+
+def test_blackbox_of_betaflight(flight, specific, throttle, writer, tmp_path):
+    columns = vectors(
+        imuQuaternion=32767 * (flight.q * np.sign(flight.q[:, :1]))[:, 1:],
+        gyroADC=np.rad2deg(flight.w),
+        accSmooth=specific / 9.80665 * 2048,
+        motor=158 + 1889 * throttle,
+        eRPM=2000 * throttle * 60 / (2 * np.pi) * 7 / 100,  # 14 poles
+    )
+    columns["vbatLatest"] = np.full(len(flight), 1632.0)
+    options = {"step": round(1e6 * (flight.t[1] - flight.t[0])), "begin": 10}
+    writer("blackbox").write(tmp_path / "log.bbl", writer("blackbox").main_log(columns, **options))
+    (dut,) = imported(tmp_path / "log.bbl").flights
+    q = dut.q * np.sign(np.sum(dut.q * flight.q, axis=1, keepdims=True))
+    assert np.allclose(q, flight.q, atol=1e-3)
+    assert np.allclose(dut.w, flight.w, atol=np.radians(0.6))
+    assert np.allclose(dut.rotor, 2000 * throttle, atol=1.0)
+    assert dut.voltage == pytest.approx(np.full(len(dut), 16.32))
+
+
 @pytest.mark.parametrize("storage", ["mcap", "db3", "bag"])
 def test_ros(flight, specific, writer, tmp_path, storage):
     pytest.importorskip("rosbags", reason="ROS bags need rosbags")

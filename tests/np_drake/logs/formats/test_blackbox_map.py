@@ -1,0 +1,189 @@
+"""Laws of the map of blackbox logs: what is taken from which firmware, and what the real logs hold."""
+
+import time
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+from np_drake import attitude
+from np_drake.logs.formats.blackbox import BLACKBOX
+from np_drake.logs.importing.import_log import Imported, import_log
+
+MOTORS = [f"motor[{i}]" for i in range(4)]
+XYZ = range(3)
+
+
+@pytest.fixture(scope="module")
+def writer(blackbox_writer) -> ModuleType:
+    """Return the module that writes such logs."""
+    return blackbox_writer
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory) -> Path:
+    """Return a place for a log."""
+    return tmp_path_factory.mktemp("blackbox") / "log.bbl"
+
+
+@pytest.fixture(scope="module")
+def real_logs(real_flights) -> list[Path]:
+    """Return the real logs of Indiflight."""
+    found = sorted((real_flights / "indiflight").glob("*.BFL"))
+    return found or pytest.skip("no logs in indiflight/ of NP_DRAKE_REAL")
+
+
+@pytest.fixture(scope="module")
+def imported(real_logs) -> list[Imported]:
+    """Return what becomes of them by their own names."""
+    return [import_log(path) for path in real_logs]
+
+
+def contents(log, writer, *names, **options):
+    writer.write(log, writer.main_log({name: np.arange(40) % 7 for name in names}, **options))
+    return BLACKBOX.contents(log)
+
+
+def test_a_log_of_another_firmware_has_no_map(log, writer):
+    settings = {"Firmware revision": "INAV 7.1.0 (abc) MATEKF405"}
+    assert BLACKBOX.default_map(contents(log, writer, *MOTORS, settings=settings)) is None
+
+
+@pytest.mark.parametrize(("resolution", "scale"), [("0", 1.0), ("1", 0.1)])
+def test_a_gyro_in_high_resolution_is_in_tenths(log, writer, resolution, scale):
+    names = [f"gyroADC[{i}]" for i in XYZ]
+    found = contents(log, writer, *names, settings={"blackbox_high_resolution": resolution})
+    dut = BLACKBOX.default_map(found)
+    assert dut is not None
+    assert dut.rates.scale == pytest.approx(scale)
+    assert (dut.rates.unit, dut.rates.body or dut.body) == ("deg/s", "flu")
+
+
+@pytest.mark.parametrize(
+    ("settings", "delay"),
+    [
+        ({"gyro_lpf1_static_hz": "100"}, 1 / (2 * np.pi * 100)),
+        ({"gyro_lpf1_static_hz": "100", "gyro_lpf1_type": "1"}, np.sqrt(2) / (2 * np.pi * 100)),
+        ({"gyro_lpf1_static_hz": "100", "gyro_lpf2_static_hz": "500"}, (1 / 100 + 1 / 500) / (2 * np.pi)),
+        ({"gyro_lpf1_static_hz": "100", "gyro_lpf1_dyn_hz": "250,500"}, 0.0),
+        ({"gyro_lpf1_static_hz": "0"}, 0.0),
+    ],
+)
+def test_a_gyro_and_its_integral_are_late_by_its_filters(log, writer, settings, delay):
+    names = [f"{name}[{i}]" for name in ("gyroADC", "imuQuaternion") for i in XYZ]
+    dut = BLACKBOX.default_map(contents(log, writer, *names, settings=settings))
+    assert dut is not None
+    assert dut.rates.late == pytest.approx(delay)
+    assert dut.attitude.late == dut.rates.late
+
+
+def test_an_accelerometer_is_late_by_its_filter(log, writer):
+    found = contents(log, writer, *(f"accSmooth[{i}]" for i in XYZ), settings={"acc_lpf_hz": "2500"})
+    dut = BLACKBOX.default_map(found)
+    assert dut is not None
+    stage = 25 / np.sqrt(np.sqrt(2) - 1)  # [Hz], of two alike that together have 25 Hz
+    assert dut.acceleration.late == pytest.approx(2 / (2 * np.pi * stage))
+
+
+@pytest.mark.parametrize(
+    ("every", "meaning"), [("1", "held_after"), ("1/1", "held_after"), ("4", "sampled"), ("1/2", "sampled")]
+)
+def test_a_command_is_sampled_where_not_every_loop_is_logged(log, writer, every, meaning):
+    dut = BLACKBOX.default_map(contents(log, writer, *MOTORS, every=every))
+    assert dut is not None
+    assert dut.command == meaning
+
+
+@pytest.mark.parametrize(("one_g", "taken"), [("2048", True), ("0", False), ("much", False)])
+def test_an_accelerometer_of_no_scale_is_not_taken(log, writer, one_g, taken):
+    found = contents(log, writer, *(f"accSmooth[{i}]" for i in XYZ), settings={"acc_1G": one_g})
+    dut = BLACKBOX.default_map(found)
+    assert dut is not None
+    assert bool(dut.acceleration) == taken
+
+
+@pytest.mark.parametrize(("version", "scale"), [("4.0.0", 0.01), ("3.5.7", 0.1), ("3.0.1", None)])
+def test_the_voltage_is_in_the_unit_of_its_version(log, writer, version, scale):
+    settings = {"Firmware revision": f"Betaflight {version} (abc) OMNIBUSF4"}
+    dut = BLACKBOX.default_map(contents(log, writer, "vbatLatest", settings=settings))
+    assert dut is not None
+    assert (dut.voltage.scale if dut.voltage else None) == scale
+
+
+@pytest.mark.parametrize("count", [0, 3, 4, 6, 8])
+def test_motors_are_those_that_are_logged(log, writer, count):
+    dut = BLACKBOX.motors(contents(log, writer, "x", *(f"motor[{i}]" for i in range(count))))
+    assert len(dut.throttle.columns) == (count if count in (4, 6, 8) else 0)
+    assert (dut.layout is not None) == (count == 4)
+    assert bool(dut.notes) == (count not in (0, 4))
+    assert not dut.throttle or dut.throttle.ends == [158, 2047]
+
+
+def test_a_turned_imu_is_told_from_where_it_is_learnt_on(log, writer):
+    rng = np.random.default_rng(3)
+    count, forgets, learns = 300, 60, 150
+    turn = np.array([0.8, 0.0, 0.6, 0.0])
+    w = np.cumsum(rng.standard_normal((count, 3)), axis=0) * 0.05  # of the body [rad/s]
+    q = np.array([[1.0, 0, 0, 0]])
+    for row in w[:-1]:
+        q = np.vstack([q, attitude.multiply(q[-1:], attitude.from_rotation_vector(0.002 * row[None]))])
+    of_imu = attitude.multiply(q, attitude.conjugate(np.tile(turn, (count, 1))))
+    rows = np.arange(count)[:, None]
+    columns = {
+        "quat": 8127 * np.where((rows >= forgets) & (rows < learns), of_imu, q),
+        "hoverAttitude": 8127 * np.where(rows < learns, [1.0, 0, 0, 0], turn),
+        "gyroADC": np.rad2deg(10 * np.where(rows < forgets, w, attitude.rotate(np.tile(turn, (count, 1)), w))),
+        "accSmooth": 0 * w,
+    }
+    names = {f"{name}[{i}]": values[:, i] for name, values in columns.items() for i in range(values.shape[1])}
+    writer.write(log, writer.main_log(names))
+    dut = BLACKBOX.read(log, {"body": list(BLACKBOX.contents(log)["body"])}, lambda share: None)
+    body = dut.streams["body"].columns
+    assert np.all(np.isnan(body["gyro[0]"][:forgets]))
+    assert any("before the turn of the IMU is learnt" in note for note in dut.notes)
+    for i in XYZ:
+        assert np.radians(body[f"gyro[{i}]"] / 10)[forgets:] == pytest.approx(w[forgets:, i], abs=0.002)
+    found = np.column_stack([body[f"quat[{i}]"] for i in range(4)])[forgets:]
+    turned = attitude.rotation_vector(attitude.multiply(attitude.conjugate(q[forgets:]), found))
+    assert np.abs(turned).max() < 0.001
+
+
+def test_every_real_log_is_whole_and_read_fast(real_logs):
+    for path in real_logs:
+        wanted = {name: list(columns) for name, columns in BLACKBOX.contents(path).items()}
+        begun = time.perf_counter()
+        dut = BLACKBOX.read(path, wanted, lambda share: None)
+        assert time.perf_counter() - begun < 3.0  # [s]; the first compiles nothing: another test has
+        assert not any("damaged" in note or "no end" in note for note in dut.notes)
+        assert np.all(np.diff(dut.streams["main"].t) > 0)
+
+
+def test_every_real_log_agrees_with_orangebox(real_logs):
+    orangebox = pytest.importorskip("orangebox", reason="the other reader of blackbox logs is not installed")
+    for path in real_logs[1:3]:
+        names = list(BLACKBOX.contents(path)["main"])
+        dut = BLACKBOX.read(path, {"main": names}, lambda share: None).streams["main"].columns
+        parser = orangebox.Parser.load(str(path))
+        places = [parser.field_names.index(name) for name in names]
+        theirs = np.array([[frame.data[i] for i in places] for frame in parser.frames()], float)
+        assert np.array_equal(np.column_stack([dut[name] for name in names]), theirs)
+
+
+def test_every_real_log_becomes_a_flight_of_its_conventions(imported):
+    for found in imported:
+        assert sum(len(flight) for flight in found.flights) > 3000
+        assert all(flight.input == "rotor_speed" for flight in found.flights)
+        assert not any("adopted" in line for line in found.said)
+
+
+def test_rotors_of_real_logs_turn_the_vehicle_in_betaflights_order(imported):
+    for found in imported:
+        flight = max(found.flights, key=len)
+        change = np.gradient(flight.w, flight.t, axis=0)
+        # Of rotors rear right, front right, rear left, front left; the reaction to their speed-up turns about z.
+        square, speed_up = flight.rotor**2, np.gradient(flight.rotor, flight.t, axis=0)
+        pushes = (square @ [-1, -1, 1, 1], square @ [1, -1, 1, -1], speed_up @ [1, -1, -1, 1])
+        for axis, push in enumerate(pushes):
+            a, b = (np.convolve(x, np.ones(10) / 10, "valid") for x in (change[:, axis], push))
+            assert np.corrcoef(a, b)[0, 1] > 0.5
