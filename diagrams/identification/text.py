@@ -62,7 +62,7 @@ def shown_in(found: Identification, q: Identified) -> tuple[float, str]:
     if unit in SHOWN:
         return SHOWN[unit]
     power = math.floor(math.log10(largest)) if largest > 0 else 0
-    if (unit == "kg·m²" and power == -3) or (unit not in UNITS and power < -2):
+    if (unit == "kg·m²" and -3 <= power <= -2) or (unit not in UNITS and power < -2):
         return 10.0**-power, f"× 10{str(power).translate(RAISED)} {unit}"
     return suited(largest, unit)
 
