@@ -97,10 +97,11 @@ def identify(
         output.write_metrics(folder / JSON, SCHEMA, seed=run.seed, config=config, **metrics)
         say(f"page: {write_page(found, rows, judging, folder, parts=parts)}")
 
-    from diagrams.identification.text import summary
+    from diagrams.identification.text import change, summary
 
+    lines = [*summary(found), *filter(None, [change(rows)])]
     tables = [_table(found), *([_judged(found, rows)] if rows else [])]
-    return Report(tables, config=config, metrics=metrics, lines=summary(found), write=write, failure=failure)
+    return Report(tables, config=config, metrics=metrics, lines=lines, write=write, failure=failure)
 
 
 @contextmanager
@@ -226,7 +227,9 @@ def _split(
     if judging and not judges:
         raise ValueError(f"--held-out: must last {SHORTEST:g} s at least; got {lasts(judging[0]):.2g} s.")
     if not long:
-        raise ValueError(f"needs a flight of {SHORTEST:g} s at least; the longest lasts {max(map(lasts, flights)):.2g} s.")
+        raise ValueError(
+            f"needs a flight of {SHORTEST:g} s at least; the longest lasts {max(map(lasts, flights)):.2g} s."
+        )
     if judges:
         return long, judges, [], said
     if len(long) > 1:

@@ -71,7 +71,7 @@ def test_the_vehicle_file_holds_the_true_vehicle(result):
     assert low < found.thrust_coefficient < high
 
 
-def test_the_json_holds_every_quantity_and_the_errors_of_the_held_out_flight(result):
+def test_the_json_holds_every_quantity_and_the_held_out_errors(result):
     values = json.loads((result / "identification.json").read_text())
     assert values["schema"] == "np_drake.identification/1"
     assert values["config"]["input"] == "rotor_speed"
