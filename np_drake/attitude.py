@@ -155,3 +155,27 @@ def from_rotation_vector(r: np.ndarray) -> np.ndarray:
 def conjugate(q: np.ndarray) -> np.ndarray:
     """Return the conjugate (..., 4) of a unit quaternion, its inverse rotation."""
     return q * np.array([1.0, -1.0, -1.0, -1.0])
+
+
+def integrated(t: np.ndarray, q0: np.ndarray, w: np.ndarray) -> np.ndarray:
+    """Integrate body rates to an attitude by trapezoidal rotation vectors.
+
+    Args:
+        t: (n,) times [s].
+        q0: (4,) initial attitude.
+        w: (n, 3) body rates in B [rad/s].
+    Returns: (n, 4) attitude.
+    """
+    turns = from_rotation_vector(0.5 * (w[1:] + w[:-1]) * np.diff(t)[:, None])
+    out = np.empty((len(t), 4))
+    pw, px, py, pz = (float(v) for v in q0)
+    out[0] = q0
+    for i, (w0, x, y, z) in enumerate(turns.tolist(), start=1):
+        pw, px, py, pz = (
+            pw * w0 - px * x - py * y - pz * z,
+            pw * x + px * w0 + py * z - pz * y,
+            pw * y - px * z + py * w0 + pz * x,
+            pw * z + px * y - py * x + pz * w0,
+        )
+        out[i] = (pw, px, py, pz)
+    return out / np.linalg.norm(out, axis=1, keepdims=True)

@@ -39,7 +39,8 @@ class FlightLog:
     NaN), `normalised` (throttle; thrust and torque by an estimated map).
     timing: standard deviation of the time at which a row's command acts [s]; 0 where it is held from its row.
     layout: where the rotors of `rotor` and `throttle` are; None: in the order of the vehicle file.
-    lacks: what was not logged and is integrated: `height` (position), `velocity`; keys of `library.REQUIREMENTS`.
+    lacks: what was not logged and is integrated: `attitude`, `velocity`, `height` (position); keys of
+    `library.REQUIREMENTS`. The specific force in B, R^T (a + g), is that of the accelerometer all the same.
     """
 
     t: np.ndarray
@@ -78,13 +79,14 @@ class FlightLog:
         """Return name, length, rate and input in a line."""
         span = float(self.t[-1] - self.t[0]) if len(self) else 0.0
         rate = f" at {1 / self.step:.0f} Hz" if len(self) > 1 else ""
-        return f"FlightLog({self.name!r}: {len(self)} rows, {span:.1f} s{rate}, input {self.input})"
+        lacks = f", without {', '.join(self.lacks)}" if self.lacks else ""
+        return f"FlightLog({self.name!r}: {len(self)} rows, {span:.1f} s{rate}, input {self.input}{lacks})"
 
     def _repr_html_(self) -> str:
         """Return what a notebook shows: ranges of the quantities, and the notes of the reader."""
         ranges = [
-            ("height [m]", self.p[:, 2]),
-            ("speed [m/s]", np.linalg.norm(self.v, axis=1)),
+            ("height [m]", None if "height" in self.lacks else self.p[:, 2]),
+            ("speed [m/s]", None if "velocity" in self.lacks else np.linalg.norm(self.v, axis=1)),
             ("body rate [rad/s]", np.linalg.norm(self.w, axis=1)),
             ("thrust [N]", self.u[:, 0]),
             ("rotor speed [rad/s]", self.rotor),

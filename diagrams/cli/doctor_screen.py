@@ -123,12 +123,13 @@ def _motion(report: LogReport) -> str:
     m = report.excitation
     own = every[0] | m
     fastest = max(motion["fastest [m/s]"] for motion in every)
-    text = (
-        f"speed {number(own['speed [m/s]'], 2)} m/s (at most {number(fastest, 2)}), "
-        f"rates {number(own['rate [rad/s]'], 2)} rad/s, tilt {number(own['tilt [deg]'], 2)} deg, "
-        f"height from {number(min(x['lowest [m]'] for x in every), 2)} m over {number(own['height span [m]'], 2)} m"
-    )
-    return text + (f"; thrust varies by {percent(m['thrust variation [1]'])}" if m else "")
+    lowest = min(x["lowest [m]"] for x in every)
+    parts = [f"rates {number(own['rate [rad/s]'], 2)} rad/s", f"tilt {number(own['tilt [deg]'], 2)} deg"]
+    if fastest:  # 0 where no velocity is logged
+        parts.insert(0, f"speed {number(own['speed [m/s]'], 2)} m/s (at most {number(fastest, 2)})")
+    if own["height span [m]"]:
+        parts.append(f"height from {number(lowest, 2)} m over {number(own['height span [m]'], 2)} m")
+    return ", ".join(parts) + (f"; thrust varies by {percent(m['thrust variation [1]'])}" if m else "")
 
 
 def _residual(report: LogReport) -> str:

@@ -9,7 +9,7 @@ from typer import Argument, Option
 
 from diagrams.batch.failed_run import FailedRun
 from diagrams.cli import output
-from diagrams.cli.identify_inputs import READ, open_logs, prior_of, require_different, split
+from diagrams.cli.identify_inputs import READ, fit_to_judge, open_logs, prior_of, require_different, split
 from diagrams.cli.identify_tables import as_json, judged, table
 from diagrams.cli.output import progress, say, tell
 from diagrams.cli.runner import Report, Run, reports
@@ -71,13 +71,14 @@ def identify(
         if trust == "thrust" and (drive == "throttle" or (drive == "rotor_speed" and vehicle is None)):
             raise ValueError(f"--trust thrust: {drive} tells no newtons without a measured coefficient; give --mass.")
         fitted, judging, parts, left_out = split(flights, judging)
+        judging, unfit = fit_to_judge(judging, parts, prior, drive)
         advance(READ, f"{len(fitted)} flight{'s' * (len(fitted) > 1)}")
         stop = parts[0][0] if parts else 1.0
         found = identified(fitted, prior, mass=mass, trusted=trust == "thrust", drive=drive, stop=stop)
         advance(FITTED, "judging")
         rows = errors_on(found, judging, parts, plain=True)
         advance(1.0)
-    tell(*notes, *left_out, *found.notes, indent="  ")
+    tell(*notes, *left_out, *unfit, *found.notes, indent="  ")
     config = {"logs": logs, "vehicle": prior.name, "mass": mass, "trust": trust, "input": drive}
     config |= {"held_out": [log.name for log in judging], "map": log_map}
     own, failure = _vehicle(found, name)

@@ -158,3 +158,28 @@ def split(
     if LAST * lasts(long[0]) < SHORTEST:
         return long, [], [], [*said, f"{long[0].name}: too short to hold a third of it out"]
     return long, long, [(LAST, 1.0)], said
+
+
+def fit_to_judge(
+    judging: "list[FlightLog]", parts: list[tuple[float, float]], vehicle: "Vehicle", drive: str
+) -> "tuple[list[FlightLog], list[str]]":
+    """Return the flights that can judge, and a line for each other.
+
+    Args:
+        judging: held-out flights.
+        parts: shares that count; none: whole flights.
+        vehicle: that flew.
+        drive: what turns its rotors.
+    """
+    from np_drake.identification.identify import unfit
+    from np_drake.identification.signals import signals
+
+    kept, said = [], []
+    for number, log in enumerate(judging):
+        start, stop = parts[number] if parts else (0.0, 1.0)
+        reason = unfit(signals(log, vehicle.unmixer, drive).part(start, stop), stop - start)
+        if reason:
+            said.append(f"{log.name}: {reason}; does not judge")
+        else:
+            kept.append(log)
+    return kept, said

@@ -30,7 +30,12 @@ def import_logs(
     ],
     log_map: Annotated[
         Path | None,
-        Option("--map", metavar="FILE", help="Map of columns and conventions (YAML); default: by the log's own names."),
+        Option(
+            "--map",
+            metavar="FILE",
+            help="Map of columns and conventions (YAML), or a public data set: idsia, nanobench; default: by the log's "
+            "own names.",
+        ),
     ] = None,
     rate: Annotated[
         float, Option(metavar="HZ", min=0, max=20_000, help="Rate of the rows; 0: of the fastest signal that is used.")

@@ -56,7 +56,9 @@ class Truth:
             "drag, vertical": drag.d_z / v.mass,
             "lift of lateral speed": lift.lift / v.mass,
         }
-        found |= {f"inertia {a}{b}": v.J["xyz".index(a), "xyz".index(b)] for a, b in ("xx", "yy", "zz", "xy", "xz", "yz")}
+        found |= {
+            f"inertia {a}{b}": v.J["xyz".index(a), "xyz".index(b)] for a, b in ("xx", "yy", "zz", "xy", "xz", "yz")
+        }
         found |= {f"centre of mass {a}": c.center_of_mass[i] for i, a in enumerate("xy")}
         found |= {f"gain of rotor {i + 1}": gain for i, gain in enumerate(c.rotor_gains)}
         found |= {f"IMU {a}": c.imu_position[i] for i, a in enumerate("xyz")}

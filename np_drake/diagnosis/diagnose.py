@@ -40,7 +40,7 @@ from np_drake.logs.throttle_input import with_one_exponent
 from np_drake.vehicle import Vehicle
 
 Progress = Callable[[float, str], None]
-NO_REPLAY = "no replay: the held-out logs do not tell the torque of the rotors, and a simulator needs it."
+NO_REPLAY = "no replay: the held-out logs do not tell the rotors' torque, or the motion to compare with."
 
 
 def diagnose(
@@ -133,7 +133,7 @@ def _answer(found: Inference, names: dict[str, Any], replay: Replay | None) -> D
     noise, held = found.ranking.noise, found.held
     checked = assess_identifiability(found.flights, found.held_out, found.ranking.problem.candidates, noise)
     located = localise(found.held_out, held.residual, noise, held.rows)
-    flyable = all(e.knows_torque for e in found.held_out)
+    flyable = all(e.knows_torque and not e.log.lacks for e in found.held_out)
     told = () if flyable or replay is None else (NO_REPLAY,)
     reduction = measure_gap_reduction(found.causes, noise, held, replay if flyable else None)
     return Diagnosis(

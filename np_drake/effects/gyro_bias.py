@@ -25,6 +25,7 @@ class GyroBias(SensorEffect):
     drawn = (0.003, 0.15)
     bench_check = "calibrate the gyroscope at rest"
     excited_by = "rest on the ground for ten seconds"
+    requires = ("attitude",)
     tolerance = "rate"
     corrupts = ("wx", "wy", "wz")
     parameters = tuple(Parameter(axis, "rad/s", 0.0, -1.0, 1.0, 0.05) for axis in "xyz")

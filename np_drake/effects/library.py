@@ -47,6 +47,7 @@ REQUIREMENTS = {
     "accelerations": "the log has no accelerations",
     "height": "the log has no position",
     "velocity": "the log has no velocity",
+    "attitude": "the log has no attitude",
 }
 _MISSING = {"command": (), "rotor_speed": ("commands",), "thrust_only": ("torque",), "normalised": ("thrust",)}
 
@@ -75,7 +76,8 @@ def _required(effect: type[Effect]) -> tuple[str, ...]:
     """Return what a log must tell for an effect: what it states, and what follows from where it acts."""
     torque = issubclass(effect, WrenchEffect) and effect.turns and not effect.pushes
     accelerations = issubclass(effect, SensorEffect) and set(effect.corrupts) == {"ax", "ay", "az"}
-    return (*effect.requires, *["torque"] * torque, *["accelerations"] * accelerations)
+    pose = issubclass(effect, SensorEffect) and "qw" in effect.corrupts
+    return (*effect.requires, *["torque"] * torque, *["accelerations"] * accelerations, *["attitude"] * pose)
 
 
 def register(effect: type[Effect]) -> type[Effect]:

@@ -33,6 +33,7 @@ class RotorInflow(WrenchEffect):
     drawn = (0.05, 1.5)
     excited_by = "fast climbs and descents with level attitude, then sprints at constant height"
     grows_with = "speed"
+    requires = ("velocity",)
     begins = False
     feels_rotor_rate = False
     turns = False

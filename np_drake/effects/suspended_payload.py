@@ -43,6 +43,7 @@ class SuspendedPayload(WrenchEffect):
     bench_check = "weigh what hangs below, and measure its tether"
     excited_by = "sudden stops that make the payload swing"
     has_hidden_state = True
+    requires = ("attitude",)
     linear = False
     parameters = (
         Parameter("mass", "kg", 0.0, 0.0, 2.0, 0.2),

@@ -4,20 +4,24 @@ A file of 10 MB, whatever it holds, is read or refused within 1 GB of memory.
 """
 
 import dataclasses as dc
+import gzip
+import io
 import json
 import logging
 import os
 import stat
+import zlib
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 logger = logging.getLogger(__name__)
 
 # Budgets, own choice: beyond them a file is damaged, or made to fill the memory of its reader.
 MAX_JSON = 200 * 10**6  # [byte]
+GZIP = b"\x1f\x8b"  # first bytes
 LEAST_CELLS = 4 * 10**6  # numbers that any table may hold: 20 minutes of 30 columns at 100 Hz
 CELLS_A_BYTE = 1  # further numbers a byte of the file; plain text has less, compressed logs 0.1 to 0.5
 LEAST_TEXT = 10**8  # [byte] that any file may hold after decompression
@@ -98,6 +102,35 @@ def cell_budget(path: str | Path) -> int:
 def text_budget(path: str | Path) -> int:
     """Return how many bytes a file may hold after decompression, from its size."""
     return LEAST_TEXT + TEXT_A_BYTE * size_of(path)
+
+
+def decompressed_start(start: bytes) -> bytes:
+    """Return the first bytes of a file, decompressed where they are those of gzip; empty if they are damaged."""
+    if not start.startswith(GZIP):
+        return start
+    try:
+        return zlib.decompressobj(wbits=zlib.MAX_WBITS | 16).decompress(start, len(start))
+    except zlib.error:
+        return b""
+
+
+def open_compressed(path: str | Path) -> BinaryIO:
+    """Open a binary file, which is decompressed into memory where it is of gzip.
+
+    Raises: ValueError: if it is damaged, or holds more than `block_budget`; OSError: if it cannot be opened.
+    """
+    with Path(path).open("rb") as file:
+        compressed = file.read(len(GZIP)) == GZIP
+    if not compressed:
+        return Path(path).open("rb")
+    try:
+        with gzip.open(path) as unpacked:
+            content = unpacked.read(block_budget(path) + 1)
+    except (EOFError, zlib.error, gzip.BadGzipFile) as error:
+        raise ValueError(f"{path}: must be a whole gzip file; copy it again.") from error
+    if len(content) > block_budget(path):
+        raise ValueError(f"{path}: must hold at most {block_budget(path) / 1e6:.0f} MB. Is it the right file?")
+    return io.BytesIO(content)
 
 
 def block_budget(path: str | Path) -> int:

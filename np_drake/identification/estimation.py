@@ -189,9 +189,7 @@ def _agreement(parts: Sequence[_Part], layout: Layout, z: np.ndarray) -> dict[st
         values[number] = np.where(told, mean[:n] * alone / variance, np.nan)
         sds[number] = np.where(told, np.sqrt(np.maximum(alone, 1e-18)), np.nan)
     return {
-        p.name: found
-        for i, p in enumerate(layout.shared)
-        if (found := _compare(values[:, i], sds[:, i])) is not None
+        p.name: found for i, p in enumerate(layout.shared) if (found := _compare(values[:, i], sds[:, i])) is not None
     }
 
 

@@ -100,7 +100,7 @@ def identify(
     seen, kept = [], []
     for log in long:
         flight = signals(log, prior.unmixer, drive).part(0.0, stop)
-        if reason := _unfit(flight, stop):
+        if reason := unfit(flight, stop):
             notes.append(f"{log.name}: {reason}; left out")
         else:
             seen.append(flight)
@@ -128,14 +128,19 @@ def lasts(log: FlightLog) -> float:
     return float(log.t[-1] - log.t[0]) if len(log) > 1 else 0.0
 
 
-def _unfit(flight: Signals, stop: float) -> str:
-    """Return why a flight tells nothing of its vehicle; empty: it does."""
+def unfit(flight: Signals, share: float = 1.0) -> str:
+    """Return why a flight tells nothing of its vehicle; empty: it does.
+
+    Args:
+        flight: its signals.
+        share: of the flight that counts [1].
+    """
     if not np.isfinite(flight.input).all():
         return "what turns the rotors is not known in every row"
     if not (flight.input[flight.edges[:-1]][flight.good].mean(axis=0) > 0).all():
         return "a rotor does not turn, as on a desk"
     seconds = float(flight.good.sum() * flight.step)
-    return "" if seconds >= IN_THE_AIR * min(stop, 1.0) else f"only {seconds:.1f} s without gaps in the air"
+    return "" if seconds >= IN_THE_AIR * share else f"only {seconds:.1f} s without gaps in the air"
 
 
 def _gradient(of: Callable[[np.ndarray], float], z: np.ndarray) -> np.ndarray:

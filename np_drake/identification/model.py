@@ -25,7 +25,7 @@ G = 9.81  # [m/s²]
 FORCE, TORQUE, SPEED = slice(0, 3), slice(3, 6), slice(6, 10)
 Values = dict[str, float]
 FLATTEST = 0.995  # of Jzz over Jxx + Jyy, whose bound is 1 [1]
-RESPONSE = ("lag", "lag_ratio", "curve", "sag")  # of a rotor to its command
+RESPONSE = ("lag", "lag_ratio", "curve", "idle", "sag")  # of a rotor to its command
 
 
 @dc.dataclass(frozen=True)
@@ -135,8 +135,8 @@ class FlightModel:
         Args:
             v: parameters by name.
         """
-        patterns = np.array([v["gain_roll"], v["gain_pitch"], v["gain_yaw"]]) @ self.frame.patterns
-        return 0.25 * G * v["scale"] * (1.0 + patterns)
+        patterns = np.array([v["gain_roll"], v["gain_pitch"], v["gain_yaw"] + v["shift_yaw"]]) @ self.frame.patterns
+        return 0.25 * G * v["scale"] * v["charge"] * (1.0 + patterns)
 
     def center(self, v: Values) -> np.ndarray:
         """Return the centre of mass (3,) from Bo [m].
@@ -144,7 +144,7 @@ class FlightModel:
         Args:
             v: parameters by name.
         """
-        return self.frame.arm * np.array([v["com_x"], v["com_y"], 0.0])
+        return self.frame.arm * np.array([v["com_x"] + v["shift_x"], v["com_y"] + v["shift_y"], 0.0])
 
     def arms(self, v: Values) -> np.ndarray:
         """Return the map (3, 4) from relative thrusts to torque over mass about the centre of mass [m²/s²].
@@ -185,7 +185,12 @@ class FlightModel:
         by direction with its rate of change (m,), and their mean (m,).
         """
         rotors, d = self._rotors(v), self.frame.directions
-        return rotors.thrust @ self.gains(v), (rotors.thrust @ self.arms(v).T, rotors.speed @ d, rotors.rate @ d, rotors.mean)
+        return rotors.thrust @ self.gains(v), (
+            rotors.thrust @ self.arms(v).T,
+            rotors.speed @ d,
+            rotors.rate @ d,
+            rotors.mean,
+        )
 
     def _keep(self, stage: str, key: tuple, make: Callable[[], Any]) -> Any:
         """Return a stage for this key. The two last are kept, for finite differences move one parameter at a time."""
@@ -249,8 +254,8 @@ class FlightModel:
                 wanted = np.sqrt(self._relative)
             else:
                 throttle = s.input if s.command is None else s.command
-                hover = target_speed(np.array(self.frame.throttle), v["curve"])
-                wanted = v["full_speed"] * target_speed(throttle, v["curve"]) / hover
+                hover = target_speed(np.array(self.frame.throttle), v["curve"], v["idle"])
+                wanted = v["full_speed"] * target_speed(throttle, v["curve"], v["idle"]) / hover
             if s.voltage is not None and self.frame.volts > 0:
                 wanted = wanted * ((s.voltage / self.frame.volts) ** (0.5 * v["sag"]))[:, None]
             speed = lagged(np.ascontiguousarray(wanted), grid.row, grid.step, v["lag"], v["lag"] * v["lag_ratio"])

@@ -6,7 +6,7 @@ import numpy as np
 
 from np_drake import attitude
 from np_drake.flight_log import FlightLog
-from np_drake.identification.model import G, FlightModel, Values, inertia
+from np_drake.identification.model import FlightModel, G, Values, inertia
 
 SUBSTEPS = 2  # of a bin; own choice: half of 10 ms, at which the fourth-order rule is exact for a rigid body
 ERRORS = ("position", "velocity", "attitude", "rates")  # [m, m/s, rad, rad/s]
@@ -45,7 +45,13 @@ class Prediction:
 
 
 def predict(
-    model: FlightModel, log: FlightLog, v: Values, *, seconds: float, every: float = 0.1, states: np.ndarray | None = None
+    model: FlightModel,
+    log: FlightLog,
+    v: Values,
+    *,
+    seconds: float,
+    every: float = 0.1,
+    states: np.ndarray | None = None,
 ) -> Prediction:
     """Return open-loop predictions.
 

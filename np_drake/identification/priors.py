@@ -67,8 +67,14 @@ def parameters(spin: float, step: float) -> tuple[Parameter, ...]:
             "lag_ratio", known.time_constant_down.mean, known.time_constant_down.deviation, log=True, needs=MOTORS
         ),
         Parameter("curve", 0.2, 0.3, needs=("throttle",)),
+        Parameter("idle", 0.05, 0.04, needs=("throttle",)),
         Parameter("sag", 1.5, 0.5, needs=("throttle", "voltage")),
         Parameter("full_speed", 0.0, 0.5, log=True, needs=BOTH),
+        # Of one flight: battery and where it lies, clocks, errors of sensors.
+        Parameter("charge", 0.0, 0.03, log=True, flight=True),  # thrust over that of all flights
+        Parameter("shift_x", 0.0, 0.02, flight=True),  # centre of mass against that of all flights
+        Parameter("shift_y", 0.0, 0.02, flight=True),
+        Parameter("shift_yaw", 0.0, 0.02, flight=True),  # gain about z against that of all flights
         Parameter("clock", 0.0, 0.01, flight=True, needs=SPEED),  # rotor speed to body [s]
         Parameter("heading", 0.0, 0.02, flight=True, needs=AIR),  # of the attitude against the sensors [rad]
         Parameter("bias_x", 0.0, 0.3, flight=True),

@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from np_drake.identification.model import G, Frame, Values, inertia
+from np_drake.identification.model import Frame, G, Values, inertia
 from np_drake.identification.rotor_response import target_speed
 
 TOLD = 0.5  # deviation over that of the prior below which flights tell a quantity [1]; own choice: two bits
@@ -37,14 +37,14 @@ class Basis:
         """Return the mass [kg], or 1 where only ratios are told."""
         if self.mass is not None:
             return self.mass
-        per_mass = 0.25 * G * v["scale"]
+        per_mass = 0.25 * G * v["scale"] * v["charge"]
         if self.newtons:
             return self.frame.unit / per_mass
         return 1.0 if self.coefficient is None else self.coefficient * self.frame.unit**2 / per_mass
 
     def hover_thrust(self, v: Values) -> float:
         """Return the thrust of one rotor at the unit of input [N, or N/kg where only ratios are told]."""
-        return self.mass_of(v) * 0.25 * G * v["scale"]
+        return self.mass_of(v) * 0.25 * G * v["scale"] * v["charge"]
 
     def coefficient_of(self, v: Values) -> float:
         """Return the thrust coefficient: measured where rotor speed is logged [N/(rad/s)²]."""
@@ -77,6 +77,10 @@ def _length(name: str) -> Callable[[Values, Basis], float]:
     return lambda v, b: b.frame.arm * v[name]
 
 
+def _center(axis: str) -> Callable[[Values, Basis], float]:
+    return lambda v, b: b.frame.arm * (v[f"com_{axis}"] + v[f"shift_{axis}"])
+
+
 def _plain(name: str) -> Callable[[Values, Basis], float]:
     return lambda v, b: v[name]
 
@@ -86,13 +90,16 @@ def _moment(i: int, k: int) -> Callable[[Values, Basis], float]:
 
 
 def _gain(i: int) -> Callable[[Values, Basis], float]:
-    names = ("gain_roll", "gain_pitch", "gain_yaw")
-    return lambda v, b: 1.0 + float(np.array([v[n] for n in names]) @ b.frame.patterns[:, i])
+    def of(v: Values, b: Basis) -> float:
+        own = np.array([v["gain_roll"], v["gain_pitch"], v["gain_yaw"] + v["shift_yaw"]])
+        return 1.0 + float(own @ b.frame.patterns[:, i])
+
+    return of
 
 
 def _full(v: Values, b: Basis) -> float:
     """Return the thrust of one rotor at full throttle and the reference voltage [N]."""
-    speed = v["full_speed"] / float(target_speed(np.array(b.frame.throttle), v["curve"]))
+    speed = v["full_speed"] / float(target_speed(np.array(b.frame.throttle), v["curve"], v["idle"]))
     return b.hover_thrust(v) * speed**2
 
 
@@ -113,7 +120,7 @@ QUANTITIES: tuple[Quantity, ...] = (
                             ("zz", 2, 2, "turns fast about two axes at once", f"{ROLL} while turning"),
                             ("xy", 0, 1, "rolls and pitches", ROLL), ("xz", 0, 2, "rolls and yaws", ROLL),
                             ("yz", 1, 2, "pitches and yaws", ROLL))),
-    *(Quantity(f"centre of mass {a}", "calibration.center_of_mass", "m", _length(f"com_{a}"), (i,),
+    *(Quantity(f"centre of mass {a}", "calibration.center_of_mass", "m", _center(a), (i,),
                why="rotors that are unequal look the same", manoeuvre=BLIPS) for i, a in enumerate("xy")),
     *(Quantity(f"gain of rotor {i + 1}", "calibration.rotor_gains", "1", _gain(i), (i,),
                why="a centre of mass beside the middle looks the same", manoeuvre=f"{BLIPS} and {ROLL}")
@@ -134,11 +141,13 @@ QUANTITIES: tuple[Quantity, ...] = (
     Quantity("thrust at full throttle", "throttle.full_thrust", "N", _full, positive=True, needs=("throttle", "mass"),
              per_mass=True, why="throttle stays near hover", manoeuvre="climbs at full throttle"),
     Quantity("rotor speed at full throttle", "", "rad/s",
-             lambda v, b: b.spin * v["full_speed"] / float(target_speed(np.array(b.frame.throttle), v["curve"])),
+             lambda v, b: b.spin * v["full_speed"] / float(target_speed(np.array(b.frame.throttle), v["curve"], v["idle"])),
              positive=True, needs=("throttle", "speed"), why="throttle stays near hover",
              manoeuvre="climbs at full throttle"),
     Quantity("linear share of throttle", "throttle.linear", "1", _plain("curve"), needs=THROTTLE,
              why="throttle stays near hover", manoeuvre="climbs and descents"),
+    Quantity("idle speed over full speed", "", "1", _plain("idle"), needs=THROTTLE,
+             why="throttle stays near hover", manoeuvre="descents with idle motors"),
     Quantity("power of the voltage", "throttle.voltage_exponent", "1", _plain("sag"), needs=("throttle", "voltage"),
              why="the voltage hardly falls", manoeuvre="a flight until the battery is low"),
     *(Quantity(f"IMU {a}", "calibration.imu_position", "m", _length(f"imu_{a}"), (i,), needs=("accelerometer",),

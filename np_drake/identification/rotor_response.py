@@ -2,7 +2,8 @@
 
 Rotor speeds are relative to that of hover, so that a thrust needs no thrust coefficient:
 f / f_hover = speed², with T d speed/dt = target(throttle) - speed and T another where the speed falls.
-Source: first-order ESC and motor; the curve is that of PX4's thrust model, u -> (1 - c) u² + c u.
+Source: first-order ESC and motor; the curve is that of PX4's thrust model, u -> (1 - c) u² + c u, on a speed at which idle
+motors turn.
 """
 
 import dataclasses as dc
@@ -34,15 +35,16 @@ class Substeps:
         return cls(fine, np.searchsorted(t, fine + 0.5 * step, side="right") - 1, step)
 
 
-def target_speed(throttle: np.ndarray, linear: float) -> np.ndarray:
-    """Return the square root of the throttle curve [1].
+def target_speed(throttle: np.ndarray, linear: float, idle: float = 0.0) -> np.ndarray:
+    """Return rotor speed over that at full throttle [1].
 
     Args:
         throttle: (..., 4) of 0 to 1 [1].
         linear: share of the curve's linear part [1].
+        idle: rotor speed at no throttle, over the full one [1].
     """
     u = np.clip(throttle, 0.0, None)
-    return np.sqrt(np.maximum((1.0 - linear) * u * u + linear * u, 0.0))
+    return idle + (1.0 - idle) * np.sqrt(np.maximum((1.0 - linear) * u * u + linear * u, 0.0))
 
 
 @compiled

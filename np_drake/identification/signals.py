@@ -111,9 +111,14 @@ def signals(log: FlightLog, unmixer: np.ndarray, drive: str = "") -> Signals:
     products = smooth[:, :, None] * smooth[:, None, :]
     good = np.isfinite(force).all(axis=1)
     good &= np.linalg.norm(force, axis=1) > FLYING * 9.81
-    source = {"rotor_speed": _rotor_speed(log, unmixer), "throttle": log.throttle,
-              "command": np.maximum(log.u @ unmixer.T, 0.0)}[drive]  # fmt: skip
-    logged = log.rotor if drive == "rotor_speed" else source
+    source = {"rotor_speed": log.rotor, "throttle": log.throttle, "command": np.maximum(log.u @ unmixer.T, 0.0)}[drive]
+    source = np.asarray(source, float)
+    # Readings of rotor speed have noise. A command that changes between rows is noise to them, a held one is exact.
+    if drive == "rotor_speed":
+        source = np.sqrt(_likely(np.square(source), unmixer, log.step))
+    elif log.timing > 0:
+        source = _likely(source, unmixer, log.step)
+    logged = log.rotor if drive == "rotor_speed" else log.throttle if drive == "throttle" else source
     good &= np.add.reduceat(_spikes(np.concatenate([logged, log.w], axis=1))[: edges[-1]], edges[:-1]) == 0
     if log.bridged is not None:
         good &= np.add.reduceat(log.bridged[: edges[-1]], edges[:-1]) == 0
@@ -131,7 +136,7 @@ def signals(log: FlightLog, unmixer: np.ndarray, drive: str = "") -> Signals:
         velocity=_mean_line(velocity_in_body, dt, edges) if known else None,
         good=good,
         drive=drive,
-        input=np.asarray(source, float),
+        input=source,
         command=log.throttle if four and drive == "rotor_speed" else None,
         voltage=log.voltage if log.voltage is not None and np.isfinite(log.voltage).all() else None,
         accelerometer=log.a is not None,
@@ -168,22 +173,20 @@ def _spikes(values: np.ndarray) -> np.ndarray:
     return np.any(apart > SPIKE * np.maximum(usual, moving), axis=1)
 
 
-def _rotor_speed(log: FlightLog, unmixer: np.ndarray) -> np.ndarray | None:
-    """Return rotor speed (n, 4) without white noise; thrust and torques have spectra of their own [rad/s]."""
-    if log.rotor is None:
-        return None
+def _likely(values: np.ndarray, unmixer: np.ndarray, step: float) -> np.ndarray:
+    """Return values of rotors (n, 4) without white noise; their sum and differences have spectra of their own."""
     # Columns of the unmixer span thrust and torques; their scale does not matter.
-    channels = np.square(log.rotor) @ np.linalg.inv(unmixer).T
-    likely = most_likely(channels, white_noise([channels]), log.step)
-    return np.sqrt(np.maximum(likely @ unmixer.T, 0.0))
+    channels = values @ np.linalg.inv(unmixer).T
+    return np.maximum(most_likely(channels, white_noise([channels]), step) @ unmixer.T, 0.0)
 
 
 def _mean_after(values: np.ndarray, dt: np.ndarray, edges: np.ndarray) -> np.ndarray:
     """Return the means (m, c) of values (n, c) that are each the mean over the interval after their row."""
     weighted = values[: len(dt)] * dt[:, None]
-    return np.add.reduceat(weighted[: edges[-1]], edges[:-1], axis=0) / np.add.reduceat(dt[: edges[-1]], edges[:-1])[
-        :, None
-    ]
+    return (
+        np.add.reduceat(weighted[: edges[-1]], edges[:-1], axis=0)
+        / np.add.reduceat(dt[: edges[-1]], edges[:-1])[:, None]
+    )
 
 
 def _mean_line(values: np.ndarray, dt: np.ndarray, edges: np.ndarray) -> np.ndarray:

@@ -7,14 +7,18 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from np_drake.flight_log import FlightLog
+from np_drake.identification.estimation import estimate
 from np_drake.identification.identify import Identification
-from np_drake.identification.model import G, FlightModel, Frame, Values, inertia
+from np_drake.identification.model import FlightModel, Frame, G, Values, inertia
+from np_drake.identification.parameters import Layout
 from np_drake.identification.prediction import ERRORS, predict
 from np_drake.identification.signals import signals
 from np_drake.vehicle import Vehicle
 
 HORIZONS = (0.1, 0.5)  # of open-loop prediction [s]
 # Parameters that a user of plain least squares names: the usual ones.
+ADAPTED = 5.0  # beginning of a held-out flight that tells its own parameters [s]
+LARGEST_SHARE = 0.3  # of the flight at most [1]
 USUAL = ("scale", "jxx", "jyy", "jzz", "com_x", "com_y", "torque", "lag", "delay", "clock", "curve", "bias_z")
 
 
@@ -63,6 +67,7 @@ def vehicle_values(vehicle: Vehicle, frame: Frame, drive: str, mass: float, fixe
     zero = dict.fromkeys(fixed, 0.0)
     return zero | {
         "scale": scale,
+        "charge": 1.0,
         **dict(zip(("gain_roll", "gain_pitch", "gain_yaw"), gains.tolist(), strict=True)),
         "com_x": c.center_of_mass[0] / arm,
         "com_y": c.center_of_mass[1] / arm,
@@ -80,6 +85,7 @@ def vehicle_values(vehicle: Vehicle, frame: Frame, drive: str, mass: float, fixe
         "delay": c.command_delay,
         "clock": -c.clock_offset,
         "curve": curve,
+        "idle": 0.0,
         "sag": 0.0 if vehicle.throttle is None else vehicle.throttle.voltage_exponent,
         "full_speed": 1.0,
         "window": 0.5,
@@ -91,6 +97,9 @@ def held_out(
 ) -> list[HeldOut]:
     """Return the errors on flights that the identification has not seen.
 
+    The first seconds of each tell what is its own: battery, where that lies, clock and errors of sensors. They are not
+    scored.
+
     Args:
         found: the identification.
         logs: the flights.
@@ -100,19 +109,23 @@ def held_out(
     layout, basis = found.estimate.layout, found.basis
     identified = layout.values(found.estimate.z)
     mass = basis.mass_of(identified)
-    named = dict.fromkeys((p.name for p in (*layout.shared, *layout.own)), 0.0) | dict.fromkeys(layout.fixed, 0.0)
     rows = {
-        "vehicle file": vehicle_values(found.prior, basis.frame, basis.drive, mass, named),
-        "identified": named | identified,
+        "vehicle file": vehicle_values(found.prior, basis.frame, basis.drive, mass, dict.fromkeys(identified, 0.0)),
+        "identified": identified,
     }
     if plain:
         rows["least squares"] = _least_squares(found, rows["vehicle file"])
     out = []
     for number, log in enumerate(logs):
         flight = signals(log, found.prior.unmixer, basis.drive)
-        flight = flight.part(*parts[number]) if parts else flight
-        model = FlightModel(flight, basis.frame)
-        out += [_errors(model, log, name, v, basis.frame, mass) for name, v in rows.items()]
+        first, last = parts[number] if parts else (0.0, 1.0)
+        begin = first + (last - first) * min(ADAPTED / (log.t[-1] - log.t[0]) / (last - first), LARGEST_SHARE)
+        early = FlightModel(flight.part(first, begin), basis.frame)
+        late = FlightModel(flight.part(begin, last), basis.frame)
+        for name, v in rows.items():
+            own = Layout((), layout.own, 1, v)
+            v = own.values(estimate([early], own).z, 0)
+            out.append(_errors(late, log, name, v, basis.frame, mass))
     return out
 
 
@@ -143,7 +156,9 @@ def _least_squares(found: Identification, start: Values) -> Values:
     Channels count by their deviation. Source: the way of mujoco.sysid, where the user names the parameters.
     """
     models = found.models
-    names = [name for name in USUAL if name in {p.name for p in (*found.estimate.layout.shared, *found.estimate.layout.own)}]
+    names = [
+        name for name in USUAL if name in {p.name for p in (*found.estimate.layout.shared, *found.estimate.layout.own)}
+    ]
     logs = {"scale", "jxx", "jyy", "jzz", "torque", "lag"}
     size = [np.maximum(np.std(np.concatenate([m.flight.force, m.flight.alpha], axis=1), axis=0), 1e-6) for m in models]
 

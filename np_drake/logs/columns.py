@@ -4,6 +4,7 @@ import dataclasses as dc
 
 import numpy as np
 
+from np_drake import attitude
 from np_drake.flight_log import COLUMNS as COLUMNS
 from np_drake.flight_log import FlightLog
 from np_drake.logs.errors import LogError, place
@@ -66,7 +67,10 @@ class Table:
 
 STATE = ("t", "p", "q", "v", "w")  # fields that every log has
 DERIVED = ("p", "v", "w")  # of these, those that an import derives from the others
-UNLOGGED = {"p": "height", "v": "velocity"}  # what a log lacks of which these were integrated
+# What a log lacks of which these were integrated.
+UNLOGGED = {"p": "height", "v": "velocity", "q": "attitude", "a": "attitude"}
+FORCE = ("sx", "sy", "sz")  # columns of the specific force in B, of a log without attitude [m/s²]
+GRAVITY = 9.81  # [m/s²]
 OPTIONAL = ("a", "al", "rotor", "throttle", "voltage")
 THRUST = ("thrust",)  # of u, where torque is not logged
 FIELDS = COLUMNS | {"thrust": THRUST}
@@ -128,7 +132,8 @@ def assemble(table: Table, fields: list[str], name: str) -> FlightLog:
 def disassemble(log: FlightLog) -> dict[str, np.ndarray]:
     """Return columns (n,) in the order of the format.
 
-    What a reader derives again is left out: a command from rotor speed or throttle, a torque that is not known.
+    What a reader derives again is left out: a command from rotor speed or throttle, a torque that is not known, states
+    that were integrated. Without attitude the specific force stands for the acceleration.
     """
     out = log.columns()
     left_out = {name for field, what in UNLOGGED.items() if what in log.lacks for name in COLUMNS[field]}
@@ -136,7 +141,11 @@ def disassemble(log: FlightLog) -> dict[str, np.ndarray]:
         left_out |= {*COLUMNS["u"]}
     if log.input == "thrust_only":
         left_out |= {*COLUMNS["u"]} - {*THRUST}
-    return {name: values for name, values in out.items() if name not in left_out}
+    kept = {name: values for name, values in out.items() if name not in left_out}
+    if "attitude" in log.lacks and log.a is not None:
+        force = attitude.rotate_back(log.q, log.a + [0.0, 0.0, GRAVITY])
+        kept |= dict(zip(FORCE, force.T, strict=True))
+    return kept
 
 
 def _shorten(names: list[str]) -> str:

@@ -42,10 +42,15 @@ class Flight:
 
 
 def require_torque(log: FlightLog) -> FlightLog:
-    """Return the log, where it tells the rotors' torque, which a label needs.
+    """Return the log, where it tells the rotors' torque, which a label needs, and the state that a predictor takes.
 
     Raises: ValueError: where it does not.
     """
+    if lacking := [quantity for quantity in ("attitude", "velocity") if quantity in log.lacks]:
+        raise ValueError(
+            f"{log.name}: must tell attitude and velocity to train on; its {' and '.join(lacking)} "
+            f"{'are' if len(lacking) > 1 else 'is'} integrated. Log them as well."
+        )
     if len(log) and not np.isfinite(log.u[:, 1:]).any():
         raise ValueError(
             f"{log.name}: must tell the torque of the rotors (tx, ty, tz, rotor1 … rotor4, or throttle1 … throttle4 "

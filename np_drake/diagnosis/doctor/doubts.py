@@ -8,10 +8,12 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
+from np_drake import attitude
 from np_drake.diagnosis.residuals import FORCE, FlightResiduals
 from np_drake.flight_log import FlightLog
 from np_drake.logs import hover_thrust, rotor_order
-from np_drake.logs.importing.consistency import OPPOSED, SCALE, failing, lone_axes, misfits, never_tilts
+from np_drake.logs.importing.consistency import OPPOSED, SCALE, failing, misfits, never_tilts, told_by_noise
+from np_drake.logs.importing.convert import GRAVITY
 from np_drake.logs.rotor_torque import torque_agreement
 
 MOST_RESIDUAL = 0.25  # of the weight, from which it is said first [1]
@@ -49,13 +51,13 @@ def doubts(flight: FlightResiduals) -> list[Doubt]:
 
 def law_doubts(log: FlightLog) -> list[Doubt]:
     """Return what stands against a flight without knowing its vehicle."""
-    own = agreement(log)
     t, x = _evenly(log)
+    own = misfits(t, x)
     if level := never_tilts(t, x):
         tilt, needed = level
         flat = f"the attitude never tilts ({1e3 * tilt:.2g} mrad) where the vehicle accelerates sideways"
         return [Doubt(log.name, f"{flat} ({1e3 * needed:.0f} mrad): its pose is planar", fails=True)]
-    aside = lone_axes(own)
+    aside = told_by_noise(t, x, own)
     lift = [law for law in failing(own) if law.startswith("lift")]
     other = [law for law in failing(own) if law not in (*aside, *lift)]
     found = []
@@ -68,7 +70,7 @@ def law_doubts(log: FlightLog) -> list[Doubt]:
         why = "check attitude and frames" if opposed else "another force acts, or the attitude is wrong"
         found.append(Doubt(log.name, f"{what}; {why}", fails=opposed))
     if aside:
-        what = f"misfit of {_shown(aside, own)} ({SCALE}) on that axis alone, as of a sensor that drifts"
+        what = f"misfit of {_shown(aside, own)} ({SCALE}): no more than noise or drift of a sensor"
         found.append(Doubt(log.name, what))
     return found
 
@@ -81,15 +83,25 @@ def agreement(log: FlightLog) -> dict[str, float]:
 def _evenly(log: FlightLog) -> tuple[np.ndarray, dict[str, np.ndarray]]:
     """Return evenly spaced times and the quantities at them, of the first `MOST_ROWS` rows."""
     log = log.rows(0, MOST_ROWS)
-    x = {"position": log.p, "velocity": log.v, "rates": log.w}
+    x = {"rates": log.w}
+    x |= {name: values for name, (lack, values) in _logged(log).items() if lack not in log.lacks}
     if log.a is not None:
-        x["acceleration"] = log.a
+        g = np.array([0.0, 0.0, GRAVITY])
+        # Without attitude as `convert` leaves it: the specific force in body axes, less g.
+        x["acceleration"] = attitude.rotate_back(log.q, log.a + g) - g if "attitude" in log.lacks else log.a
     even = np.arange(log.t[0], log.t[-1], max(log.step, LEAST_STEP))
     near = np.cumprod(np.concatenate([[1.0], np.where(np.sum(log.q[1:] * log.q[:-1], axis=1) < 0, -1.0, 1.0)]))
-    x["attitude"] = log.q * near[:, None]
+    if "attitude" in x:
+        x["attitude"] = log.q * near[:, None]
     at = {name: np.stack([np.interp(even, log.t, c) for c in values.T], axis=1) for name, values in x.items()}
-    at["attitude"] /= np.linalg.norm(at["attitude"], axis=1, keepdims=True)
+    if "attitude" in at:
+        at["attitude"] /= np.linalg.norm(at["attitude"], axis=1, keepdims=True)
     return even, at
+
+
+def _logged(log: FlightLog) -> dict[str, tuple[str, np.ndarray]]:
+    """Return the states of a log by quantity, each with what `lacks` says where it was integrated."""
+    return {"position": ("height", log.p), "velocity": ("velocity", log.v), "attitude": ("attitude", log.q)}
 
 
 def _residual(e: FlightResiduals) -> list[Doubt]:

@@ -15,7 +15,7 @@ from np_drake.diagnosis.doctor.swing_test import swing_test
 from np_drake.diagnosis.doctor.traces import GUSTS, explain, nearest_usual, payload_traces, traces
 from np_drake.diagnosis.localisation.identifiability import excitation, excited, manoeuvre, tells_apart
 from np_drake.diagnosis.options import Options
-from np_drake.diagnosis.regressors import DRAG, PAYLOAD, WIND, nuisance_of, tolerance_of, with_input
+from np_drake.diagnosis.regressors import DRAG, PAYLOAD, WIND, hidden_from, nuisance_of, tolerance_of, with_input
 from np_drake.diagnosis.residuals import FORCE, FlightResiduals, make_flight_residuals, natural_step
 from np_drake.effects.library import LIBRARY, effects_for, unobservable
 from np_drake.effects.parameter import usual_size
@@ -38,6 +38,7 @@ INSTEAD = {  # words of a reason of `unobservable`: what to log instead
     "no accelerations": "log the accelerometer",
     "no position": "log the position",
     "no velocity": "log velocity or position",
+    "no attitude": "log the attitude",
 }
 
 
@@ -77,7 +78,7 @@ def examine(
             problems.append("no vehicle file: effects are not judged (np-drake doctor --vehicle FILE)")
         problems += as_lines(doubt for doubt in own if not doubt.fails)
         fastest = {key: max(f.motion[key] for f in facts) for key in ("speed [m/s]", "rate [rad/s]", "tilt [deg]")}
-        still = [] if excited(fastest | {"thrust variation [1]": 0.0}) else [_still(fastest)]
+        still = [] if excited(fastest | {"thrust variation [1]": 0.0}) else [_still(fastest, logs)]
         return LogReport(facts, bool(long_enough) and not (wrong or still), (*still, *problems))
     return _with_answers(LogReport(facts, True, tuple(problems), vehicle.name), long_enough, vehicle, tell)
 
@@ -97,7 +98,7 @@ def _with_answers(report: LogReport, logs: Sequence[FlightLog], vehicle: Vehicle
     every = traces(flights, options.priors)
     near = [t for t in nearest_usual(every) if t.identifier != PAYLOAD]
     tests = []
-    for e in flights:
+    for e in [] if PAYLOAD in hidden_from(flights) else flights:
         tell(0.5, "swing")
         others = nuisance_of([e], options.tolerance)
         own = [dc.replace(t, columns={e.name: t.columns[e.name]}) for t in near]
@@ -114,7 +115,7 @@ def _with_answers(report: LogReport, logs: Sequence[FlightLog], vehicle: Vehicle
     known["lacks"] = sorted({quantity for log in logs for quantity in log.lacks})
     gust = smallest_gust(explained.noise, moving["duration [s]"])
     found = answers(smallest_sizes(information), gust, explained.drag, vehicle, log_input=first.input, **known)
-    still = () if excited(moving) else (_still(moving),)
+    still = () if excited(moving) else (_still(moving, logs),)
     return dc.replace(
         report,
         usable=not still and not any(doubt.fails for doubt in first_of_all),
@@ -135,11 +136,12 @@ def _residual_force(flights: Sequence[FlightResiduals]) -> dict[str, float]:
     return dict(zip("xyz", (np.sqrt(np.mean(y**2, axis=0)) / weight).tolist(), strict=True))
 
 
-def _still(moving: Mapping[str, float]) -> str:
+def _still(moving: Mapping[str, float], logs: Sequence[FlightLog]) -> str:
     """Return that flights do not move, and what to fly."""
     speed, rate = number(moving["speed [m/s]"], 2), number(moving["rate [rad/s]"], 2)
+    logged = "" if any("velocity" in log.lacks for log in logs) else f"speed {speed} m/s, "
     return (
-        f"nothing moves (speed {speed} m/s, rates {rate} rad/s): fly sprints in both horizontal directions, climbs, "
+        f"nothing moves ({logged}rates {rate} rad/s): fly sprints in both horizontal directions, climbs, "
         "and turns about every axis, for a minute"
     )
 

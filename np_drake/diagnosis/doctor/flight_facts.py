@@ -60,9 +60,10 @@ def flight_facts(log: FlightLog, vehicle: Vehicle | None = None) -> FlightFacts:
 
 def _signals(log: FlightLog, usual: MeasurementNoise):
     known = dc.asdict(usual)
+    integrated = {"p": "height", "v": "velocity"}
     for field, name, unit, sensor in SIGNALS:
         values = getattr(log, field)
-        if values is None or not np.isfinite(values).all():
+        if integrated.get(field) in log.lacks or values is None or not np.isfinite(values).all():
             continue
         yield SignalFacts(name, unit, *_noise(values), known.get(sensor, 0.0), *_grain(values))
 
@@ -95,13 +96,14 @@ def _motion(log: FlightLog) -> dict[str, float]:
         return float(np.sqrt(np.mean(np.sum(values**2, axis=1))))
 
     tilt = np.degrees(np.arccos(np.clip(attitude.body_z(log.q)[:, 2], -1, 1)))
+    v, z = log.v * ("velocity" not in log.lacks), log.p[:, 2] * ("height" not in log.lacks)
     return {
-        "speed [m/s]": rms(log.v),
-        "fastest [m/s]": float(np.linalg.norm(log.v, axis=1).max()),
+        "speed [m/s]": rms(v),
+        "fastest [m/s]": float(np.linalg.norm(v, axis=1).max()),
         "rate [rad/s]": rms(log.w),
         "tilt [deg]": float(np.sqrt(np.mean(tilt**2))),
-        "height span [m]": float(np.ptp(log.p[:, 2])),
-        "lowest [m]": float(log.p[:, 2].min()),
+        "height span [m]": float(np.ptp(z)),
+        "lowest [m]": float(z.min()),
     }
 
 

@@ -29,12 +29,13 @@ def lags(log: FlightLog, vehicle: Vehicle | None = None) -> tuple[Lag, ...]:
     dt = np.diff(log.t)[:, None]
     middle = 0.5 * (log.t[1:] + log.t[:-1])
     turn = attitude.rotation_vector(attitude.multiply(attitude.conjugate(log.q[:-1]), log.q[1:])) / dt
-    pairs = [
-        ("attitude", "body rates", middle, turn, log.t, log.w),
-        ("position", "velocity", middle, np.diff(log.p, axis=0) / dt, log.t, log.v),
-    ]
+    pairs = []
+    if "attitude" not in log.lacks:
+        pairs.append(("attitude", "body rates", middle, turn, log.t, log.w))
+    if not {"height", "velocity"}.intersection(log.lacks):
+        pairs.append(("position", "velocity", middle, np.diff(log.p, axis=0) / dt, log.t, log.v))
     rate = np.diff(log.v, axis=0) / dt
-    if log.a is not None:
+    if log.a is not None and "velocity" not in log.lacks:
         pairs.append(("velocity", "acceleration", middle, rate, log.t, log.a))
     up = [0.0, 0.0, 9.81]
     lift = np.sum((rate + up) * attitude.body_z(_between(log.q)), axis=1)[:, None]

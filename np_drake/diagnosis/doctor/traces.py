@@ -15,6 +15,7 @@ from np_drake.diagnosis.regressors import (
     PAYLOAD,
     WIND,
     Candidate,
+    hidden_from,
     library_candidates,
     payloads_of,
     wind_candidates,
@@ -89,14 +90,14 @@ def _of_wind(c: Candidate, flights: Sequence[FlightResiduals]) -> Trace:
 
 
 def payload_traces(flights: Sequence[FlightResiduals], lengths: np.ndarray, priors: Priors) -> list[Trace]:
-    """Return the traces of payloads on tethers of these lengths; none where the library has no payload.
+    """Return the traces of payloads on tethers of these lengths; none where library or flights tell none.
 
     Args:
         flights: the flights.
         lengths: (k,) of the tethers [m].
         priors: of payloads.
     """
-    if PAYLOAD not in LIBRARY:
+    if PAYLOAD not in LIBRARY or PAYLOAD in hidden_from(flights):
         return []
     mass, found = LIBRARY[PAYLOAD].parameters[:1], []
     usual = usual_size(mass[0], flights[0].vehicle)

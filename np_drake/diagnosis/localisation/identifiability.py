@@ -9,10 +9,10 @@ from np_drake import attitude
 from np_drake.diagnosis.held_out import pooled
 from np_drake.diagnosis.localisation.localisation import localise
 from np_drake.diagnosis.numerics import NoiseModel, fit_noise
-from np_drake.diagnosis.regressors import Candidate, library_candidates
+from np_drake.diagnosis.regressors import Candidate, hidden_from, library_candidates
 from np_drake.diagnosis.residuals import WRENCH, FlightResiduals
 from np_drake.diagnosis.result import CHANNELS, Confusable, GapReduction, Identifiability
-from np_drake.effects.library import effect_of
+from np_drake.effects.library import REQUIREMENTS, effect_of
 
 # Of any quantity, to tell effects apart [m/s, rad/s, deg, 1]; own choice.
 LEAST_EXCITATION = {"speed": 0.08, "rate": 0.05, "tilt": 1.0, "thrust variation": 0.01}
@@ -21,13 +21,13 @@ SAME_DISTANCE = 9.0  # squared whitened distance below which two just visible ef
 
 
 def excitation(flights: Sequence[FlightResiduals]) -> dict[str, float]:
-    """Return RMS values and spans over all flights by quantity, with the unit in the key."""
-    v = np.concatenate([e.mids.x[:, 7:10] for e in flights])
+    """Return RMS values and spans over all flights by quantity, with the unit in the key; 0 of what was not logged."""
+    v = np.concatenate([e.mids.x[:, 7:10] * ("velocity" not in e.log.lacks) for e in flights])
     w = np.concatenate([e.w for e in flights])
     tilt = np.degrees(np.concatenate([np.arccos(np.clip(attitude.body_z(e.mids.q)[:, 2], -1, 1)) for e in flights]))
     f = np.concatenate([e.nominal[:, 2] for e in flights])
     tau = np.concatenate([e.nominal[:, 3:] for e in flights])
-    z = np.concatenate([e.mids.x[:, 2] for e in flights])
+    z = np.concatenate([e.mids.x[:, 2] * ("height" not in e.log.lacks) for e in flights])
 
     def rms(a: np.ndarray) -> float:
         return float(np.sqrt(np.mean(np.sum(np.atleast_2d(a.T).T ** 2, axis=1))))
@@ -114,6 +114,10 @@ def assess_identifiability(
     warnings = [f"{e.name}: {note}" for e in [*train, *held_out] for note in e.log.notes]
     if train[0].log.input == "rotor_speed":
         warnings.append("rotor speed is the input: motor_lag, command_delay and clock_offset cannot be told.")
+    hidden = hidden_from(train)
+    for quantity in sorted({quantity for e in train for quantity in e.log.lacks}):
+        names = ", ".join(name for name, reason in hidden.items() if reason == REQUIREMENTS[quantity])
+        warnings += [f"{REQUIREMENTS[quantity]}: {names} cannot be told."] * bool(names)
     for e in [*train, *held_out]:
         if e.log.a is None:
             warnings.append(

@@ -93,13 +93,14 @@ def segments(flight: FlightResiduals, noise: NoiseModel) -> list[Segment]:
 
 
 def quantities(flight: FlightResiduals) -> dict[str, tuple[np.ndarray, str]]:
-    """Return the quantities that define a regime: by name, values (m,) on the grid and unit."""
+    """Return the quantities that define a regime: by name, values (m,) on the grid and unit; zero where not logged."""
     mids = flight.mids
     tilt = np.degrees(np.arccos(np.clip(attitude.body_z(mids.q)[:, 2], -1, 1)))
     at_mids = np.stack(
         [np.linalg.norm(mids.x[:, 7:10], axis=1), mids.x[:, 2], tilt, np.linalg.norm(mids.x[:, 10:13], axis=1)], axis=1
     )
-    on = flight.from_mids(at_mids)
+    told = [name not in flight.log.lacks for name in ("velocity", "height", "attitude")] + [True]
+    on = flight.from_mids(at_mids) * told
     return {
         "speed": (on[:, 0], "m/s"),
         "thrust": (flight.nominal[:, 2], "N"),

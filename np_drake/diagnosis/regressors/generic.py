@@ -38,24 +38,28 @@ def generic_candidates(flights: Sequence[FlightResiduals], priors: Priors) -> li
         priors: priors of parameters, swings and onsets.
     """
     states = {e.name: flight_state(e) for e in flights}
+    lacks = {quantity for e in flights for quantity in e.log.lacks}
     torque, thrust, other = WORDS["rotor_speed" if flights[0].log.input == "rotor_speed" else "command"]
     found = [
         _candidate(flights, states, priors, name, text, pushes)
-        for name, text, pushes in (
-            ("rates", "a torque that goes with body rates", _damping),
-            ("side force", "a force across velocity and body rate", _side_force),
-            ("velocity", "a force and torque that go with velocity", _velocity),
-            ("cross flow", "a force that goes with the product of two velocities", _cross_flow),
-            ("thrust curve", f"thrust that is no straight line of {thrust}", _thrust_curve),
-            ("command", f"torque that goes with {other} of another axis", _coupling),
-            ("height", "a force that goes with height", _height),
-            ("place", "a force tied to a place", _place(states)),
+        for name, text, pushes, needed in (
+            ("rates", "a torque that goes with body rates", _damping, ""),
+            ("side force", "a force across velocity and body rate", _side_force, "velocity"),
+            ("velocity", "a force and torque that go with velocity", _velocity, "velocity"),
+            ("cross flow", "a force that goes with the product of two velocities", _cross_flow, "velocity"),
+            ("thrust curve", f"thrust that is no straight line of {thrust}", _thrust_curve, ""),
+            ("command", f"torque that goes with {other} of another axis", _coupling, ""),
+            ("height", "a force that goes with height", _height, "height"),
+            ("place", "a force tied to a place", _place(states), "height"),
         )
+        if needed not in lacks
     ]
     for name, driven, frequencies, pushes in (
-        ("resonance", "the motion", RESONANCES, _resonance),
+        ("resonance", "the motion", () if "attitude" in lacks else RESONANCES, _resonance),
         ("twist", torque, TWISTS, partial(_twist, priors=priors)),
     ):
+        if not frequencies:
+            continue
         prior = -math.log(len(frequencies))
         for f in frequencies:
             text = f"an answer to {driven} with a resonance near {f:.3g} Hz"

@@ -78,6 +78,13 @@ class Candidate:
         return c, log_probability
 
 
+def hidden_from(flights: Sequence[FlightResiduals]) -> dict[str, str]:
+    """Return the effects that this kind of flights cannot tell, with the reason."""
+    log = flights[0].log
+    lacks = sorted({quantity for e in flights for quantity in e.log.lacks})
+    return unobservable(log.input, accelerations=log.a is not None, torque=flights[0].knows_torque, lacks=lacks)
+
+
 def library_candidates(flights: Sequence[FlightResiduals], onset: Onset | None = None) -> list[Candidate]:
     """Return candidates for all effects of the library except wind and payload.
 
@@ -89,10 +96,7 @@ def library_candidates(flights: Sequence[FlightResiduals], onset: Onset | None =
     """
     found: list[Candidate] = []
     stages = {e.name: StageCache() for e in flights}
-    log = flights[0].log
-    known = {"accelerations": log.a is not None, "torque": flights[0].knows_torque}
-    lacks = sorted({quantity for e in flights for quantity in e.log.lacks})
-    hidden = unobservable(log.input, lacks=lacks, **known)
+    hidden = hidden_from(flights)
     for identifier, effect in effects_for(flights[0].log.input).items():
         if effect.needs or effect.has_hidden_state or (onset and not effect.begins):
             continue

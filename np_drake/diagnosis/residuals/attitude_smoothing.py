@@ -11,30 +11,6 @@ ROUNDS = 3  # iterations that separate the two drifts; own choice
 QUIET = 1e-3  # attitude noise below which readings are used as they are [rad]
 
 
-def gyro_attitude(t: np.ndarray, q0: np.ndarray, w: np.ndarray) -> np.ndarray:
-    """Integrate body rates to an attitude by trapezoidal rotation vectors.
-
-    Args:
-        t: (n,) times [s].
-        q0: (4,) initial attitude.
-        w: (n, 3) body rates in B [rad/s].
-    Returns: (n, 4) attitude.
-    """
-    turns = attitude.from_rotation_vector(0.5 * (w[1:] + w[:-1]) * np.diff(t)[:, None])
-    out = np.empty((len(t), 4))
-    pw, px, py, pz = (float(v) for v in q0)
-    out[0] = q0
-    for i, (w0, x, y, z) in enumerate(turns.tolist(), start=1):
-        pw, px, py, pz = (
-            pw * w0 - px * x - py * y - pz * z,
-            pw * x + px * w0 + py * z - pz * y,
-            pw * y - px * z + py * w0 + pz * x,
-            pw * z + px * y - py * x + pz * w0,
-        )
-        out[i] = (pw, px, py, pz)
-    return out / np.linalg.norm(out, axis=1, keepdims=True)
-
-
 def _rate_bias(t: np.ndarray, q: np.ndarray, w: np.ndarray) -> np.ndarray:
     """Return the mean error (3,) of the gyro against the attitude readings [rad/s]."""
     dt = np.diff(t)[:, None]
@@ -92,7 +68,7 @@ def smooth_attitude(t: np.ndarray, q: np.ndarray, w: np.ndarray) -> tuple[np.nda
     step = float(np.median(np.diff(t)))
     if 0.5 / step <= 2 * CROSSOVER or len(t) < 30:
         return q, 0.0
-    carried = _without_drift(gyro_attitude(t, q[0], w - _rate_bias(t, q, w)), q, step)
+    carried = _without_drift(attitude.integrated(t, q[0], w - _rate_bias(t, q, w)), q, step)
     error = attitude.rotation_vector(attitude.multiply(attitude.conjugate(carried), q))
     noise = float(np.sqrt(np.mean(np.diff(error, n=2, axis=0) ** 2) / 6))  # white alone: biases are smooth
     if noise < QUIET:

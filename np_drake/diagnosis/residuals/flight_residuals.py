@@ -69,6 +69,14 @@ class FlightResiduals:
         return self.log.name
 
     @property
+    def untold(self) -> list[slice]:
+        """Channels that the log does not tell: torque, and states that were integrated beside their rates."""
+        lacks = self.log.lacks
+        channels = ((POSITION, {"height", "velocity"}), (VELOCITY, {"velocity"}), (ATTITUDE, {"attitude"}))
+        own = [channel for channel, needed in channels if needed.intersection(lacks)]
+        return [*own, *[TORQUE] * (not self.knows_torque)]
+
+    @property
     def weight(self) -> float:
         """Weight of the nominal vehicle [N]."""
         return self.vehicle.mass * self.vehicle.gravity
@@ -218,10 +226,11 @@ class FlightResiduals:
 
     def known(self, values: np.ndarray) -> np.ndarray:
         """Return channels (m, 15) with zeros in those that the log does not tell."""
-        if self.knows_torque:
+        if not self.untold:
             return values
         values = values.copy()
-        values[:, TORQUE] = 0.0
+        for channels in self.untold:
+            values[:, channels] = 0.0
         return values
 
     def bridged(self, values: np.ndarray) -> np.ndarray:

@@ -8,7 +8,7 @@ import numpy as np
 from np_drake import attitude
 from np_drake.diagnosis.residuals.accelerations import Instants, make_instants
 from np_drake.diagnosis.residuals.attitude_smoothing import smooth_attitude
-from np_drake.diagnosis.residuals.flight_residuals import TORQUE, FlightResiduals, after_rows, row_resampler
+from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals, after_rows, row_resampler
 from np_drake.diagnosis.residuals.resampling import STEP, Resampler, make_grid
 from np_drake.diagnosis.residuals.rotor_thrust import Rotors
 from np_drake.flight_log import FlightLog
@@ -51,12 +51,11 @@ def make_flight_residuals(
     nominal = np.concatenate([np.zeros((len(grid), 2)), from_rows(f), from_mids(u_mids[:, 1:])], axis=1)
     w = from_mids(mids.x[:, 10:13])
     none = np.zeros(len(grid), bool)
-    if not knows_torque:
-        y[:, TORQUE] = 0.0
-    return FlightResiduals(
+    found = FlightResiduals(
         *(log, vehicle, grid, y, rows, mids, thrust_rows, thrust_mids, nominal, w, noise, turned, none, none),
         knows_torque=knows_torque,
     )
+    return dc.replace(found, y=found.known(y))
 
 
 def _with_torque(log: FlightLog) -> tuple[FlightLog, bool]:

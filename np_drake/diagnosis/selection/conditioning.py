@@ -7,7 +7,15 @@ import numpy as np
 
 from np_drake.diagnosis.numerics import NoiseModel, fit_noise, no_worse, scale_only, with_loudness
 from np_drake.diagnosis.options import Options
-from np_drake.diagnosis.regressors import Candidate, RegressionProblem, library_candidates, nuisance_of, wind_candidates
+from np_drake.diagnosis.regressors import (
+    PAYLOAD,
+    Candidate,
+    RegressionProblem,
+    hidden_from,
+    library_candidates,
+    nuisance_of,
+    wind_candidates,
+)
 from np_drake.diagnosis.residuals import FORCE, FlightResiduals, find_outliers
 from np_drake.diagnosis.selection.onset_candidates import new_conditions, switched_candidates
 from np_drake.diagnosis.selection.payload_search import PayloadSearch
@@ -60,7 +68,8 @@ def condition(flights: Sequence[FlightResiduals], options: Options, *, still_air
     residual = _residuals_of_all_effects(problem(white, others))
     weights = (white, scale_only(no_worse(residual, channels), step))  # a light payload shows in the second alone
     search = PayloadSearch(flights, options)
-    payloads = next(filter(None, (search.best(n, nuisance, others) for n in weights)), [])
+    tried = () if PAYLOAD in hidden_from(flights) else weights
+    payloads = next(filter(None, (search.best(n, nuisance, others) for n in tried)), [])
 
     # 3. Noise. A swing that is not fitted yet is a resonance of the noise, which would hide it: white weights do not.
     first = weights[1] if payloads else noise

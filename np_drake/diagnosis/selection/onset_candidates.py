@@ -10,6 +10,7 @@ from np_drake.diagnosis.regressors import (
     PAYLOAD,
     Candidate,
     RegressionProblem,
+    hidden_from,
     switched,
     wind_candidates,
 )
@@ -71,6 +72,8 @@ def late_payloads(problem: RegressionProblem, late: list[Candidate]) -> list[Can
         problem: the regression that holds the candidates.
         late: other effects that begin in flight.
     """
+    if PAYLOAD in hidden_from(problem.flights):
+        return []
     at_start = [c for c in problem.candidates if c.identifiers == (PAYLOAD,) and not c.onset]
     scan, options = OnsetScan(problem), problem.options
     weights = [_at_rest(c) for c in at_start[:1]]

@@ -20,7 +20,9 @@ from typing import BinaryIO
 
 import numpy as np
 
+from np_drake.files.input_file import decompressed_start, open_compressed
 from np_drake.logs.errors import LogError
+from np_drake.logs.formats import crazyflie_blocks
 from np_drake.logs.formats.format import Contents, Format, Progress, Recording, Stream, first_source
 from np_drake.logs.importing.log_map import LogMap, Source
 
@@ -29,6 +31,7 @@ TIMES = {1: ("<u4", 1e-3), 2: ("<u8", 1e-6)}  # by version: type and unit [s] of
 TYPES = {letter: f"<{letter}" for letter in "hHiIqQefd"} | {"l": "<i4", "L": "<u4", "b": "i1", "B": "u1", "?": "?"}
 VARIABLE = re.compile(r"(.+)\((.)\)", re.DOTALL)
 LARGEST_HEADER = 4 << 20  # [bytes]
+START = 64  # [bytes] that tell a layout
 CHUNK = 4 << 20  # [bytes] of the file that are decoded together
 REMEDY = "copy it again from the card"
 
@@ -75,7 +78,10 @@ class _Columns:
 
 
 def _recognises(path: Path, start: bytes) -> bool:
-    """Return whether the first bytes are the header of a usd-log of any version."""
+    """Return whether the first bytes, which may be compressed, are the header of a usd-log of any version."""
+    start = decompressed_start(start)
+    if crazyflie_blocks.recognises(start):
+        return True
     if len(start) < 8 or start[0] != MAGIC or start[2] != 0:
         return False
     name, zero, _ = start[7:].partition(b"\0")
@@ -87,7 +93,10 @@ def contents(path: Path) -> Contents:
 
     Raises: LogError: if it is no such header.
     """
-    with Path(path).open("rb") as file:
+    with _opened(path) as file:
+        if crazyflie_blocks.recognises(file.read(START)):
+            return crazyflie_blocks.contents(_whole(file), path)
+        file.seek(0)
         header = _read_header(path, file)
     return {event.name: event.variables for event in header.events.values()}
 
@@ -104,7 +113,10 @@ def read(path: Path, wanted: Mapping[str, list[str]], progress: Progress, chunk:
     Raises: LogError: if the header is damaged or a variable is not there.
     """
     path = Path(path)
-    with path.open("rb") as file:
+    with _opened(path) as file:
+        if crazyflie_blocks.recognises(file.read(START)):
+            return crazyflie_blocks.read(_whole(file), path, wanted, progress)
+        file.seek(0)
         header = _read_header(path, file)
         columns = _wanted_columns(path, header, wanted)
         notes = _decode(path, file, header, columns, progress, chunk)
@@ -118,11 +130,11 @@ def read(path: Path, wanted: Mapping[str, list[str]], progress: Progress, chunk:
 
 
 def default_map(contents: Contents) -> LogMap | None:
-    """Return the map of the firmware's own log variables; None without attitude, or any motion of the centre.
+    """Return the map of the firmware's own log variables; None without any motion of the centre, or what turns it.
 
     The compressed state and the Lee controller's angles stand in for the estimate, whose pitch is nose up, against a
     right-handed y. Rotor speed is measured; thrust and torque of the Lee controller [N, N m] are used where there is
-    none, else PWM.
+    none. PWM is a throttle beside either.
     Source: Bitcraze, logging groups and variables of the firmware; world z up, body x forward, y left.
     """
 
@@ -136,26 +148,41 @@ def default_map(contents: Contents) -> LogMap | None:
         velocity=source(*_xyz(f"{estimate}v"), unit="m/s", axes="world")
         or source(*_xyz(f"{compressed}v"), unit="mm/s", axes="world"),
         attitude=source(*(f"{estimate}q{a}" for a in "xyzw"), order="xyzw", direction="body_to_world")
+        or source(*(f"{compressed}q{a}" for a in "xyzw"), order="xyzw", direction="body_to_world")
         or _left_handed(source(*(f"{estimate}{a}" for a in ("roll", "pitch", "yaw")), unit="deg"))
         or source(*_xyz("ctrlLee.rpy")),
-        rates=source(*_xyz("gyro."), unit="deg/s", axes="body") or source(*_xyz("ctrlLee.omega"), axes="body"),
-        acceleration=source(*_xyz("acc."), unit="g", axes="body", kind="specific_force"),
+        rates=source(*_xyz("gyro."), unit="deg/s", axes="body")
+        or source(*_xyz("ctrlLee.omega"), axes="body")
+        or source(*(f"{compressed}rate{a}" for a in ("Roll", "Pitch", "Yaw")), unit="mrad/s", axes="body"),
+        acceleration=source(*_xyz("acc."), unit="g", axes="body", kind="specific_force")
+        or source(*_xyz(f"{compressed}a"), unit="mm/s2", axes="world", kind="specific_force"),
         voltage=source("pm.vbatMV", unit="mV") or source("pm.vbat", unit="V"),
     )
     _add_inputs(found, source)
-    return found if found.attitude and (found.position or found.velocity or found.acceleration) else None
+    return found if found.tells_motion else None
+
+
+def _opened(path: Path) -> BinaryIO:
+    try:
+        return open_compressed(path)
+    except ValueError as error:
+        raise LogError(str(error)) from error
+
+
+def _whole(file: BinaryIO) -> bytes:
+    file.seek(0)
+    return file.read()
 
 
 def _add_inputs(found: LogMap, source: Callable[..., Source]) -> None:
-    """Set the first input of the rotors that the log has."""
+    """Set rotor speed and throttle of the four, and without rotor speed the command of the Lee controller."""
+    found.throttle = source(*_rotors("pwm.m{}_pwm"), unit="pwm16") or source(*_rotors("motor.m{}"), unit="pwm16")
     found.rotor_speed = source(*_rotors("rpm.m{}"), unit="rpm")
     if found.rotor_speed:
         return
     found.thrust = source("ctrlLee.thrustSi", unit="N") or source("ctrlLee.thrustSI", unit="N")
     if found.thrust:
         found.torque = source(*_xyz("ctrlLee.torque"), unit="N.m")
-        return
-    found.throttle = source(*_rotors("pwm.m{}_pwm"), unit="pwm16") or source(*_rotors("motor.m{}"), unit="pwm16")
 
 
 def _left_handed(angles: Source) -> Source:

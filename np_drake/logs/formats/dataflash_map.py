@@ -6,7 +6,7 @@ from np_drake.logs.importing.log_map import LogMap, Source
 
 
 def default_map(contents: Contents) -> LogMap | None:
-    """Return the map of the names that ArduPilot gives; None without attitude, or any of position and acceleration.
+    """Return the map of the names that ArduPilot gives; None without an IMU, or attitude and position.
 
     Position, velocity and attitude are those of the primary core of the EKF, else the first. Body rates and
     acceleration are those of the first IMU, with its biases. Motors are those that the parameters name, else on the
@@ -16,7 +16,7 @@ def default_map(contents: Contents) -> LogMap | None:
     ekf = _first(contents, ("XKF1", "NKF1"), ("PN", "PE", "PD", "VN", "VE", "VD"))
     attitude = _attitude(contents)
     imu = _first(contents, ("IMU",), ("GyrX", "GyrY", "GyrZ", "AccX", "AccY", "AccZ"))
-    if not (attitude and (ekf or imu)):
+    if not (imu or (attitude and ekf)):
         return None
     driven = motors(contents)
     battery = _first(contents, ("BAT", "CURR"), ("Volt",))
@@ -31,7 +31,7 @@ def default_map(contents: Contents) -> LogMap | None:
         command="unknown",  # setpoints are logged at less than their own rate
         position=Source(ekf[:3]),
         velocity=Source(ekf[3:], axes="world"),
-        attitude=attitude,
+        attitude=attitude or Source(),
         rates=Source(imu[:3]),
         acceleration=Source(imu[3:], kind="specific_force", axes="body"),
         rotor_speed=driven.rotor_speed,

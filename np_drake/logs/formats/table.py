@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from np_drake.logs.columns import COLUMNS
+from np_drake.logs.columns import COLUMNS, FORCE
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats import parquet_file, table_text
 from np_drake.logs.formats.format import Contents, Format, Progress, Recording, Stream
@@ -59,15 +59,17 @@ def contents(path: Path) -> Contents:
 def default_map(contents: Contents) -> LogMap | None:
     """Return the map of our own columns (docs/reference/flight-log.md).
 
-    None without time, attitude, and one of position, velocity and acceleration; what else the state lacks, an import
-    derives.
+    None without time, and attitude with one of position, velocity and acceleration, or body rates with specific force;
+    what else the state lacks, an import derives.
     """
     names = set(contents.get(STREAM, ()))
     here = {field: list(group) for field, group in COLUMNS.items() if names.issuperset(group)}
-    if not {"t", "q"} <= here.keys() or not {"p", "v", "a"} & here.keys():
+    posed = "q" in here and {"p", "v", "a"} & here.keys()
+    if "t" not in here or not (posed or ("w" in here and names.issuperset(FORCE))):
         return None
     log_map = LogMap(format=STREAM, command="held_after", time=Source(["t"]))
-    log_map.attitude = Source(here["q"])
+    if "q" in here:
+        log_map.attitude = Source(here["q"])
     if "p" in here:
         log_map.position = Source(here["p"])
     if "v" in here:
@@ -76,6 +78,8 @@ def default_map(contents: Contents) -> LogMap | None:
         log_map.rates = Source(here["w"], axes="body")
     if "a" in here:
         log_map.acceleration = Source(here["a"], axes="world", kind="acceleration")
+    elif names.issuperset(FORCE):
+        log_map.acceleration = Source(list(FORCE), axes="body", kind="specific_force")
     if "al" in here:
         log_map.angular_acceleration = Source(here["al"], axes="body")
     if "u" in here:

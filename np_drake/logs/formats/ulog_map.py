@@ -48,7 +48,7 @@ def default_map(contents: Contents) -> LogMap | None:
         hover_throttle=first_source(contents, [["hover_thrust_estimate/hover_thrust"]], unit="1"),
         voltage=first_source(contents, [["battery_status/voltage_v"]], unit="V"),
     )
-    if not (found.attitude and (found.position or found.velocity or found.acceleration)):
+    if not found.tells_motion:
         return None
     if not (found.throttle or found.rotor_speed):
         require_motors(contents)

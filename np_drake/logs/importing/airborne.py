@@ -50,6 +50,23 @@ def standing(t: np.ndarray, p: np.ndarray, lift: np.ndarray, usual: float = 0.0)
     return out
 
 
+def standing_by_force(t: np.ndarray, force: np.ndarray, lift: np.ndarray, usual: float = 0.0) -> np.ndarray:
+    """Return the rows (n,) at which the vehicle stands on the ground, as `standing`, of a log without position.
+
+    Args:
+        t: (n,) [s].
+        force: (n,) size of the specific force [m/s²]: that of the ground, as long as it does not fall.
+        lift: (n,) of the rotors in any unit.
+        usual: lift in flight, in that unit; 0: that of these rows.
+    """
+    out = np.zeros(len(t), bool)
+    for start, stop in stretches(lift / (usual or usual_lift(lift)) < RUNNING):
+        at_end = stop - start >= LEAST_ROWS and (start == 0 or stop == len(t))
+        carried = np.median(force[start:stop]) > RUNNING * GRAVITY
+        out[start:stop] = carried and (at_end or t[stop - 1] - t[start] >= STANDS)
+    return out
+
+
 def _falls(t: np.ndarray, z: np.ndarray) -> bool:
     """Return whether heights z (n,) are those of a fall that nothing but the rotors, idle, delays."""
     return bool(2 * np.polyfit(t - t[0], z, 2)[0] < -(1 - RUNNING) * GRAVITY)
@@ -97,8 +114,11 @@ def require_a_flight(log_map: LogMap, path: str, inputs: Callable[[], str] = str
         inputs: returns which of its columns may be an input, for the message.
     Raises: LogError: if it does not.
     """
-    if not log_map.attitude:
-        raise LogError(f"{path}: the map must name columns of attitude; a flight log needs it.")
+    if not (log_map.attitude or log_map.in_body):
+        raise LogError(
+            f"{path}: the map must name columns of attitude, or of rates and acceleration in body axes, as a gyro and "
+            "an accelerometer read them; a flight log needs these."
+        )
     if not (log_map.position or log_map.velocity or log_map.acceleration):
         raise LogError(f"{path}: the map must name columns of position, velocity or acceleration; got none of them.")
     if not (log_map.thrust or log_map.rotor_speed or log_map.throttle):

@@ -1,11 +1,9 @@
-"""Alignment of signals of different rates and clocks to the rows of one flight log, with what it lacks integrated."""
+"""Alignment of signals of different rates and clocks to the rows of one flight log."""
 
 import dataclasses as dc
-from typing import Any
 
 import numpy as np
 from scipy import signal as filters
-from scipy.integrate import cumulative_trapezoid
 from scipy.interpolate import CubicHermiteSpline
 
 from np_drake import attitude
@@ -13,7 +11,7 @@ from np_drake.logs.checks import GAP
 from np_drake.logs.errors import LogError
 from np_drake.logs.importing.convert import GRAVITY, convert_quantity
 from np_drake.logs.importing.interpolation import FASTER, SLOWEST_ROTORS, Signal, Signals
-from np_drake.logs.importing.log_map import LogMap, Source
+from np_drake.logs.importing.log_map import LogMap
 from np_drake.logs.importing.signals import STATE
 
 FASTEST = 500.0  # rate of the rows unless another is asked for [Hz]; own choice
@@ -21,7 +19,6 @@ COMMANDS = ("thrust", "torque", "throttle")
 READINGS = ("rotor_speed", "voltage", "hover_throttle")
 SMOOTH = 0.1  # window in which a position is differentiated where there is no velocity [s]; own choice
 
-LACKS = {"position": "height", "velocity": "velocity"}  # quantity: what `FlightLog.lacks` says
 _G = np.array([0.0, 0.0, GRAVITY])
 
 
@@ -199,40 +196,3 @@ def _in_gaps(signals: Signals, t: np.ndarray) -> np.ndarray:
         for k in np.flatnonzero(interval > GAP * own.step):
             out[np.searchsorted(t, own.t[k], side="right") : np.searchsorted(t, own.t[k + 1])] = True
     return out
-
-
-def with_whole_motion(
-    signals: Signals, log_map: LogMap
-) -> tuple[dict[str, Signal], LogMap, tuple[str, ...], list[str]]:
-    """Return signals and map with a position, and what the log lacks, with a note on each.
-
-    Without position it is the integral of the velocity, from the origin; without both, velocity is that of the
-    acceleration, from rest. A velocity that a position tells is left to `align`.
-
-    Args:
-        signals: as logged, by quantity.
-        log_map: with the conventions that hold.
-    """
-    found, lacks, notes = dict(signals), [], []
-    for name, rate in (("velocity", "acceleration"), ("position", "velocity")):
-        if "position" in found or name in found:
-            continue
-        found[name] = _integral(found, rate, log_map)
-        world: dict[str, Any] = {name: Source([f"integral of {rate}"] * 3, axes="world", world="enu")}
-        log_map = dc.replace(log_map, **world)
-        lacks.append(LACKS[name])
-        notes.append(f"{name}: none in the log; {rate} integrated, and what acts through {name} cannot be told")
-    return found, log_map, tuple(lacks), notes
-
-
-def _integral(signals: Signals, rate: str, log_map: LogMap) -> Signal:
-    """Return the integral of a vector in W at its own times, from zero."""
-    own = signals[rate]
-    q_own = convert_quantity("attitude", signals["attitude"].values, log_map)
-    q = Signal(signals["attitude"].t, attitude.one_hemisphere(q_own, q_own[0])).linear(own.t)
-    q /= np.linalg.norm(q, axis=1, keepdims=True)
-    values = convert_quantity(rate, own.values, log_map, q)
-    if rate == "acceleration" and log_map.command == "held_after":  # constant from its row to the next, as the thrust
-        steps = values[:-1] * np.diff(own.t)[:, None]
-        return Signal(own.t, np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)]))
-    return Signal(own.t, cumulative_trapezoid(values, own.t, axis=0, initial=0.0))

@@ -50,9 +50,6 @@ def find_breaks(
     """
     found = list(known)
     place = next(signals[name] for name in ("position", "velocity", "acceleration") if name in signals)
-    turn = signals["attitude"]
-    q = convert_quantity("attitude", turn.values, log_map)
-    turned = attitude.rotation_vector(attitude.multiply(attitude.conjugate(q[:-1]), q[1:]))
     asked = [(t, reason) for t, reason in stated if reason.endswith("?")]
     for t, reason in stated:
         k = int(np.searchsorted(place.t, t))
@@ -63,7 +60,10 @@ def find_breaks(
         source = getattr(log_map, name)
         unit = UNITS[name].get(source.unit, 1.0) * abs(source.scale)
         found += _jumps(signals[name].t, np.diff(signals[name].values, axis=0) * unit, name, asked)
-    found += _jumps(turn.t, turned, "attitude", asked)
+    if "attitude" in signals:
+        q = convert_quantity("attitude", signals["attitude"].values, log_map)
+        turned = attitude.rotation_vector(attitude.multiply(attitude.conjugate(q[:-1]), q[1:]))
+        found += _jumps(signals["attitude"].t, turned, "attitude", asked)
     return _joined(found)
 
 

@@ -5,9 +5,10 @@ specific force of a multirotor lies along its thrust axis. Each law is tested ax
 moves enough.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 
 import numpy as np
+from scipy import stats
 
 from np_drake import attitude
 from np_drake.logs.importing.convert import GRAVITY
@@ -25,6 +26,7 @@ LEAST = {  # RMS of an axis over a window below which it is not tested; own choi
     "attitude": 0.08,  # [rad]
     "lift": 0.5,  # [m/s²]
 }
+CHANCE = 1e-3  # of an F test [1]; own choice
 AXES = "xyz"
 KINEMATIC = ("position", "attitude", "velocity")  # laws that tie a quantity to its rate, axis by axis
 Misfits = dict[str, float]
@@ -43,8 +45,8 @@ def misfits(t: np.ndarray, x: Mapping[str, np.ndarray], *, everything: bool = Fa
     """
     over = Windows(t, WINDOW)
     out: Misfits = {}
-    for needed, law in LAWS:
-        if over.fit and all(name in x for name in needed):
+    for needed, law in laws_for(x):
+        if over.fit:
             out |= law(over, everything, *(x[name] for name in needed))
     return out
 
@@ -54,18 +56,48 @@ def failing(own: Misfits) -> list[str]:
     return [law for law, misfit in own.items() if misfit > FAILS]
 
 
-def lone_axes(own: Misfits) -> list[str]:
-    """Return the laws that fail about one axis alone, as where its gyro drifts: the other axes tell the conventions.
+def told_by_noise(t: np.ndarray, x: Mapping[str, np.ndarray], own: Misfits) -> list[str]:
+    """Return the laws that fail about an axis though noise and drift of its sensor explain that: it tells nothing.
 
-    A law of the opposite sign is none of these, nor one whose other axes move too little to be tested.
+    One axis alone is among these where the others agree or move too little. Of two, each whose disagreement is no
+    larger than chance makes it where the sensor is as noisy as about the third, by the log itself (F test). A law of
+    the opposite sign is none of these.
+
+    Args:
+        t: (n,) evenly spaced times [s].
+        x: quantities as `convert` returns them, at these times.
+        own: their misfits.
     """
     found = []
-    for law in failing(own):
-        kind, _, axis = law.partition(" ")
-        others = [misfit for name, misfit in own.items() if name.startswith(f"{kind} ") and name != law]
-        if axis and kind in KINEMATIC and others and max(others) < AGREES and own[law] < OPPOSED:
-            found.append(law)
+    wrong = [law for law in failing(own) if law.split()[0] in KINEMATIC]
+    for kind in dict.fromkeys(law.split()[0] for law in wrong):
+        failed = [law for law in wrong if law.startswith(kind)]
+        others = [misfit for law, misfit in own.items() if law.startswith(f"{kind} ") and law not in failed]
+        if max(others, default=0.0) >= AGREES or max(own[law] for law in failed) >= OPPOSED:
+            continue
+        if len(failed) == 1 or (len(failed) == 2 and not _stands_out(t, x, kind, failed)):
+            found += failed
     return found
+
+
+def _stands_out(t: np.ndarray, x: Mapping[str, np.ndarray], kind: str, failed: list[str]) -> bool:
+    """Return whether the disagreement about an axis that fails is larger than noise as about the third axis makes it.
+
+    Args:
+        t: (n,) [s].
+        x: quantities at these times.
+        kind: of law.
+        failed: it, about two axes.
+    """
+    over = Windows(t, WINDOW)
+    state, rate = next(needed for needed, law in LAWS if law is _KINDS[kind])
+    change = over.turn(x[state]) if kind == "attitude" else over.change(x[state])
+    spread = np.var(change - over.integral(x[rate]), axis=0)  # the mean is a bias
+    tested = [AXES.index(law[-1]) for law in failed]
+    (third,) = {0, 1, 2} - set(tested)
+    # Windows one after the other are taken as independent: a slower drift makes the test stricter.
+    count = max(len(change) // over.rows - 1, 1)
+    return bool(spread[tested].max() > spread[third] * stats.f.ppf(1 - CHANCE, count, count))
 
 
 def never_tilts(t: np.ndarray, x: Mapping[str, np.ndarray]) -> tuple[float, float] | None:
@@ -100,6 +132,16 @@ def _velocity(over: Windows, everything: bool, v: np.ndarray, a: np.ndarray) -> 
     dv, sum_ = over.change(v), over.integral(a)
     gravity = float(np.linalg.norm(np.mean(sum_ - dv, axis=0)) / over.spans[0] / GRAVITY)
     return _compared("velocity", dv, sum_, everything) | {"gravity": gravity}
+
+
+def _weight(over: Windows, everything: bool, a: np.ndarray) -> Misfits:
+    """Return the misfits of a specific force in body axes, all that a log without attitude has of gravity.
+
+    The rotors push along the thrust axis. On the whole they carry the weight: a factor of g is as wrong as a unit.
+    """
+    s = a + [0.0, 0.0, GRAVITY]  # as `convert` leaves it without attitude
+    size = max(float(np.median(np.linalg.norm(s, axis=1))), 1e-9)
+    return {"upright": 1 - float(np.median(s[:, 2])) / size, "gravity": abs(np.log(size / GRAVITY)) / np.log(GRAVITY)}
 
 
 def _thrust(over: Windows, everything: bool, thrust: np.ndarray) -> Misfits:
@@ -140,6 +182,7 @@ def _rms(value: np.ndarray) -> float:
     return float(np.sqrt(np.mean(np.square(value))))
 
 
+_KINDS = {"position": _position, "attitude": _attitude, "velocity": _velocity}
 Law = Callable[..., Misfits]  # of windows, everything, and the quantities that it needs
 LAWS: tuple[tuple[tuple[str, ...], Law], ...] = (
     (("position", "velocity"), _position),
@@ -148,3 +191,11 @@ LAWS: tuple[tuple[tuple[str, ...], Law], ...] = (
     (("velocity", "attitude"), _lift),
     (("thrust",), _thrust),
 )
+
+
+def laws_for(names: Collection[str]) -> list[tuple[tuple[str, ...], Law]]:
+    """Return the laws that these quantities can test, with those that each needs."""
+    laws = LAWS
+    if "attitude" not in names:  # of the accelerometer nothing is known in W
+        laws = (*(pair for pair in LAWS if pair[1] is not _velocity), (("acceleration",), _weight))
+    return [(needed, law) for needed, law in laws if all(name in names for name in needed)]

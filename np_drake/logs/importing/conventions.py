@@ -8,7 +8,16 @@ from typing import Any
 import numpy as np
 
 from np_drake.logs.errors import LogError
-from np_drake.logs.importing.consistency import AGREES, LAWS, OPPOSED, WINDOW, Misfits, failing, lone_axes, misfits
+from np_drake.logs.importing.consistency import (
+    AGREES,
+    OPPOSED,
+    WINDOW,
+    Misfits,
+    failing,
+    laws_for,
+    misfits,
+    told_by_noise,
+)
 from np_drake.logs.importing.convert import Values, convert, convert_quantity
 from np_drake.logs.importing.log_map import BODIES, UNITS, WORLDS, LogMap
 from np_drake.logs.windows import Windows
@@ -59,14 +68,15 @@ def check_conventions(t: np.ndarray, raw: Values, log_map: LogMap) -> Verdict:
 
     A law fails where its misfit is large, or where another convention makes it many times smaller. The lift is no law
     of kinematics: where it alone fails and no other convention makes it hold, another force acts, as of a payload. Nor
-    does one axis alone refuse a log, as of a gyro that drifts (`lone_axes`).
+    does an axis refuse a log whose noise explains what disagrees, as of a gyro that drifts (`told_by_noise`).
 
     Args:
         t: (n,) evenly spaced times [s].
         raw: columns (n, k) of the log at these times, by quantity.
         log_map: with the declared conventions.
     """
-    own = misfits(t, convert(raw, log_map))
+    x = convert(raw, log_map)
+    own = misfits(t, x)
     failed = tuple(failing(own))
     doubted = [law for law, misfit in own.items() if misfit > DOUBTED and law not in failed]
     if not failed and not doubted:
@@ -91,7 +101,7 @@ def check_conventions(t: np.ndarray, raw: Values, log_map: LogMap) -> Verdict:
         if found:
             found.sort(key=lambda pair: pair[0])
             return Verdict(own, failed or tuple(doubted), found[0][1], tuple(change for _, change in found[1:]))
-    aside = lone_axes(own)
+    aside = told_by_noise(t, x, own)
     disturbed = all(law in aside or (law.startswith("lift") and own[law] < OPPOSED) for law in failed)
     return Verdict(own, () if disturbed else failed)
 
@@ -112,9 +122,7 @@ class Trial:
     def misfits(self, log_map: LogMap) -> Misfits:
         """Return what `consistency.misfits` does of everything in the log, converted by this map."""
         out: Misfits = {}
-        for needed, law in LAWS:
-            if not self._over.fit or not all(name in self._raw for name in needed):
-                continue
+        for needed, law in laws_for(self._raw) if self._over.fit else ():
             keys = tuple(self._key(name, log_map) for name in needed)
             if keys not in self._misfits:
                 x = (self._quantity(name, log_map) for name in needed)
@@ -213,6 +221,8 @@ def _alternatives(raw: Values, log_map: LogMap) -> Iterator[Change]:
         yield tuple((f"{name}.world", _other(WORLDS, own)) for name, own in worlds.items())
     for name in raw:
         for options in _of_quantity(name, log_map):
+            if "attitude" not in raw and ("kind" in options or "axes" in options):
+                continue  # of the body alone
             yield tuple((f"{name}.{option}", value) for option, value in options.items())
 
 

@@ -43,7 +43,7 @@ def convert_quantity(name: str, values: np.ndarray, log_map: LogMap, q: np.ndarr
         q: (n, 4) attitude at its times, where it has to be turned between W and B.
     """
     source = getattr(log_map, name)
-    scaled = values * (source.scale * UNITS[name].get(source.unit, 1.0))
+    scaled = values * (source.scale * UNITS[name].get(source.unit, 1.0) / (source.pole_pairs or 1))
     if source.signs:
         scaled = scaled * source.signs
     if name in ("throttle", "hover_throttle") and (source.ends or source.unit == "us"):

@@ -19,7 +19,9 @@ WRECK = "must hold a flight; the vehicle lies still and tilted."  # what is said
 CARRIED, FALLS = 0.3, 0.3  # lift over the weight in a fall [1], and its least duration [s]; own choice
 
 
-def end_of_flight(t: np.ndarray, p: np.ndarray, v: np.ndarray, q: np.ndarray, lift: np.ndarray) -> tuple[int, str]:
+def end_of_flight(
+    t: np.ndarray, p: np.ndarray, v: np.ndarray, q: np.ndarray, lift: np.ndarray, *, moves: bool = True
+) -> tuple[int, str]:
     """Return the row at which a flight ends that ends badly, and why; all rows and nothing where it does not.
 
     Args:
@@ -28,8 +30,9 @@ def end_of_flight(t: np.ndarray, p: np.ndarray, v: np.ndarray, q: np.ndarray, li
         v: (n, 3) velocity in W [m/s].
         q: (n, 4) attitude, body to W.
         lift: (n,) of the rotors in any unit; NaN where the log does not tell it.
+        moves: whether the log tells velocity; without, no wreck is seen to rest.
     """
-    crash, fall = before_the_crash(t, p, v, q), before_the_fall(t, v, q, lift)
+    crash, fall = before_the_crash(t, p, v, q) if moves else len(t), before_the_fall(t, v, q, lift)
     if min(crash, fall) == len(t):
         return len(t), ""
     return (crash, "the vehicle crashes") if crash <= fall else (fall, "the rotors carry it no longer though they run")

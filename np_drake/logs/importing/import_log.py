@@ -17,7 +17,7 @@ from np_drake.logs.importing.airborne import require_a_flight
 from np_drake.logs.importing.breaks import find_breaks, split, within
 from np_drake.logs.importing.clock_parts import clock_parts, without_merged_rows
 from np_drake.logs.importing.conventions import Change, fitting_time_unit
-from np_drake.logs.importing.interpolation import Signals
+from np_drake.logs.importing.interpolation import Signals, clock_of
 from np_drake.logs.importing.lacking import input_line, lacking
 from np_drake.logs.importing.log_map import UNITS, LogMap, MapFile
 from np_drake.logs.importing.output_unit import in_the_likely_unit
@@ -63,7 +63,7 @@ def import_log(
         log_map: columns and conventions; default: those that the format's own names tell. A file that names no position
             amends these.
         rate: of the rows [Hz]; 0: as the map says.
-        start: of what is imported, from the first attitude of the log on [s]; 0: as the map says.
+        start: of what is imported, from the first row of its state on [s]; 0: as the map says.
         stop: its end, as `start` [s]; 0: as the map says.
         adopt: where the log fits other conventions than declared, take those instead of refusing it.
         on_progress: called with the share that is read [1].
@@ -141,7 +141,7 @@ def _parts(
 ) -> tuple[list[Signals], Change, list[str], list[str], float]:
     """Return the signals of every part of a recording, the change of their unit of time, lines on both, and the origin.
 
-    Times of messages count from the origin [s], the first attitude of the log, as start and stop do. Behind a step of
+    Times of messages count from the origin [s], the first row of the state, as start and stop do. Behind a step of
     the clock they go on counting.
     """
     recordings, said = clock_parts(with_map_time(recording, log_map))
@@ -160,7 +160,7 @@ def _parts(
             said.append(f"the part from {min(times, default=0.0):.6g} s on has too few samples; left out")
             continue
         signals, clock = _on_a_likely_clock(signals, log_map, path)
-        begun, ended = float(signals["attitude"].t[0]), float(signals["attitude"].t[-1])
+        begun, ended = float(clock_of(signals).t[0]), float(clock_of(signals).t[-1])
         origin = begun if number == 0 else origin
         first, elapsed = begun - elapsed, elapsed + ended - begun
         start, stop = first + log_map.start if log_map.start else -np.inf, first + (log_map.stop or np.inf)
@@ -183,14 +183,15 @@ def _on_a_likely_clock(signals: Signals, log_map: LogMap, path: str) -> tuple[Si
 
     Raises: LogError: if the log would be too short in that unit to be a flight: its rows are slow, not its clock.
     """
-    change = fitting_time_unit(signals["attitude"].step, log_map)
+    clock = clock_of(signals)
+    change = fitting_time_unit(clock.step, log_map)
     if not change:
         return signals, ()
     factor = UNITS["time"][str(change[0][1])] / UNITS["time"][log_map.time.unit or "s"]
-    t, step = signals["attitude"].t, signals["attitude"].step * UNITS["time"][log_map.time.unit or "s"]
+    t, step = clock.t, clock.step * UNITS["time"][log_map.time.unit or "s"]
     if factor * (t[-1] - t[0]) < SHORTEST:
         raise LogError(
-            f"{path}: rows of the attitude must be 0.1 ms to 0.2 s apart; got {step:.4g} s. Log at a higher rate, "
+            f"{path}: rows of the state must be 0.1 ms to 0.2 s apart; got {step:.4g} s. Log at a higher rate, "
             "or export the times with all their digits."
         )
     return {name: dc.replace(own, t=own.t * factor, tick=own.tick * factor) for name, own in signals.items()}, change

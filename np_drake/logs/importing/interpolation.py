@@ -154,3 +154,8 @@ class Signal:
 
 
 Signals = Mapping[str, Signal]  # by quantity
+
+
+def clock_of(signals: Signals) -> Signal:
+    """Return the signal whose times are those of a log: its attitude, or else its body rates."""
+    return signals["attitude" if "attitude" in signals else "rates"]

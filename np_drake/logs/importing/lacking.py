@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from np_drake.logs.checks import LEAST_ROWS
-from np_drake.logs.columns import COLUMNS
+from np_drake.logs.columns import COLUMNS, FORCE
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.format import Contents, Format, no_progress
 from np_drake.logs.importing.log_map import SIZES
@@ -15,7 +15,9 @@ from np_drake.logs.importing.log_map import SIZES
 DRIVES = re.compile(r"motor|rotor|throttle|pwm|esc|rpm|omega|actuator", re.IGNORECASE)  # in names of what turns rotors
 NUMBERED = re.compile(r"^(.*?)\d+\D?$")  # a name with the number of a rotor
 PLAIN = re.compile(r"[A-Za-z_][\w./]*")  # names that need no quotes in a map
-SPEEDS = (("rpm", "rpm"), ("omega", "rad/s"), ("speed", "rad/s"))  # in names of rotor speed, and their unit
+# In names of rotor speed, and their unit. Most motors have 14 magnets; source: the default of Betaflight's motor_poles.
+SPEEDS = (("erpm", "erpm, pole_pairs: 7"), ("rpm", "rpm"), ("omega", "rad/s"), ("speed", "rad/s"))
+BODY = " ".join((*COLUMNS["w"], *FORCE))
 ANGLES = ("roll", "pitch", "yaw")
 # Largest reading of a throttle, and its unit: of 1 and per cent with an overdriven motor, of pulses with trims.
 READINGS = ((1.5, "1"), (150.0, "percent"), (2200.0, "us"), (65535.0, "pwm16"))
@@ -31,7 +33,9 @@ def lacking(contents: Contents) -> str:
         said.append("time (t)")
     if "q" not in here:
         missing = " ".join(name for name in COLUMNS["q"] if name not in names)
-        said.append(f"attitude ({missing}, or Euler angles by a map{_angles(names)})")
+        said.append(
+            f"attitude ({missing}, or Euler angles by a map{_angles(names)}), or gyro and accelerometer ({BODY})"
+        )
     if not {"p", "v", "a"} & set(here):
         said.append("position, velocity or acceleration (px py pz, vx vy vz, ax ay az)")
     return "; ".join(said) if here else ""

@@ -19,7 +19,7 @@ UNITS: dict[str, dict[str, float]] = {  # by quantity: factor to SI
     "angular_acceleration": {"rad/s2": 1.0, "deg/s2": 0.017453292519943295},
     "thrust": {"N": 1.0, "mN": 0.001, "gf": 9.80665e-3, "weight": 1.0},
     "torque": {"N.m": 1.0, "mN.m": 0.001},
-    "rotor_speed": {"rad/s": 1.0, "rpm": 0.10471975511965977, "Hz": 6.283185307179586},
+    "rotor_speed": {"rad/s": 1.0, "rpm": 0.10471975511965977, "Hz": 6.283185307179586, "erpm": 0.10471975511965977},
     "throttle": {"1": 1.0, "percent": 0.01, "us": 1.0, "pwm16": 1 / 65535, "dshot": 1 / 2000},
     "hover_throttle": {"1": 1.0, "percent": 0.01, "us": 1.0, "pwm16": 1 / 65535, "dshot": 1 / 2000},
     "voltage": {"V": 1.0, "mV": 0.001},
@@ -41,6 +41,8 @@ SIZES: dict[str, tuple[int, ...]] = {  # number of columns
 }
 RATES = (4.0, 20000.0)  # of the rows of a flight log [Hz]: those that are read again
 TIME_SIZE = (1,)  # columns of the time, which is no quantity
+MOST_POLE_PAIRS = 50  # of a motor; own choice: more than any of a multirotor
+PRESETS = Path(__file__).parents[1] / "maps"  # maps of public data sets, by name
 
 
 @dc.dataclass
@@ -57,6 +59,7 @@ class Source:
     world, body: frames of this quantity, where they differ from those of the map.
     late: time by which the stamps are later than the quantity [s].
     ends: of a throttle, its readings at 0 and at 1: two numbers, or two for every column; none: those of its unit.
+    pole_pairs: of the motors, by which an electrical speed (`erpm`) is divided; 0: not stated.
     """
 
     columns: list[str] = dc.field(default_factory=list)
@@ -71,6 +74,7 @@ class Source:
     body: str = ""
     late: float = 0.0
     ends: list[float] = dc.field(default_factory=list)
+    pole_pairs: int = 0
 
     def __bool__(self) -> bool:
         return bool(self.columns)
@@ -135,6 +139,18 @@ class LogMap:
             if source:
                 yield name, source
 
+    @property
+    def in_body(self) -> bool:
+        """Whether it names a gyro and an accelerometer that read in body axes."""
+        rates, force = self.rates, self.acceleration
+        axes = {rates.axes_of("rates"), force.axes_of("acceleration")}
+        return bool(rates and force) and force.kind != "acceleration" and axes == {"body"}
+
+    @property
+    def tells_motion(self) -> bool:
+        """Whether it names attitude and any motion of the centre, or what both can be integrated from."""
+        return self.in_body or bool(self.attitude and (self.position or self.velocity or self.acceleration))
+
     def names(self) -> list[str]:
         """Return the names of all columns that are used, the time among them."""
         sources = [source for _, source in self.sources()]
@@ -179,11 +195,19 @@ class MapFile:
         return own
 
 
-def load_map_file(path: str | Path) -> MapFile:
-    """Read a map of a log (YAML), and which fields it names.
+def presets() -> list[str]:
+    """Return the names of the maps of public data sets."""
+    return sorted(path.stem for path in PRESETS.glob("*.yaml"))
+
+
+def load_map_file(name: str | Path) -> MapFile:
+    """Read a map of a log (YAML) or the preset of that name, and which fields it names.
 
     Raises: ValueError: one line with file and field, on bad content.
     """
+    path = PRESETS / f"{name}.yaml" if str(name) in presets() and not Path(name).is_file() else Path(name)
+    if not path.exists() and not path.suffix:
+        raise ValueError(f"log map {name}: must be a file, or the preset of a data set: {', '.join(presets())}.")
     values = load_checked(LogMap, path, "log map")
     content = read_yaml(path) or {}
     return MapFile(values, {k: tuple(v) if isinstance(v, dict) else () for k, v in content.items()})
@@ -215,6 +239,13 @@ def _check_source(name: str, source: Source, known: tuple[int, ...]) -> None:
         raise ValueError(
             f"LogMap: {name}.ends must be the readings of a throttle at 0 and at 1, once or for every column; got "
             f"{source.ends}."
+        )
+    electrical = source.unit == "erpm"
+    if electrical != bool(source.pole_pairs) or not 0 <= source.pole_pairs <= MOST_POLE_PAIRS:
+        raise ValueError(
+            f"LogMap: {name}.pole_pairs must be 1 to {MOST_POLE_PAIRS} with unit: erpm, and 0 with any other; got "
+            f"{source.pole_pairs} with unit: {source.unit or next(iter(UNITS[name]))}. It is half the count of the "
+            "magnets of a motor."
         )
     if not abs(source.late) <= 10:
         raise ValueError(f"LogMap: {name}.late must be within 10 s; got {source.late}.")

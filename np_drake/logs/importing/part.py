@@ -9,11 +9,12 @@ from np_drake.flight_log import FlightLog
 from np_drake.logs.checks import LEAST_ROWS
 from np_drake.logs.errors import LogError
 from np_drake.logs.gaps import LONGEST as LONGEST_GAP
-from np_drake.logs.importing.airborne import require_ranges, standing
-from np_drake.logs.importing.alignment import COMMANDS, Aligned, align, command_meaning, with_whole_motion
+from np_drake.logs.importing.airborne import require_ranges, standing, standing_by_force
+from np_drake.logs.importing.alignment import COMMANDS, Aligned, align, command_meaning
 from np_drake.logs.importing.conventions import Verdict
-from np_drake.logs.importing.convert import convert_quantity
+from np_drake.logs.importing.convert import GRAVITY, convert_quantity
 from np_drake.logs.importing.crash import WRECK, end_of_flight, fits_until
+from np_drake.logs.importing.dead_reckoning import with_whole_motion
 from np_drake.logs.importing.interpolation import FASTER, Signals
 from np_drake.logs.importing.log_map import LogMap
 from np_drake.logs.importing.telemetry import collective, is_slow
@@ -71,13 +72,18 @@ def import_part(
     if carried:
         require_ranges(aligned.values, log_map, path)
         x, lift = aligned.values, lift_of(aligned.values)
-        end, why = end_of_flight(aligned.t, x["position"], x["velocity"], x["attitude"], lift)
+        motion = (x["position"], x["velocity"], x["attitude"])
+        end, why = end_of_flight(aligned.t, *motion, lift, moves="velocity" not in lacks)
         if end < LEAST_ROWS:
             raise LogError(f"{path}: {WRECK}")
         if why:
             said.append(fits_until(aligned.t[end - 1] - origin, why))
         aligned = aligned.until(end)
-        ground = standing(aligned.t, aligned.values["position"], lift[:end], usual)
+        if "height" in lacks and "acceleration" in x:
+            force = np.linalg.norm(x["acceleration"][:end] + [0.0, 0.0, GRAVITY], axis=1)
+            ground = standing_by_force(aligned.t, force, lift[:end], usual)
+        else:
+            ground = standing(aligned.t, aligned.values["position"], lift[:end], usual)
     flights = _flights(_with_collective(aligned, signals, log_map), ground, log_map)
     flights = [dc.replace(flight, lacks=lacks, notes=[*flight.notes, *derived]) for flight in flights]
     timing = _timing(signals, log_map)

@@ -9,7 +9,7 @@ from np_drake.logs.importing.breaks import within
 from np_drake.logs.importing.consistency import WINDOW
 from np_drake.logs.importing.conventions import DOUBTED, Change, Verdict, WrongConventions
 from np_drake.logs.importing.crash import FITS, fits_until
-from np_drake.logs.importing.interpolation import Signals
+from np_drake.logs.importing.interpolation import Signals, clock_of
 from np_drake.logs.importing.log_map import LogMap
 from np_drake.logs.importing.part import Part, flies, import_part, lift_of
 
@@ -29,13 +29,13 @@ def imported_parts(
     Raises: WrongConventions, LogError: if that of the longest part that fails, where none holds a flight.
     """
     moving = [flies(signals, log_map) for signals in parts]
-    by_length = sorted(range(len(parts)), key=lambda k: (not moving[k], -np.ptp(parts[k]["attitude"].t)))
+    by_length = sorted(range(len(parts)), key=lambda k: (not moving[k], -np.ptp(clock_of(parts[k]).t)))
     done: dict[int, Part] = {}
     said: list[str] = []
     failure: LogError | None = None
     usual = 0.0
     for k in by_length:
-        span = f"the part from {parts[k]['attitude'].t[0] - origin:.2f} s on"
+        span = f"the part from {clock_of(parts[k]).t[0] - origin:.2f} s on"
         if done and not moving[k]:
             said.append(f"{span} is no flight; left out")
             continue
@@ -79,7 +79,7 @@ def _fitting(
         own = judged(part, log_map, path)
         kinds, tested = ({law.split()[0] for law in laws} for laws in (verdict.failed, own.misfits))
         if own.holds and kinds <= tested:
-            since = f"from {start - origin:.1f} " if start > signals["attitude"].t[0] + WINDOW else ""
+            since = f"from {start - origin:.1f} " if start > clock_of(signals).t[0] + WINDOW else ""
             whole = ", ".join(verdict.failed[:3]) or "its quantities"
             said = [f"{FITS}{since}until {stop - origin:.1f} s; beyond, {whole} do not agree: left out"]
             signals, verdict = part, own

@@ -9,11 +9,12 @@ from np_drake.logs.errors import LogError, place
 from np_drake.logs.formats.format import Recording, Stream, find_column
 from np_drake.logs.importing.interpolation import Signal, Signals
 from np_drake.logs.importing.log_map import UNITS, LogMap, Source
-from np_drake.logs.importing.telemetry import spread_ticks, without_zeros
+from np_drake.logs.importing.telemetry import spread_ticks, without_lines, without_zeros
 
 BACK = 0.1  # share of samples earlier than one before them from which these are another log [1]; own choice
 LEAST_NORM = 1e-3  # of a quaternion that is one, of whatever length [1]; own choice
 OPTIONAL = ("voltage", "hover_throttle")  # of which a few samples are as good as none
+SENSORS = ("rates", "acceleration")
 STATE = ("position", "velocity", "attitude", "rates", "acceleration", "angular_acceleration")
 
 
@@ -39,6 +40,10 @@ def gather(recording: Recording, log_map: LogMap) -> tuple[Signals, list[str]]:
             signal, zeros = without_zeros(signal)
             if zeros:
                 notes.append(f"rotor_speed: {zeros} single readings of zero left out")
+        if name in SENSORS and len(signal.t) >= LEAST_ROWS:
+            signal, drawn = without_lines(signal)
+            if drawn:
+                notes.append(f"{name}: {drawn:.3g} s of straight lines, as between or beyond readings, left out")
         if name in STATE and len(signal.t) >= LEAST_ROWS and len(signal.renewed.t) < len(signal.t):
             share, signal = len(signal.renewed.t) / len(signal.t), signal.renewed
             notes.append(

@@ -4,6 +4,7 @@ import dataclasses as dc
 
 import numpy as np
 
+from np_drake.logs.gaps import LONGEST as LONGEST_GAP
 from np_drake.logs.importing.interpolation import REPEATED, SLOWEST_ROTORS, Signal, Signals
 from np_drake.logs.importing.log_map import LogMap
 from np_drake.logs.windows import stretches
@@ -13,6 +14,7 @@ FINE = 0.75  # tick over the usual interval above which it is that interval [1];
 RESOLUTION = 1e-6  # in which ticks are looked for: usual clocks count microseconds [s]
 LONGEST = 1e6  # interval, beyond which the clock was set [s]
 HELD = ("held_after", "held_before", "averaged")  # commands that are known between their rows, however slow
+LINE = 1e-4  # change of a slope over the slope, from the digits of a text, in a straight line [1]; own choice
 COARSE = 5e-4  # shorter ticks are lost in what is known of commands [s]; own choice
 
 
@@ -33,6 +35,22 @@ def without_zeros(own: Signal) -> tuple[Signal, int]:
             column[bad] = np.interp(own.t[bad], own.t[~bad], column[~bad])
             count += int(bad.sum())
     return dc.replace(own, values=values), count
+
+
+def without_lines(own: Signal) -> tuple[Signal, float]:
+    """Return a sensor's signal without what lies on straight lines for longer than a bridged gap, and its time [s].
+
+    A sensor has noise: such rows are no readings, but drawn between or beyond them by who wrote the log.
+    """
+    change = np.diff(own.values, axis=0) / np.diff(own.t)[:, None]
+    steep = np.abs(change).max(axis=1, initial=0.0)
+    straight = np.all(np.abs(np.diff(change, axis=0)) <= LINE * steep[1:, None], axis=1) & (steep[1:] > 0)
+    kept, drawn = np.ones(len(own.t), bool), 0.0
+    for start, stop in stretches(straight):  # rows start to stop + 1 lie on a line
+        if own.t[stop + 1] - own.t[start] > LONGEST_GAP:
+            kept[start + 1 : stop + 1 + (stop + 2 == len(own.t))] = False
+            drawn += float(own.t[stop + 1] - own.t[start])
+    return (dc.replace(own, t=own.t[kept], values=own.values[kept]) if drawn else own), drawn
 
 
 def spread_ticks(t: np.ndarray) -> tuple[np.ndarray, float]:

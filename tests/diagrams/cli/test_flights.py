@@ -36,6 +36,14 @@ def test_accelerations_that_are_derived_are_said(logs, tmp_path, capsys):
     assert bare.data.a.shape == flight.data.a.shape
 
 
+def test_a_log_without_attitude_or_velocity_trains_nothing(logs, tmp_path):
+    (flight,) = open_flights(logs[:1], None)
+    for lacks in (("attitude", "velocity", "height"), ("velocity", "height")):
+        write_log(dc.replace(flight.data, lacks=lacks), tmp_path / "part.csv")
+        with pytest.raises(ValueError, match=f"must tell attitude and velocity to train on; its {lacks[0]}"):
+            open_flights([tmp_path / "part.csv"], None)
+
+
 def test_a_real_flight_is_labelled_with_the_published_vehicle(neurobem, capsys):
     (dut,) = open_flights([neurobem / "csv" / f"{RACE_TRACK}.csv"], None)
     assert dut.vehicle.name == "neurobem"

@@ -7,6 +7,7 @@ import pytest
 import yaml
 
 from diagrams.cli.main import run
+from np_drake.logs.importing.log_map import presets
 from np_drake.logs.opening import open_flights
 from np_drake.vehicle import Vehicle
 
@@ -207,3 +208,9 @@ def test_options_of_a_quantity_amend_the_columns_that_the_names_tell(table, tmp_
     assert "rates.unit: deg/s" in capsys.readouterr().err
     (tmp_path / "units.yaml").write_text("rates: {unit: deg/s}\n")
     assert run(["import", "degrees.csv", "--map", "units.yaml", "--out", "again"]) == 0
+
+
+def test_the_help_names_the_maps_of_public_data_sets(capsys):
+    assert run(["import", "--help"]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert f"public data set: {', '.join(presets())}" in said

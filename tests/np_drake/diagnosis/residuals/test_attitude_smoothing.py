@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from np_drake import attitude
 from np_drake.attitude import conjugate, from_rotation_vector, rotation_vector
-from np_drake.diagnosis.residuals.attitude_smoothing import gyro_attitude, smooth_attitude
+from np_drake.diagnosis.residuals.attitude_smoothing import smooth_attitude
 from np_drake.effects.gyro_bias import GyroBias
 
 
@@ -22,7 +22,7 @@ def test_rotation_vector_and_quaternion_are_inverse(r):
 
 def test_a_constant_rate_turns_the_attitude_at_that_rate():
     t, w = 0.01 * np.arange(300), np.array([0.3, -0.4, 1.2])
-    q = gyro_attitude(t, np.array([1.0, 0, 0, 0]), np.tile(w, (300, 1)))
+    q = attitude.integrated(t, np.array([1.0, 0, 0, 0]), np.tile(w, (300, 1)))
     expected = from_rotation_vector(t[:, None] * w)
     np.testing.assert_allclose(np.abs(np.sum(q * expected, axis=1)), 1.0, atol=1e-12)
 

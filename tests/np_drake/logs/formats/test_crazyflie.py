@@ -255,13 +255,14 @@ def test_the_map_takes_the_firmwares_names():
     assert not dut.throttle
 
 
-def test_the_map_takes_rotor_speed_before_thrust_before_throttle():
+def test_the_map_takes_rotor_speed_before_thrust_and_throttle_beside():
     lee = ("ctrlLee.thrustSi", *(f"ctrlLee.torque{a}" for a in "xyz"))
     pwm = tuple(f"pwm.m{i}_pwm" for i in (1, 2, 3, 4))
     motor = tuple(f"motor.m{i}" for i in (1, 2, 3, 4))
     for inputs, names in [
-        ((*RPM, *lee, *pwm, *motor), ["rotor_speed"]),
-        ((*lee, *pwm, *motor), ["thrust", "torque"]),
+        ((*RPM, *lee, *pwm, *motor), ["rotor_speed", "throttle"]),
+        ((*RPM, *lee), ["rotor_speed"]),
+        ((*lee, *pwm, *motor), ["thrust", "torque", "throttle"]),
         ((*pwm, *motor), ["throttle"]),
         (motor, ["throttle"]),
         ((), []),

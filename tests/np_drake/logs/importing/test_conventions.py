@@ -16,7 +16,7 @@ from np_drake.effects.mass_error import MassError
 from np_drake.effects.motor_lag import MotorLag
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.effects.velocity_bias import VelocityBias
-from np_drake.logs.importing.consistency import FAILS, lone_axes, misfits
+from np_drake.logs.importing.consistency import FAILS, misfits, told_by_noise
 from np_drake.logs.importing.conventions import Trial, as_text, changed, check_conventions, fitting_time_unit, liveliest
 from np_drake.logs.importing.convert import convert
 from np_drake.logs.importing.log_map import SIZES, LogMap, Source
@@ -117,11 +117,59 @@ def test_one_axis_that_drifts_is_left_aside_and_not_refused(sampled, conventions
     x = {**x, name: x[name] + drift}
     verdict = check_conventions(t, conventions.columns_in(conventions.plain_map(), x), conventions.plain_map())
     assert verdict.misfits[law] > FAILS
-    assert lone_axes(verdict.misfits) == [law]
+    assert told_by_noise(t, x, verdict.misfits) == [law]
     assert verdict.holds
-    assert lone_axes({**verdict.misfits, law: 1.9}) == []  # the opposite sign
+    assert told_by_noise(t, x, {**verdict.misfits, law: 1.9}) == []  # the opposite sign
     other = f"{law[:-1]}{'xyz'[axis - 1]}"
-    assert lone_axes({**verdict.misfits, other: 0.8}) == []
+    assert told_by_noise(t, x, {**verdict.misfits, other: 0.8}) == []
+
+
+@pytest.fixture(scope="module")
+def calm(fly):
+    """Return a function: times and quantities of a slow flight at 50 Hz, with a gyro that wanders by axis [rad/s]."""
+    log = fly(seed=5, seconds=12.0, vigour=0.2)
+
+    def go(conventions, deviation, seed=0):
+        t, x = log.t[::2], {name: value[::2] for name, value in conventions.quantities_of(log).items()}
+        white = np.random.default_rng(seed).normal(size=(len(t) + 25, 3))
+        wander = 0.2 * np.lib.stride_tricks.sliding_window_view(white, 25, axis=0).sum(axis=-1)[: len(t)]
+        return t, {**x, "rates": x["rates"] + np.asarray(deviation) * wander}
+
+    return go
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_one_axis_never_refuses_a_log_whose_others_are_still(calm, conventions, axis, seed):
+    t, x = calm(conventions, 0.6 * np.eye(3)[axis], seed)
+    x = {**x, "position": x["position"] * 0, "velocity": x["velocity"] * 0}
+    plain = conventions.plain_map()
+    verdict = check_conventions(t, conventions.columns_in(plain, x), plain)
+    laws = [law for law in verdict.misfits if law.startswith("attitude")]
+    assert "attitude " + "xyz"[axis] in laws
+    assert not any(law.startswith("attitude") for law in verdict.failed)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_two_axes_as_noisy_as_the_third_tell_nothing(calm, conventions, seed):
+    t, x = calm(conventions, [0.3, 0.3, 0.3], seed)
+    own = misfits(t, x)
+    two = {**own, "attitude x": 0.9, "attitude y": 0.9, "attitude z": 0.3}
+    assert told_by_noise(t, x, two) == ["attitude x", "attitude y"]
+    _, worse = calm(conventions, [3.0, 0.3, 0.3], seed)
+    assert told_by_noise(t, worse, two) == []
+    assert told_by_noise(t, x, {**two, "attitude z": 0.9}) == []  # no axis tells the noise
+
+
+@pytest.mark.parametrize("first, second", [(0, 1), (0, 2), (1, 2)])
+@pytest.mark.parametrize("name", ["rates", "velocity"])
+def test_two_swapped_columns_are_refused(sampled, conventions, name, first, second):
+    t, x = sampled
+    columns = conventions.columns_in(conventions.plain_map(), x)
+    order = [0, 1, 2]
+    order[first], order[second] = second, first
+    columns[name] = columns[name][:, order]
+    assert not check_conventions(t, columns, conventions.plain_map()).holds
 
 
 FLIGHTS = {
@@ -221,3 +269,28 @@ def test_a_drag_is_no_misfit_of_the_lift(fly):
     log = fly(LinearDrag(0.6, 0.6, 0.3), ConstantWind(3.0, -2.0, 0.0), seed=2, noise=1.0)
     found = misfits(log.t, {"velocity": log.v, "attitude": log.q})
     assert max(found["lift x"], found["lift y"]) < 0.1
+
+
+@pytest.mark.parametrize("order", [(0, 2, 1, 3), (0, 1, 3, 2), (0, 3, 2, 1), (0, 2, 3, 1), (1, 0, 2, 3), (3, 2, 1, 0)])
+def test_a_quaternion_in_an_order_of_no_one_is_refused(sampled, conventions, order):
+    t, x = sampled
+    columns = conventions.columns_in(conventions.plain_map(), x)
+    columns["attitude"] = columns["attitude"][:, list(order)]
+    assert not check_conventions(t, columns, conventions.plain_map()).holds
+
+
+@pytest.mark.parametrize("name", ["rates", "velocity"])
+@pytest.mark.parametrize("seconds", [1.5, 3.0, 4.5])
+def test_a_quantity_of_another_time_is_refused(sampled, conventions, name, seconds):
+    t, x = sampled
+    columns = conventions.columns_in(conventions.plain_map(), x)
+    columns[name] = np.roll(columns[name], round(seconds / (t[1] - t[0])), axis=0)
+    assert not check_conventions(t, columns, conventions.plain_map()).holds
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+def test_a_velocity_of_which_one_axis_is_turned_round_is_refused(sampled, conventions, axis):
+    t, x = sampled
+    columns = conventions.columns_in(conventions.plain_map(), x)
+    columns["velocity"] = columns["velocity"] * [-1.0 if i == axis else 1.0 for i in range(3)]
+    assert not check_conventions(t, columns, conventions.plain_map()).holds

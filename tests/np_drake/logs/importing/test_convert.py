@@ -38,6 +38,19 @@ def test_level_and_facing_north_in_ned_is_a_quarter_turn_from_east():
     assert dut[0] * dut[3] > 0  # counter-clockwise
 
 
+@given(st.integers(1, 14), st.floats(10.0, 4000.0))
+def test_an_electrical_speed_is_that_of_the_rotor_times_its_pole_pairs(pairs, speed):
+    electrical = speed * 60 / (2 * np.pi) * pairs
+    log_map = LogMap(rotor_speed=Source(["a", "b", "c", "d"], unit="erpm", pole_pairs=pairs)).check()
+    assert np.allclose(convert_quantity("rotor_speed", np.full((1, 4), electrical), log_map), speed)
+
+
+@pytest.mark.parametrize("unit, pairs", [("erpm", 0), ("erpm", -1), ("erpm", 1000), ("rpm", 6), ("", 6)])
+def test_pole_pairs_belong_to_an_electrical_speed_and_to_no_other(unit, pairs):
+    with pytest.raises(ValueError, match=r"rotor_speed\.pole_pairs must be 1 to 50 with unit: erpm"):
+        LogMap(rotor_speed=Source(["a", "b", "c", "d"], unit=unit, pole_pairs=pairs)).check()
+
+
 @pytest.mark.parametrize("kind", ["specific_force", "acceleration"])
 def test_at_rest_nothing_accelerates(kind):
     reading = [0.0, 0.0, -9.81 if kind == "specific_force" else 0.0]  # of a sensor in FRD

@@ -5,9 +5,16 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
+from np_drake import attitude
+from np_drake.diagnosis.diagnose import diagnose
 from np_drake.diagnosis.doctor.examine import examine
 from np_drake.diagnosis.residuals import FORCE, TORQUE, make_flight_residuals
+from np_drake.effects.base import SensorEffect
+from np_drake.effects.center_of_mass_offset import CenterOfMassOffset
 from np_drake.effects.library import LIBRARY
+from np_drake.flight_log import FlightLog
+from np_drake.logs.columns import COLUMNS
+from np_drake.logs.columns import FORCE as SPECIFIC
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.log_file import write_log
 from np_drake.logs.import_sheet import write_sheet
@@ -15,6 +22,9 @@ from np_drake.logs.opening import open_flights
 from np_drake.vehicle import Vehicle
 
 NO_VELOCITY = {i for i, effect in LIBRARY.items() if "velocity" in effect.requires}
+POSED = {i for i, e in LIBRARY.items() if issubclass(e, SensorEffect) and "qw" in e.corrupts}
+NO_ATTITUDE = POSED | {i for i, effect in LIBRARY.items() if "attitude" in effect.requires}
+G = np.array([0.0, 0.0, 9.81])
 NO_HEIGHT = {i for i, effect in LIBRARY.items() if "height" in effect.requires}
 
 
@@ -105,6 +115,15 @@ def test_an_autopilots_log_without_position_tells_what_its_body_axes_tell(autopi
     assert examine([logs[1]], Vehicle(), sheets={logs[1].name: sheets[1]}).usable
 
 
+def test_an_autopilots_log_without_pose_is_its_gyro_and_accelerometer(autopilot):
+    def poseless(streams):
+        return {n: s for n, s in placeless(streams).items() if n not in ("vehicle_attitude", "ATT", "XKQ.0", "XKQ1")}
+
+    (whole,), (dut,) = autopilot(dict).flights, autopilot(poseless).flights
+    assert dut.lacks == ("attitude", "velocity", "height")
+    assert np.median(specific_force(dut)[:, 2]) == pytest.approx(np.median(specific_force(whole)[:, 2]), rel=0.02)
+
+
 @pytest.mark.parametrize("suffix", [".csv", ".parquet"])
 def test_a_log_that_was_written_without_position_keeps_its_sheet(flown, autopilots, import_px4, tmp_path, suffix):
     ours = autopilots.throttle(flown)
@@ -127,3 +146,112 @@ def test_a_log_without_any_motion_of_its_centre_is_refused_in_one_line(excited, 
     (tmp_path / "part.csv").write_text("\n".join(",".join(row[k] for k in keep) for row in rows) + "\n")
     with pytest.raises(LogError, match=r"part\.csv: .* none tells position, velocity or acceleration"):
         open_flights(tmp_path / "part.csv")
+
+
+@pytest.fixture
+def body(tmp_path):
+    """Return a function: a flight as gyro, accelerometer and commands alone, in a file; changed by `turn`."""
+
+    def go(log, turn=lambda rates, force: (rates, force), name="body.csv"):
+        force = attitude.rotate_back(log.q, log.a + G)
+        rates, force = turn(log.w, force)
+        names = [*COLUMNS["t"], *COLUMNS["w"], *SPECIFIC, *COLUMNS["u"]]
+        table = np.column_stack([log.t, rates, force, log.u])
+        np.savetxt(tmp_path / name, table, delimiter=",", header=",".join(names), comments="", fmt="%.12g")
+        return tmp_path / name
+
+    return go
+
+
+def specific_force(log):
+    return attitude.rotate_back(log.q, log.a + G)
+
+
+@pytest.mark.parametrize("drift", [0.0, 0.01, 0.1])
+def test_without_attitude_the_specific_force_survives_exactly(body, excited, drift):
+    (dut,), sheet = open_flights(body(excited, lambda w, s: (w + drift, s)))
+    assert dut.lacks == ("attitude", "velocity", "height")
+    np.testing.assert_allclose(specific_force(dut), specific_force(excited), atol=1e-6)
+    np.testing.assert_allclose(dut.w, excited.w + drift, atol=1e-6)
+    assert {i for identifiers in sheet.content["cannot_be_told"].values() for i in identifiers} >= NO_ATTITUDE
+    assert any("levelled by the accelerometer" in note for note in sheet.content["notes"])
+
+
+def test_an_attitude_that_was_integrated_is_level_on_the_whole(body, fly):
+    log = fly(seed=5, seconds=40.0, noise=1.0)
+    (dut,), _ = open_flights(body(log, lambda w, s: (w + [0.02, -0.02, 0.02], s)))
+    tilt = [np.arccos(attitude.body_z(x.q)[:, 2]) for x in (log, dut)]
+    assert np.sqrt(np.mean((tilt[1] - tilt[0]) ** 2)) < 0.1
+
+
+def test_without_attitude_residuals_are_those_of_the_whole_log(body, excited):
+    (dut,), sheet = open_flights(body(excited), Vehicle())
+    whole, part = (make_flight_residuals(log, Vehicle()) for log in (excited, dut))
+    np.testing.assert_allclose(part.y[:, TORQUE], whole.y[:, TORQUE], atol=1e-3)
+    assert np.sqrt(np.mean((part.y[:, FORCE] - whole.y[:, FORCE]) ** 2)) < 0.05  # [N]
+    assert not part.y[:, 6:].any()  # nothing is compared with itself
+    report = examine([dut], Vehicle(), sheets={dut.name: sheet.content})
+    assert report.usable
+    never = {a.identifier for a in report.answers if a.verdict == "never"}
+    assert never == NO_HEIGHT | NO_VELOCITY | NO_ATTITUDE
+    assert {"center_of_mass_offset", "inertia_error", "weak_rotor", "motor_lag"} & never == set()
+
+
+def test_a_log_without_attitude_comes_back_from_its_file(body, excited, tmp_path):
+    (first,), _ = open_flights(body(excited))
+    write_log(first, tmp_path / "again.csv")
+    header = (tmp_path / "again.csv").read_text().split("\n", 1)[0].split(",")
+    assert not {"qw", "px", "vx", "ax"} & set(header)
+    (again,), _ = open_flights(tmp_path / "again.csv")
+    assert again.lacks == first.lacks
+    for field in ("q", "v", "p", "a", "w"):
+        np.testing.assert_allclose(getattr(again, field), getattr(first, field), atol=1e-6)
+
+
+def test_a_gyro_of_two_kilohertz_makes_rows_of_500(body, excited):
+    t = np.arange(excited.t[0], excited.t[-1], 0.0005)
+
+    def dense(values):
+        return np.stack([np.interp(t, excited.t, column) for column in values.T], axis=1)
+
+    q = dense(attitude.one_hemisphere(excited.q, excited.q[0]))
+    log = FlightLog(t, 0 * dense(excited.p), q, dense(excited.v), dense(excited.w), dense(excited.u), dense(excited.a))
+    (dut,), _ = open_flights(body(log))
+    assert dut.step == pytest.approx(0.002)
+    truth = specific_force(log)[2::4]
+    rows = min(len(dut), len(truth))
+    assert np.sqrt(np.mean((specific_force(dut)[:rows] - truth[:rows]) ** 2)) < 0.1
+
+
+TURNS = {
+    "g": lambda w, s: (w, s / 9.80665),
+    "frd": lambda w, s: (w * [1, -1, -1], s * [1, -1, -1]),
+    "sign": lambda w, s: (w, -s),
+    "sideways": lambda w, s: (w[:, [2, 0, 1]], s[:, [2, 0, 1]]),
+}
+
+
+@pytest.mark.parametrize("name", TURNS)
+def test_an_accelerometer_in_another_unit_or_frame_is_refused(body, excited, name):
+    with pytest.raises(LogError, match=r"misfit of (gravity|upright)") as error:
+        open_flights(body(excited, TURNS[name]))
+    assert {"g": "fits acceleration.unit: g", "frd": "body: frd"}.get(name, "") in str(error.value)
+
+
+def test_a_diagnosis_of_gyro_and_accelerometer_finds_a_cause_of_the_body(body, fly):
+    cause = CenterOfMassOffset(0.01, -0.01, 0.0)
+    logs = [fly(cause, seed=seed, seconds=12.0, noise=1.0) for seed in (5, 6)]
+    flights = [open_flights(body(log, name=f"f{k}.csv"), Vehicle())[0][0] for k, log in enumerate(logs)]
+    found = diagnose(Vehicle(), flights[:1], flights[1:])
+    assert found.verdict == ("center_of_mass_offset",)
+    assert found.causes[0].effect.x == pytest.approx(0.01, abs=0.003)
+    assert not found.unexplained
+
+
+def test_a_log_shows_what_it_lacks_and_no_range_of_it(body, excited):
+    (dut,), _ = open_flights(body(excited))
+    assert repr(dut).endswith("input command, without attitude, velocity, height)")
+    shown = dut._repr_html_()
+    assert "body rate" in shown
+    assert "height [m]" not in shown
+    assert "speed [m/s]" not in shown

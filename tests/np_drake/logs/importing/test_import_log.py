@@ -10,7 +10,7 @@ from np_drake.logs.errors import LogError
 from np_drake.logs.formats.log_file import write_log
 from np_drake.logs.importing.conventions import WrongConventions, changed
 from np_drake.logs.importing.import_log import import_log
-from np_drake.logs.importing.log_map import LogMap, Source, load_map_file
+from np_drake.logs.importing.log_map import PRESETS, LogMap, Source, load_map_file, presets
 
 
 @pytest.fixture
@@ -183,7 +183,7 @@ def test_a_column_that_is_missing_is_named(written):
         written((), (("thrust.columns", ["nothing"]),))
 
 
-@pytest.mark.parametrize("names", [("attitude",), ("position", "velocity", "acceleration")])
+@pytest.mark.parametrize("names", [("attitude", "rates"), ("position", "velocity", "acceleration")])
 def test_a_map_without_the_state_is_refused_before_the_log_is_read(written, names):
     with pytest.raises(LogError, match=f"the map must name columns of {names[0]}"):
         written(declared=tuple((f"{name}.columns", []) for name in names))
@@ -208,3 +208,22 @@ def test_a_rate_that_no_log_is_read_with_is_refused(written, rate):
 def test_a_format_that_is_none_is_named_with_the_log(written):
     with pytest.raises(LogError, match=r"flight.csv: the map's format must be one of .*; got 'csv'"):
         written((), (("format", "csv"),))
+
+
+@pytest.mark.parametrize("name", presets())
+def test_a_preset_of_a_map_is_short_and_taken_by_its_name(name):
+    assert len((PRESETS / f"{name}.yaml").read_text().splitlines()) <= 25
+    found = load_map_file(name)
+    assert found.values.position
+    assert found.values.rates
+
+
+def test_a_name_that_is_no_preset_is_told_which_there_are():
+    with pytest.raises(ValueError, match=rf"log map nanobunch: .*{', '.join(presets())}"):
+        load_map_file("nanobunch")
+
+
+def test_a_file_of_a_presets_name_is_the_file(tmp_path, monkeypatch):
+    (tmp_path / "idsia").write_text("world: ned\n")
+    monkeypatch.chdir(tmp_path)
+    assert load_map_file("idsia").values.world == "ned"

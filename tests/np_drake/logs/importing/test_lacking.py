@@ -33,15 +33,18 @@ def table(excited, tmp_path):
     return go
 
 
+OR = ", or gyro and accelerometer (wx wy wz sx sy sz)"
+
+
 @pytest.mark.parametrize(
     "names, said",
     [
-        ([n for n in OURS if n[0] != "q"], "attitude (qw qx qy qz, or Euler angles by a map)"),
-        ([n for n in OURS if n != "qz"], "attitude (qz, or Euler angles by a map)"),
+        ([n for n in OURS if n[0] != "q"], f"attitude (qw qx qy qz, or Euler angles by a map){OR}"),
+        ([n for n in OURS if n != "qz"], f"attitude (qz, or Euler angles by a map){OR}"),
         (
             [*(n for n in OURS if n[0] != "q"), "roll", "pitch", "yaw"],
             "attitude (qw qx qy qz, or Euler angles by a map: "
-            "`attitude: {columns: [roll, pitch, yaw], unit: rad}`, or deg)",
+            f"`attitude: {{columns: [roll, pitch, yaw], unit: rad}}`, or deg){OR}",
         ),
         (OURS[1:], "time (t)"),
         (["t", "qw", "qx", "qy", "qz", "wx"], "position, velocity or acceleration (px py pz, vx vy vz, ax ay az)"),
@@ -77,9 +80,10 @@ def test_columns_that_may_be_motors_are_named_with_a_line_that_is_a_map(table, e
     assert load_map_file(tmp_path / "map.yaml").values.throttle.columns == list(motors)
 
 
-def test_columns_of_rotor_speed_are_named_with_their_unit(table, excited):
-    speeds = {f"motor_rpm[{k}]": 7000.0 + 0 * excited.t for k in range(4)}
+@pytest.mark.parametrize("stem, unit", [("motor_rpm", {"unit": "rpm"}), ("eRPM", {"unit": "erpm", "pole_pairs": 7})])
+def test_columns_of_rotor_speed_are_named_with_their_unit(table, excited, stem, unit):
+    speeds = {f"{stem}[{k}]": 7000.0 + 0 * excited.t for k in range(4)}
     with pytest.raises(LogError, match="may be such") as error:
         import_log(table(("thrust", "tx", "ty", "tz", "rotor"), **speeds))
     (line,) = re.findall(r"`(.*)`", str(error.value))
-    assert yaml.safe_load(line) == {"rotor_speed": {"columns": list(speeds), "unit": "rpm"}}
+    assert yaml.safe_load(line) == {"rotor_speed": {"columns": list(speeds)} | unit}

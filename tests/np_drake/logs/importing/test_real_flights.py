@@ -5,10 +5,12 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
+from np_drake import attitude
 from np_drake.diagnosis.doctor.examine import examine
 from np_drake.diagnosis.residuals import make_flight_residuals
+from np_drake.logs.formats.crazyflie import CRAZYFLIE
 from np_drake.logs.importing.import_log import import_log
-from np_drake.logs.importing.log_map import LogMap, Source
+from np_drake.logs.importing.log_map import Source, load_map_file, presets
 from np_drake.logs.opening import open_flights
 from np_drake.logs.rotor_order import NOTE, rotor_orders, torques_seen
 from np_drake.rotor_input import with_rotor_input
@@ -40,41 +42,19 @@ def test_a_payload_of_five_grams_pulls_down_by_its_weight(real_flights):
     assert flight[2] == pytest.approx(0.0047 / 0.0397, abs=0.03)
 
 
-def columns(names: str, **how) -> Source:
-    return Source(names.split(), **how)
-
-
-# The maps that these tables need; both log the rotors in the order of the firmware.
-NANOBENCH = LogMap(
-    time=columns("t"),
-    position=columns("px py pz"),
-    velocity=columns("vx vy vz"),
-    attitude=columns("qx qy qz qw", order="xyzw"),
-    rates=columns("imu_gyro_x imu_gyro_y imu_gyro_z"),
-    acceleration=columns("imu_acc_x imu_acc_y imu_acc_z", unit="g"),
-    throttle=columns(" ".join(f"motor_motor_m{i}" for i in (1, 2, 3, 4)), unit="pwm16"),
-)
-IDSIA = LogMap(
-    time=columns("t"),
-    position=columns("x y z"),
-    velocity=columns("vx vy vz"),
-    attitude=columns("qx qy qz qw", order="xyzw"),
-    rates=columns("wx wy wz"),
-    acceleration=columns("ax ay az", axes="world"),
-    rotor_speed=columns(" ".join(f"m{i}_erpm" for i in (1, 2, 3, 4)), unit="rpm", scale=1 / 6),  # six pole pairs
-)
 CRAZYFLIES = [  # flight, preset, mass [kg], map
     ("imrc/bare/eckart13", "crazyflie_brushless", 0.037, None),
     ("imrc/payload/eckart45", "crazyflie_brushless", 0.0397, None),
     ("crazyswarm2/standard/log172", "crazyflie", 0.032, None),
-    ("nanobench/dataset_B2_circle_fast_rep3.csv.gz", "crazyflie", 0.028, NANOBENCH),
-    ("idsia/square_20251017_run4.parquet", "crazyflie_brushless", 0.045, IDSIA),
+    ("nanobench/dataset_B2_circle_fast_rep3.csv.gz", "crazyflie", 0.028, "nanobench"),
+    ("idsia/square_20251017_run4.parquet", "crazyflie_brushless", 0.045, "idsia"),
 ]
 
 
 @pytest.mark.parametrize("name, preset, mass, log_map", CRAZYFLIES, ids=[name for name, *_ in CRAZYFLIES])
 def test_a_crazyflies_log_fits_its_preset_in_order_and_weight(real_flights, name, preset, mass, log_map):
     vehicle = load_vehicle(preset).with_mass(mass)
+    log_map = log_map and load_map_file(log_map)
     flights, _ = open_flights(real_flights / name, vehicle, log_map)
     for log in flights:
         if found := rotor_orders(torques_seen([log], vehicle).get(None, ()), vehicle):
@@ -87,3 +67,44 @@ def test_a_crazyflies_log_fits_its_preset_in_order_and_weight(real_flights, name
     turned = dc.replace(turned, rotor_directions=[vehicle.rotor_directions[i] for i in (3, 0, 1, 2)])
     (again, *_), _ = open_flights(real_flights / name, turned, log_map)
     assert any(note.startswith(NOTE) for note in again.notes) == (log_map is not None or name.startswith("imrc"))
+
+
+@pytest.mark.parametrize("name", presets())
+def test_every_flight_of_a_public_set_fits_its_preset(real_flights, name):
+    declared = load_map_file(name)
+    for path in sorted((real_flights / name).iterdir()):
+        found = import_log(path, declared)
+        assert sum(len(log) for log in found.flights) > 1600
+        for log in found.flights:
+            assert log.a is not None
+            assert log.throttle is not None
+            assert log.throttle.shape[1] == 4
+            assert log.voltage is not None
+            assert (log.rotor is not None) == (name == "idsia")
+
+
+def test_every_crazyflie_log_holds_a_flight(real_flights):
+    folders = ("imrc/bare", "imrc/payload", "crazyswarm2/payload", "crazyswarm2/standard", "crazyswarm2/upgraded")
+    folders += ("neural_swarm/downwash", "neural_swarm/ground", "neural_swarm/single")
+    paths = [path for folder in folders for path in sorted((real_flights / folder).iterdir()) if path.suffix != ".yaml"]
+    assert len(paths) == 66
+    for path in paths:
+        found = import_log(path)
+        assert sum(float(np.ptp(log.t)) for log in found.flights) > 4
+        if path.suffix == ".gz" or "imrc" in str(path):
+            assert all(log.throttle.shape[1] == 4 and log.voltage is not None for log in found.flights)
+
+
+def test_a_flight_without_its_pose_keeps_its_specific_force(real_flights):
+    path = real_flights / "imrc" / "bare" / "eckart13"
+    (whole,) = import_log(path).flights
+    declared = CRAZYFLIE.default_map(CRAZYFLIE.contents(path))
+    bare = dc.replace(declared, position=Source(), velocity=Source(), attitude=Source(), rate=500.0)
+    (dut,) = import_log(path, bare).flights
+    assert dut.lacks == ("attitude", "velocity", "height")
+    g = np.array([0.0, 0.0, 9.81])
+    means = [np.mean(attitude.rotate_back(log.q, log.a + g), axis=0) for log in (whole, dut)]
+    np.testing.assert_allclose(means[1], means[0], atol=0.05)
+    tilt = [np.degrees(np.arccos(attitude.body_z(log.q)[:, 2])) for log in (whole, dut)]
+    rows = min(map(len, tilt))
+    assert np.sqrt(np.mean((tilt[0][:rows] - tilt[1][:rows]) ** 2)) < 5

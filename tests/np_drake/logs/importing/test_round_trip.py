@@ -12,6 +12,7 @@ from np_drake.logs.import_sheet import read_sheet, write_sheet
 from np_drake.logs.importing.import_log import import_log
 from np_drake.logs.importing.log_map import load_map_file
 from np_drake.logs.opening import open_flights
+from np_drake.vehicle import Vehicle
 
 SINGLE = 1e-6  # resolution of a float32 of a few [m, m/s, 1, rad/s]
 DOUBLE = 1e-9
@@ -64,8 +65,6 @@ def throttle(flight):
 
 
 def _mixer():
-    from np_drake.vehicle import Vehicle
-
     return Vehicle().mixer
 
 
@@ -304,6 +303,21 @@ def test_our_own_log_and_its_sheet(flight, tmp_path, suffix):
     write_log(found.flights[0], target)
     write_sheet(dc.replace(found.sheet, timing=0.004), target)
     assert open_flights(target)[0][0].timing == read_sheet(target).timing == 0.004
+
+
+@pytest.mark.parametrize("suffix", ["csv", "csv.gz", "parquet"])
+def test_command_rotor_speed_and_voltage_come_back_together(flight, throttle, tmp_path, suffix):
+    if suffix == "parquet":
+        pytest.importorskip("pyarrow", reason="Parquet needs pyarrow")
+    voltage = 16.0 - 0.1 * flight.t
+    log = dc.replace(flight, rotor=800 * throttle, throttle=throttle, voltage=voltage, input="rotor_speed")
+    write_log(log, tmp_path / f"own.{suffix}")
+    direct = open_flights(tmp_path / f"own.{suffix}")[0][0]
+    driven = open_flights(tmp_path / f"own.{suffix}", Vehicle())[0][0]
+    for dut in (direct, driven, *imported(tmp_path / f"own.{suffix}").flights):
+        assert dut.input == "rotor_speed"
+        for field in ("rotor", "throttle", "voltage"):
+            np.testing.assert_allclose(getattr(dut, field), getattr(log, field), rtol=1e-9)
 
 
 @pytest.mark.parametrize("kind", ["throttle", "collective", "thrust_only", "rotor_speed"])
