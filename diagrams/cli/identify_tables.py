@@ -57,7 +57,7 @@ def as_json(found: "Identification", rows: "list[HeldOut]") -> dict[str, Any]:
         rows: errors on what was not fitted.
     """
     from diagrams.identification.text import not_told, unit_of
-    from np_drake.identification.flight_agreement import flight_values
+    from np_drake.identification.flight_agreement import flight_values, own_values
 
     each = {told.quantity.name: told for told in flight_values(found)}
     quantities = []
@@ -85,6 +85,12 @@ def as_json(found: "Identification", rows: "list[HeldOut]") -> dict[str, Any]:
         "ratios": found.basis.ratios,
         "fitted": [model.flight.name for model in found.models],
         "quantities": quantities,
+        "by_flight": [
+            {"name": own.quantity.name, "unit": own.quantity.quantity.unit, "agreement": own.quantity.p,
+             "flights": [list(map(float, row)) for row in zip(own.value, own.low, own.high, strict=True)],
+             "apart": list(own.apart), "moves_with": own.moves_with}
+            for own in own_values(found)
+        ],
         "not_told": [{"names": names, "because": why, "manoeuvre": way} for way, names, why in not_told(found)],
         "held_out": [
             {"flight": r.flight, "model": r.model, "force": list(map(float, r.force)),

@@ -16,7 +16,7 @@ from np_drake.files.atomic_file import require_writable, write_bytes, write_text
 from np_drake.files.figure_file import png
 from np_drake.files.number_text import NOTHING, fixed
 from np_drake.flight_log import FlightLog
-from np_drake.identification.flight_agreement import FlightValues, flight_values, strained
+from np_drake.identification.flight_agreement import FlightValues, flight_values, own_values
 from np_drake.identification.identify import Identification
 from np_drake.identification.validation import HORIZONS, HeldOut
 
@@ -44,7 +44,7 @@ def write_page(
     Raises: OSError: if the folder cannot be written.
     """
     require_writable(folder / PAGE)
-    each = flight_values(found)
+    each = [*flight_values(found), *own_values(found)]
     figures = {"intervals": interval_figure(found)}
     if each:
         figures["agreement"] = agreement_figure(found, each)
@@ -130,7 +130,6 @@ def content(found: Identification, rows: Sequence[HeldOut], each: Sequence[Fligh
             ("mass", _mass(found)),
             ("np_drake", version("np_drake")),
         ],
-        "strained": [f"{sentence}." for sentence in strained(found)],
         "notes": list(found.notes),
     }
 

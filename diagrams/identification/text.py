@@ -8,7 +8,7 @@ import numpy as np
 from np_drake.diagnosis.report.words import UNITS, estimate, flights, listed, number, suited
 from np_drake.diagnosis.result import Estimate
 from np_drake.files.number_text import percent
-from np_drake.identification.flight_agreement import DIFFER, flight_values, strained
+from np_drake.identification.flight_agreement import DIFFER, flight_values, own_values
 from np_drake.identification.identify import Identification
 from np_drake.identification.quantities import Identified
 from np_drake.identification.validation import HeldOut
@@ -104,10 +104,9 @@ def summary(found: Identification) -> list[str]:
     lines = [headline(found)]
     lines += [f"not told: {', '.join(names)}; {way} would tell" for way, names, _ in not_told(found)]
     lines += [f"not told: {q.name}" for q in found.quantities if not q.told and not q.quantity.manoeuvre]
-    differing = [each.text for each in flight_values(found) if each.differ]
+    differing = [each.text for each in (*flight_values(found), *own_values(found)) if each.differ]
     if differing:
         lines += [*differing, "where flights differ, intervals hold the spread between them"]
-    lines += strained(found)
     if found.basis.ratios:
         lines.append(RATIOS)
     return lines

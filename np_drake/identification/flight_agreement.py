@@ -4,25 +4,17 @@ Source: DerSimonian and Laird 1986 (variance between studies); Thompson and Shar
 """
 
 import dataclasses as dc
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 from scipy import stats
 
 from np_drake.identification.estimation import Agreement
 from np_drake.identification.identify import Identification
-from np_drake.identification.quantities import SURE, Identified
+from np_drake.identification.quantities import SURE, TOLD, Identified, Quantity
 
 DIFFER = 0.01  # probability below which flights differ by more than chance [1]; own choice
 MOVES = 0.05  # probability below which a quantity moves with a covariate [1]; the usual level
-FAR = 4.0  # deviations of its prior beyond which what a flight has of its own is no accident [1]: once in 16 000
-OWN = {  # what a parameter of one flight stands for where it is far from its prior
-    "clock": "the clock of the rotors is far off",
-    "heading": "the heading of the attitude is far off",
-    "bias_x": "a steady force pushes along x",
-    "bias_y": "a steady force pushes along y",
-    "bias_z": "thrust or mass is not that of the other flights",
-}
 FEWEST = 4  # flights from which a trend is tested; own choice: a line through three has one degree of freedom
 
 
@@ -53,12 +45,12 @@ class FlightValues:
         """What differs, in a sentence without its full stop; empty where the flights agree."""
         if not self.differ:
             return ""
-        said = f"{self.quantity.name} differs between flights"
+        said = f"{self.quantity.name}: flights differ"
         if self.moves_with:
-            return f"{said}: it moves with {self.moves_with}"
+            return f"{said}; it moves with {self.moves_with}"
         others = len(self.names) - len(self.apart)
         if self.apart and others > 1:
-            return f"{said}: {', '.join(self.apart)} {'stands' if len(self.apart) == 1 else 'stand'} out"
+            return f"{said}; {', '.join(self.apart)} {'stands' if len(self.apart) == 1 else 'stand'} out"
         return said
 
 
@@ -88,16 +80,52 @@ def flight_values(found: Identification) -> list[FlightValues]:
     return shown
 
 
-def strained(found: Identification) -> list[str]:
-    """Return a sentence for each flight of several that has something of its own far from its prior."""
-    layout = found.estimate.layout
-    own = found.estimate.z[len(layout.shared) :].reshape(layout.flights, len(layout.own))
-    return [
-        f"{model.flight.name} stands out: {OWN.get(parameter.name, parameter.name)}"
-        for model, values in zip(found.models, own, strict=True)
-        for parameter, z in zip(layout.own, values, strict=True)
-        if abs(z) > FAR and layout.flights > 1
-    ]
+# What each flight has of its own, by parameter: name, unit, and value from that of the parameter and the mean arm [m].
+OWN: dict[str, tuple[str, str, Callable[[float, float], float]]] = {
+    "charge": ("thrust against that of all flights", "1", lambda value, arm: value),
+    "shift_x": ("centre of mass x against that of all flights", "m", lambda value, arm: arm * value),
+    "shift_y": ("centre of mass y against that of all flights", "m", lambda value, arm: arm * value),
+    "shift_yaw": ("yaw trim against that of all flights", "1", lambda value, arm: value),
+    "clock": ("clock of the state by flight", "s", lambda value, arm: -value),
+    "heading": ("heading of the attitude by flight", "rad", lambda value, arm: value),
+}
+
+
+def own_values(found: Identification) -> list[FlightValues]:
+    """Return what each of several flights has of its own, with the interval of its difference to their mean.
+
+    Innovations count as white, for the covariance of the estimate holds the spread that is tested here.
+    """
+    e, layout = found.estimate, found.estimate.layout
+    covariance = np.linalg.inv(e.information + np.eye(layout.size))
+    count, arm, shown = layout.flights, found.basis.frame.arm, []
+    for number, parameter in enumerate(layout.own):
+        if parameter.name not in OWN or count < 2:
+            continue
+        places = len(layout.shared) + number + len(layout.own) * np.arange(count)
+        contrast = np.eye(count) - 1.0 / count
+        sd = np.sqrt(np.diag(contrast @ covariance[np.ix_(places, places)] @ contrast.T))
+        if not (sd < TOLD).all():
+            continue
+        z = e.z[places]
+        # Deviations from the mean of n flights have n - 1 degrees of freedom.
+        Q = float(np.sum(((z - z.mean()) / sd) ** 2)) * (count - 1) / count
+        name, unit, of = OWN[parameter.name]
+
+        def value(z: float, parameter=parameter, of=of) -> float:
+            return of(parameter.value(z), arm)
+
+        mean, low, high = (value(c) for c in (float(z.mean()), -SURE, SURE))
+        each, *both = (np.array([value(c) for c in z + k * SURE * sd]) for k in (0, -1, 1))
+        prior = (min(low, high), max(low, high))
+        p = float(stats.chi2.sf(Q, count - 1))
+        quantity = Identified(Quantity(name, "", unit, lambda v, b, mean=mean: mean), mean, mean, mean, prior, True, p)
+        told = Agreement(z, sd, 0.0, p)
+        names = tuple(model.flight.name for model in found.models)
+        apart = tuple(names[i] for i in outlying(told)) if p < DIFFER else ()
+        moves = moves_with(told, covariates(found)) if p < DIFFER else ""
+        shown.append(FlightValues(quantity, names, each, np.minimum(*both), np.maximum(*both), apart, moves))
+    return shown
 
 
 def covariates(found: Identification) -> dict[str, np.ndarray]:
