@@ -65,12 +65,11 @@ def identify(
         common_drive([], input)  # refuses what is no input before logs are read
         prior, mass = prior_of(vehicle, mass, wheelbase, propeller, order, trust)
         opened, notes = open_logs([*logs, *(held_out or [])], prior, log_map, advance)
-        flights = [log for found in opened[: len(logs)] for log in found]
         judging = [log for found in opened[len(logs) :] for log in found]
-        drive = common_drive([*flights, *judging], input)
+        drive = common_drive([log for found in opened for log in found], input)
         if trust == "thrust" and (drive == "throttle" or (drive == "rotor_speed" and vehicle is None)):
             raise ValueError(f"--trust thrust: {drive} tells no newtons without a measured coefficient; give --mass.")
-        fitted, judging, parts, left_out = split(flights, judging)
+        fitted, judging, parts, left_out = split(opened[: len(logs)], judging)
         judging, unfit = fit_to_judge(judging, parts, prior, drive)
         advance(READ, f"{len(fitted)} flight{'s' * (len(fitted) > 1)}")
         stop = parts[0][0] if parts else 1.0

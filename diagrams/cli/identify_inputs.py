@@ -132,32 +132,36 @@ def _require_turning(opened: "Opened") -> None:
 
 
 def split(
-    flights: "list[FlightLog]", judging: "list[FlightLog]"
+    logs: "list[list[FlightLog]]", judging: "list[FlightLog]"
 ) -> "tuple[list[FlightLog], list[FlightLog], list[tuple[float, float]], list[str]]":
     """Return flights to fit, those to judge by, the shares of these that count (none: whole), and what is left out.
 
     Args:
-        flights: of the logs to fit.
-        judging: of those that are held out; none: the last flight, or the last third of a single one.
+        logs: flights of each log to fit; a log with gaps has several.
+        judging: of those that are held out; none: the last log, or the last third of a single flight.
     """
     from np_drake.identification.identify import SHORTEST, lasts
 
-    short = [log for log in [*flights, *judging] if lasts(log) < SHORTEST]
-    said = [f"{log.name}: shorter than {SHORTEST:g} s; left out" for log in short]
-    long, judges = ([log for log in logs if lasts(log) >= SHORTEST] for logs in (flights, judging))
+    flights = [log for found in logs for log in found]
+    said = [
+        f"{log.name}: shorter than {SHORTEST:g} s; left out" for log in [*flights, *judging] if lasts(log) < SHORTEST
+    ]
+    judges = [log for log in judging if lasts(log) >= SHORTEST]
     if judging and not judges:
         raise ValueError(f"--held-out: must last {SHORTEST:g} s at least; got {lasts(judging[0]):.2g} s.")
+    long = [kept for found in logs if (kept := [log for log in found if lasts(log) >= SHORTEST])]
     if not long:
-        raise ValueError(
-            f"needs a flight of {SHORTEST:g} s at least; the longest lasts {max(map(lasts, flights)):.2g} s."
-        )
+        most = max(map(lasts, flights))
+        raise ValueError(f"needs a flight of {SHORTEST:g} s at least; the longest lasts {most:.2g} s.")
+    every = [log for kept in long for log in kept]
     if judges:
-        return long, judges, [], said
-    if len(long) > 1:
-        return long[:-1], long[-1:], [], said
-    if LAST * lasts(long[0]) < SHORTEST:
-        return long, [], [], [*said, f"{long[0].name}: too short to hold a third of it out"]
-    return long, long, [(LAST, 1.0)], said
+        return every, judges, [], said
+    if len(every) > 1:
+        last = len(long[-1]) if len(long) > 1 else 1
+        return every[:-last], every[-last:], [], said
+    if LAST * lasts(every[0]) < SHORTEST:
+        return every, [], [], [*said, f"{every[0].name}: too short to hold a third of it out"]
+    return every, every, [(LAST, 1.0)], said
 
 
 def fit_to_judge(

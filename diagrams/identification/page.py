@@ -44,7 +44,7 @@ def write_page(
     Raises: OSError: if the folder cannot be written.
     """
     require_writable(folder / PAGE)
-    each = [*flight_values(found), *own_values(found)]
+    each = sorted([*own_values(found), *flight_values(found)], key=lambda told: not told.differ)
     figures = {"intervals": interval_figure(found)}
     if each:
         figures["agreement"] = agreement_figure(found, each)

@@ -82,12 +82,12 @@ def flight_values(found: Identification) -> list[FlightValues]:
 
 # What each flight has of its own, by parameter: name, unit, and value from that of the parameter and the mean arm [m].
 OWN: dict[str, tuple[str, str, Callable[[float, float], float]]] = {
-    "charge": ("thrust against that of all flights", "1", lambda value, arm: value),
-    "shift_x": ("centre of mass x against that of all flights", "m", lambda value, arm: arm * value),
-    "shift_y": ("centre of mass y against that of all flights", "m", lambda value, arm: arm * value),
-    "shift_yaw": ("yaw trim against that of all flights", "1", lambda value, arm: value),
-    "clock": ("clock of the state by flight", "s", lambda value, arm: -value),
-    "heading": ("heading of the attitude by flight", "rad", lambda value, arm: value),
+    "charge": ("thrust of a flight", "1", lambda value, arm: value),
+    "shift_x": ("centre of mass x of a flight", "m", lambda value, arm: arm * value),
+    "shift_y": ("centre of mass y of a flight", "m", lambda value, arm: arm * value),
+    "shift_yaw": ("yaw trim of a flight", "1", lambda value, arm: value),
+    "clock": ("clock of a flight", "s", lambda value, arm: -value),
+    "heading": ("heading of a flight", "rad", lambda value, arm: value),
 }
 
 
