@@ -92,7 +92,6 @@ def content(found: Identification, rows: Sequence[HeldOut], each: Sequence[Fligh
         each: what each flight tells alone.
     """
     drive = KINDS[found.basis.drive]
-    differing = [told for told in each if told.differ]
     units = ("N/kg", "N·m/kg") if found.basis.ratios else ("N", "N·m")
     return {
         "vehicle": found.prior.name,
@@ -113,7 +112,7 @@ def content(found: Identification, rows: Sequence[HeldOut], each: Sequence[Fligh
             for q in found.quantities
         ],
         "agreeing": [told.quantity.name for told in each if not told.differ],
-        "differing": [f"{capital(told.text)}." for told in differing],
+        "differing": [f"{capital(sentence)}." for sentence in differences(each)],
         "numbers": flights_line(found),
         "residual_header": ["flight", "model", *(f"{kind} {axis}" for kind in ("force", "torque") for axis in "xyz")],
         "residuals": [_residual(row, units) for row in rows],

@@ -8,7 +8,7 @@ import numpy as np
 from np_drake.diagnosis.report.words import UNITS, estimate, flights, listed, number, suited
 from np_drake.diagnosis.result import Estimate
 from np_drake.files.number_text import percent
-from np_drake.identification.flight_agreement import DIFFER, flight_values, own_values
+from np_drake.identification.flight_agreement import DIFFER, FlightValues, flight_values, own_values
 from np_drake.identification.identify import Identification
 from np_drake.identification.quantities import Identified
 from np_drake.identification.validation import HeldOut
@@ -104,12 +104,23 @@ def summary(found: Identification) -> list[str]:
     lines = [headline(found)]
     lines += [f"not told: {', '.join(names)}; {way} would tell" for way, names, _ in not_told(found)]
     lines += [f"not told: {q.name}" for q in found.quantities if not q.told and not q.quantity.manoeuvre]
-    differing = [each.text for each in (*flight_values(found), *own_values(found)) if each.differ]
-    if differing:
+    if differing := differences([*own_values(found), *flight_values(found)]):
         lines += [*differing, "where flights differ, intervals hold the spread between them"]
     if found.basis.ratios:
         lines.append(RATIOS)
     return lines
+
+
+def differences(each: Sequence[FlightValues]) -> list[str]:
+    """Return what flights differ in: a sentence for what stands out or moves with something, one for all else.
+
+    Args:
+        each: quantities with the values of the flights.
+    """
+    differing = [told for told in each if told.differ]
+    plain = [told.quantity.name for told in differing if not told.apart and not told.moves_with]
+    return [*([f"flights differ in: {'; '.join(plain)}"] if plain else []),
+            *(told.text for told in differing if told.quantity.name not in plain)]  # fmt: skip
 
 
 def agreement(q: Identified) -> str:
