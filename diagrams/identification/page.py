@@ -9,7 +9,17 @@ import numpy as np
 
 from diagrams.identification.figures import agreement_figure, flights_line, interval_figure, residual_figure
 from diagrams.identification.ghosts import HORIZON, error_figure, ghosts_of, motion_figure, path_figure, title_of
-from diagrams.identification.text import KINDS, RATIOS, agreement, headline, interval, lead, not_told, prior_interval
+from diagrams.identification.text import (
+    KINDS,
+    RATIOS,
+    agreement,
+    differences,
+    headline,
+    interval,
+    lead,
+    not_told,
+    prior_interval,
+)
 from np_drake.diagnosis.report.page import embedded, style, template_of
 from np_drake.diagnosis.report.words import capital, listed, measure
 from np_drake.files.atomic_file import require_writable, write_bytes, write_text
