@@ -9,7 +9,6 @@ from diagrams.challenge.generate.sensor_quality import REAL, draw_sensor_quality
 from diagrams.challenge.generate.trajectories import draw_plans
 from diagrams.challenge.simulators.drake.simulator import fly
 from np_drake import attitude
-from np_drake.effects.base import Effect
 from np_drake.effects.blade_flapping import BladeFlapping
 from np_drake.effects.calibration import effects_of
 from np_drake.effects.linear_drag import LinearDrag
@@ -32,12 +31,16 @@ ATTEMPTS = 40  # draws of a vehicle until its controller flies it
 class Truth:
     """A simulated vehicle.
 
-    vehicle: its true parameters, calibration included.   air: drag, flapping and lift.   input: what its logs hold.
-    known: what its owner knows: geometry and mass, with guesses for the rest.
+    vehicle: its true parameters, calibration included.   throttle: its map.   imu: (3,) the accelerometer from Bo [m].
+    drag, flapping, lift: of the air.   input: what its logs hold.   known: what its owner knows: geometry and mass, with guesses for the rest.
     """
 
     vehicle: Vehicle
-    air: tuple[Effect, ...]
+    throttle: ThrottleMap
+    imu: np.ndarray
+    drag: LinearDrag
+    flapping: BladeFlapping
+    lift: TranslationalLift
     input: str
     known: Vehicle
 
@@ -48,20 +51,19 @@ class Truth:
             volts: voltage to which full throttle refers [V]; 0: that of the vehicle.
         """
         v, c = self.vehicle, self.vehicle.calibration
-        drag, flapping, lift = self.air
         found = {
             "torque over thrust": v.torque_coefficient / v.thrust_coefficient,
             "inertia of a rotor": c.rotor_inertia,
-            "drag, lateral": drag.d_x / v.mass,
-            "drag, vertical": drag.d_z / v.mass,
-            "lift of lateral speed": lift.lift / v.mass,
+            "drag, lateral": self.drag.d_x / v.mass,
+            "drag, vertical": self.drag.d_z / v.mass,
+            "lift of lateral speed": self.lift.lift / v.mass,
         }
         found |= {
             f"inertia {a}{b}": v.J["xyz".index(a), "xyz".index(b)] for a, b in ("xx", "yy", "zz", "xy", "xz", "yz")
         }
         found |= {f"centre of mass {a}": c.center_of_mass[i] for i, a in enumerate("xy")}
         found |= {f"gain of rotor {i + 1}": gain for i, gain in enumerate(c.rotor_gains)}
-        found |= {f"IMU {a}": c.imu_position[i] for i, a in enumerate("xyz")}
+        found |= {f"IMU {a}": float(self.imu[i]) for i, a in enumerate("xyz")}
         found |= {f"IMU tilt {a}": c.imu_tilt[i] for i, a in enumerate("xyz")}
         if self.input == "rotor_speed":
             return found | {"thrust coefficient": v.thrust_coefficient, "clock of the state": 0.0}
@@ -73,9 +75,9 @@ class Truth:
         if self.input == "command":
             return found | {"logged thrust, true over logged": 1.0}
         return found | {
-            "thrust at full throttle": float(v.throttle.thrust(1.0, volts or None)),
-            "linear share of throttle": v.throttle.linear,
-            "power of the voltage": v.throttle.voltage_exponent,
+            "thrust at full throttle": float(self.throttle.thrust(1.0, volts or None)),
+            "linear share of throttle": self.throttle.linear,
+            "power of the voltage": self.throttle.voltage_exponent,
         }
 
 
@@ -107,7 +109,6 @@ def draw_truth(rng: np.random.Generator, kind: str) -> Truth:
     xx = mass * arm**2 * _drawn(rng, told.inertia)
     yy = xx * _drawn(rng, told.inertia_pitch)
     zz = (xx + yy) * min(_drawn(rng, told.inertia_yaw), 0.98)
-    spin = np.sqrt(0.25 * mass * G / k)
     off = np.array([_spread(rng, 0.0, 0.02) for _ in range(3)])
     mean = 0.5 * (xx + yy)
     J = np.diag([xx, yy, zz])
@@ -144,11 +145,9 @@ def draw_truth(rng: np.random.Generator, kind: str) -> Truth:
         measurement_noise=MeasurementNoise(),
     ).check()
     drag = mass * rng.uniform(0.05, 0.3)
-    air = (
-        LinearDrag(drag, drag, mass * float(rng.uniform(0.05, 0.3))),
-        BladeFlapping(float(mass * arm * rng.uniform(0.0, 0.15))),
-        TranslationalLift(float(mass * rng.uniform(0.0, 0.03))),
-    )
+    dragging = LinearDrag(drag, drag, mass * float(rng.uniform(0.05, 0.3)))
+    flapping = BladeFlapping(float(mass * arm * rng.uniform(0.0, 0.15)))
+    lift = TranslationalLift(float(mass * rng.uniform(0.0, 0.03)))
     known = dc.replace(
         vehicle,
         inertia=np.diag([0.3 * mass * arm**2] * 2 + [0.5 * mass * arm**2]).tolist(),
@@ -158,7 +157,8 @@ def draw_truth(rng: np.random.Generator, kind: str) -> Truth:
         thrust_coefficient=1.4 * float(k),
         torque_coefficient=1.4 * float(lever * k),
     ).check()
-    return Truth(vehicle, air, kind, known)
+    imu = np.array(calibration.imu_position)
+    return Truth(vehicle, throttle, imu, dragging, flapping, lift, kind, known)
 
 
 def fly_truth(truth: Truth, rng: np.random.Generator, flights: int, seconds: float) -> list[FlightLog]:
@@ -178,7 +178,9 @@ def fly_truth(truth: Truth, rng: np.random.Generator, flights: int, seconds: flo
         # The accelerometer's reading is turned to W by the attitude of the log.
         quality = dc.replace(draw_sensor_quality(REAL, rng, spin), rotor=TACHOMETER * spin, turned=True)
         seen = np.array([0.002] * 3 + [0.0, *[0.003] * 3] + [0.02] * 3 + [white.rate] * 3)
-        exact = fly(v, plan, (*effects, *truth.air), t=quality.instants(rng, seconds), noise=seen)
+        exact = fly(
+            v, plan, (*effects, truth.drag, truth.flapping, truth.lift), t=quality.instants(rng, seconds), noise=seen
+        )
         thrust = exact.u @ v.unmixer.T
         limited = (thrust < 0.01 * v.max_rotor_thrust) | (thrust > 0.99 * v.max_rotor_thrust)
         if np.mean(limited) > SATURATED:
@@ -211,7 +213,7 @@ def _as_logged(exact: FlightLog, truth: Truth, quality, rng: np.random.Generator
     """Return a flight as the sensors of the vehicle log it."""
     v, g = truth.vehicle, np.array([0.0, 0.0, G])
     # The accelerometer averages over the interval after a row: the change of its velocity.
-    velocity = exact.v + attitude.rotate(exact.q, np.cross(exact.w, v.calibration.imu_position))
+    velocity = exact.v + attitude.rotate(exact.q, np.cross(exact.w, truth.imu))
     rate = np.diff(velocity, axis=0) / np.diff(exact.t)[:, None]
     half = attitude.rotation_vector(attitude.multiply(attitude.conjugate(exact.q[:-1]), exact.q[1:]))
     middle = attitude.multiply(exact.q[:-1], attitude.from_rotation_vector(0.5 * half))
@@ -230,5 +232,5 @@ def _as_logged(exact: FlightLog, truth: Truth, quality, rng: np.random.Generator
         return dc.replace(log, rotor=None)
     sagging = np.linspace(4.0, 3.5, len(log)) + 0.02 * rng.normal()
     wanted = np.maximum(log.u @ v.unmixer.T, 0.0)
-    throttle = v.throttle.throttle(wanted, sagging[:, None])
+    throttle = truth.throttle.throttle(wanted, sagging[:, None])
     return dc.replace(log, rotor=None, throttle=throttle, voltage=sagging, input="normalised")

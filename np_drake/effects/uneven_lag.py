@@ -22,7 +22,10 @@ class UnevenLag(MotorLag):
     identifier = "uneven_lag"
     role = "calibration"
     named = "a lag of its own when slowing down"
-    parameters = (*MotorLag.parameters, Parameter("down", "s", 0.0, 0.0, 0.3, 0.03))
+    parameters = (  # type: ignore[assignment]  # one more than of the lag
+        *MotorLag.parameters,
+        Parameter("down", "s", 0.0, 0.0, 0.3, 0.03),
+    )
 
     def state_rate(self, vehicle: Vehicle, state: np.ndarray, command: np.ndarray) -> np.ndarray:
         """Return the rate of rotor speed, (..., 4) [rad/s²]."""

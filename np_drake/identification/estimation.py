@@ -19,7 +19,9 @@ from np_drake.identification.parameters import Layout
 PASSES = 4  # of noise models
 ITERATIONS = 3  # of Gauss-Newton within one
 STEP = 1e-4  # of a finite difference, in standard deviations of the prior
-BLOCK = 2.0  # length of blocks that are taken as independent [s]; own choice: longer than manoeuvres last
+BLOCK = 1.0  # length of the blocks into which a flight's scores are summed [s]; own choice: a manoeuvre
+TOGETHER = (1, 3, 9)  # blocks that are taken as dependent; own choice: up to the slow errors of an estimator
+LEAST_BLOCKS = 8  # of one length from which they tell a covariance; own choice: Student's factor is then 1.2
 LEAST_FLIGHTS = 5  # from which flights are taken as independent clusters; own choice
 LARGEST = 2.0  # step in standard deviations of the prior
 BOUND = 6.0  # standard deviations of the prior beyond which a parameter does not go
@@ -30,22 +32,33 @@ SETTLED = 1e-3  # largest step at which the descent ends
 class Estimate:
     """Parameters of the model on some flights.
 
-    z: (k,) standardised coordinates.   covariance: (k, k) of z.   information: (k, k) of the data alone.
-    clustered: (k, k) covariance with flights as independent, widened by Student's t; None: of too few flights.
+    z: (k,) standardised coordinates.   covariances: (k, k) of z, by what is taken as independent: innovations, blocks
+    of several lengths and, of enough flights, these; all but the first widened by Student's t for their number. The
+    variance of anything is the largest.   information: (k, k) of the data alone.
     agreement: by shared parameter, how the flights agree; only where two or more tell it.
     """
 
     layout: Layout
     z: np.ndarray
-    covariance: np.ndarray
+    covariances: tuple[np.ndarray, ...]
     information: np.ndarray
-    clustered: np.ndarray | None = None
     agreement: dict[str, "Agreement"] = dc.field(default_factory=dict)
 
     @property
     def sd(self) -> np.ndarray:
         """(k,) standard deviations of z."""
-        return np.sqrt(np.diag(self.covariance))
+        return np.sqrt(np.max([np.diag(c) for c in self.covariances], axis=0))
+
+    @property
+    def covariance(self) -> np.ndarray:
+        """(k, k) joint covariance of z: these deviations, with the correlations of the shortest blocks."""
+        shortest = self.covariances[min(1, len(self.covariances) - 1)]
+        own = self.sd / np.sqrt(np.diag(shortest))
+        return shortest * np.outer(own, own)
+
+    def variance(self, gradient: np.ndarray) -> float:
+        """Return the variance of a quantity with the derivatives `gradient` (k,) by z."""
+        return float(max(gradient @ c @ gradient for c in self.covariances))
 
 
 @dc.dataclass(frozen=True)
@@ -70,39 +83,60 @@ def estimate(models: Sequence[FlightModel], layout: Layout) -> Estimate:
         layout: of the parameters.
     """
     z = np.zeros(layout.size)
-    for number in range(PASSES):
+    alone = [z] * len(models)
+    for turn in range(PASSES):
         whitenings = []
-        first = number == 0
-        for number, model in enumerate(models):
-            if not first:
-                model.smooth(layout.values(z, number))
-            e = model.residual(layout.values(z, number))
-            whitenings.append(Whitening.of(e, model.flight.good))
+        for model, (number, own) in zip(models, enumerate(alone), strict=True):
+            if turn:
+                model.smooth(layout.values(own, number))
+            # What this flight alone leaves: a disagreement with others is not its noise.
+            whitenings.append(Whitening.of(model.residual(layout.values(own, number)), model.flight.good))
         before = z
         z, parts = _descend(models, layout, z, whitenings)
+        alone = [_alone(part, layout, z, number)[0] for number, part in enumerate(parts)]
         if np.abs(z - before).max() < 0.02:
             break
-    H = sum(part.information for part in parts) + np.eye(layout.size)
-    scores = np.concatenate([part.scores for part in parts])
-    M = scores.T @ scores * len(scores) / max(len(scores) - 1, 1) + np.eye(layout.size)
-    inverse = np.linalg.inv(H)
-    robust = inverse @ M @ inverse
-    # The blocks are few for what is hardly excited: never surer than the model with white innovations.
-    wider = np.sqrt(np.maximum(np.diag(inverse) / np.diag(robust), 1.0))
-    covariance = robust * np.outer(wider, wider)
-    agreement = _agreement(parts, layout, z)
-    for i, name in enumerate(layout.names):
-        if name in agreement:
-            covariance[i, i] += _between(agreement[name])
-    _add_spread_of_own(covariance, layout, z)
-    clustered = None
+    information = np.sum([part.information for part in parts], axis=0)
+    inverse = np.linalg.inv(information + np.eye(layout.size))
+    single = parts
+    if len(parts) > 1:
+        flights = zip(models, alone, whitenings, strict=True)
+        single = [_part(model, layout, own, number, w) for number, (model, own, w) in enumerate(flights)]
+    agreement = _agreement(single, layout, alone)
+    covariances = [inverse]
+    for together in TOGETHER:
+        scores = np.concatenate([_summed(part.scores, together) for part in single])
+        if together == 1 or len(scores) >= LEAST_BLOCKS:
+            covariances.append(_sandwich(inverse, scores))
     if len(parts) >= LEAST_FLIGHTS:
-        flights = np.stack([part.gradient for part in parts])
-        flights = flights - flights.mean(axis=0)
-        few = float(stats.t.ppf(0.975, len(parts) - 1) / stats.norm.ppf(0.975))
-        spread = flights.T @ flights * len(parts) / (len(parts) - 1) + np.eye(layout.size)
-        clustered = few**2 * inverse @ spread @ inverse
-    return Estimate(layout, z, covariance, H - np.eye(layout.size), clustered, agreement)
+        covariances.append(_sandwich(inverse, np.stack([part.gradient for part in parts])))
+    between = _between_flights(agreement, layout) + _spread_of_own(covariances[1], layout, z)
+    # Whatever flights leave, vehicles lie as the prior says.
+    within = tuple(_not_above_the_prior(c + np.diag(between)) for c in covariances)
+    return Estimate(layout, z, within, information, agreement)
+
+
+def _not_above_the_prior(covariance: np.ndarray) -> np.ndarray:
+    """Return the covariance (k, k) of z with no deviation above that of the prior, 1."""
+    known = np.minimum(1.0 / np.sqrt(np.diag(covariance)), 1.0)
+    return covariance * np.outer(known, known)
+
+
+def _summed(scores: np.ndarray, together: int) -> np.ndarray:
+    """Return the sums (c, k) of so many consecutive scores (b, k)."""
+    return np.add.reduceat(scores, np.arange(0, len(scores), together))
+
+
+def _sandwich(inverse: np.ndarray, scores: np.ndarray) -> np.ndarray:
+    """Return the covariance (k, k) with independent scores (c, k), widened by Student's t for their number.
+
+    inverse: (k, k) of the information with that of the prior.   Source: White 1982; the prior counts as data.
+    """
+    count = max(len(scores), 2)
+    apart = scores - scores.mean(axis=0)
+    few = float(stats.t.ppf(0.975, count - 1) / stats.norm.ppf(0.975))
+    middle = few**2 * apart.T @ apart * count / (count - 1) + np.eye(len(inverse))
+    return inverse @ middle @ inverse
 
 
 @dc.dataclass(frozen=True)
@@ -170,24 +204,38 @@ def _part(model: FlightModel, layout: Layout, z: np.ndarray, number: int, whiten
     return _Part(gradient, information, scores, 0.5 * float(np.sum(e**2)))
 
 
-def _agreement(parts: Sequence[_Part], layout: Layout, z: np.ndarray) -> dict[str, Agreement]:
-    """Return how flights agree: each by one step from the common estimate, less what the prior tells."""
+def _alone(part: _Part, layout: Layout, z: np.ndarray, number: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return what a flight alone tells (k,), by one step from z (k,), and the inverse of its Hessian."""
+    own = layout.indices(number)
+    inverse = np.linalg.inv(part.information[np.ix_(own, own)] + np.eye(len(own)))
+    moved = z.copy()
+    moved[own] = np.clip(z[own] - inverse @ (part.gradient[own] + z[own]), -BOUND, BOUND)
+    return moved, inverse
+
+
+def _agreement(parts: Sequence[_Part], layout: Layout, alone: Sequence[np.ndarray]) -> dict[str, Agreement]:
+    """Return how flights agree: what each tells alone, less what the prior tells.
+
+    Args:
+        parts: of the flights, each at its own estimate.
+        layout: of the parameters.
+        alone: estimates (k,) of the flights.
+    """
     if len(parts) < 2:
         return {}
     n = len(layout.shared)
     values, sds = np.full((len(parts), n), np.nan), np.full((len(parts), n), np.nan)
     for number, part in enumerate(parts):
         own = layout.indices(number)
-        H = part.information[np.ix_(own, own)] + np.eye(len(own))
-        inverse = np.linalg.inv(H)
-        mean = z[own] - inverse @ (part.gradient[own] + z[own])
+        moved, inverse = _alone(part, layout, alone[number], number)
+        mean = moved[own]
         scores = part.scores[:, own]
         M = scores.T @ scores * len(scores) / max(len(scores) - 1, 1) + np.eye(len(own))
         variance = np.maximum(np.diag(inverse @ M @ inverse), np.diag(inverse))[:n]
         told = variance < 0.25
-        alone = variance / np.maximum(1.0 - variance, 1e-9)
-        values[number] = np.where(told, mean[:n] * alone / variance, np.nan)
-        sds[number] = np.where(told, np.sqrt(np.maximum(alone, 1e-18)), np.nan)
+        free = variance / np.maximum(1.0 - variance, 1e-9)  # of the prior
+        values[number] = np.where(told, mean[:n] * free / variance, np.nan)
+        sds[number] = np.where(told, np.sqrt(np.maximum(free, 1e-18)), np.nan)
     return {
         p.name: found for i, p in enumerate(layout.shared) if (found := _compare(values[:, i], sds[:, i])) is not None
     }
@@ -206,24 +254,33 @@ def _compare(values: np.ndarray, sd: np.ndarray) -> Agreement | None:
     return Agreement(values, sd, variance, float(stats.chi2.sf(Q, len(x) - 1)))
 
 
-def _add_spread_of_own(covariance: np.ndarray, layout: Layout, z: np.ndarray) -> None:
-    """Add to the variances of flights' own parameters by how much flights differ beyond them.
+def _between_flights(agreement: dict[str, Agreement], layout: Layout) -> np.ndarray:
+    """Return what the variance between flights adds to the variances of z (k,)."""
+    out = np.zeros(layout.size)
+    for i, name in enumerate(layout.names):
+        if name in agreement:
+            out[i] = _between(agreement[name])
+    return out
+
+
+def _spread_of_own(covariance: np.ndarray, layout: Layout, z: np.ndarray) -> np.ndarray:
+    """Return what to add to the variances (k,) of flights' own parameters, by how much flights differ beyond them.
 
     A mean over flights is then that of any flight, not of these alone.
     """
-    if layout.flights < 2:
-        return
-    first, count = len(layout.shared), len(layout.own)
-    for i in range(count):
-        own = slice(first + i, None, count)
-        excess = float(np.var(z[own], ddof=1) - np.mean(np.diag(covariance)[own]))
-        covariance[np.arange(len(z))[own], np.arange(len(z))[own]] += max(excess, 0.0)
+    out = np.zeros(layout.size)
+    if layout.flights > 1:
+        first, count = len(layout.shared), len(layout.own)
+        for i in range(count):
+            own = slice(first + i, None, count)
+            out[own] = max(float(np.var(z[own], ddof=1) - np.mean(np.diag(covariance)[own])), 0.0)
+    return out
 
 
 def _between(agreement: Agreement) -> float:
     """Return what the variance between flights adds to that of their mean, with Student's t for their number."""
     here = np.isfinite(agreement.sd)
-    weight = 1.0 / (agreement.sd[here] ** 2 + agreement.variance)
+    weight = 1.0 / agreement.sd[here] ** 2  # as flights count in the common estimate
     share = float((weight**2).sum() / weight.sum() ** 2)
     few = float(stats.t.ppf(0.975, here.sum() - 1) / stats.norm.ppf(0.975))
     return agreement.variance * share * few**2

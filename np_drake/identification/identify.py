@@ -17,7 +17,7 @@ from np_drake.identification.signals import Signals, signals
 from np_drake.vehicle import Vehicle
 
 SHORTEST = 3.0  # flight that tells anything [s]; own choice: three swings of a small vehicle
-IN_THE_AIR = 2.0  # of it, in the air [s]; own choice: two blocks of time for the covariance would be less
+LEAST = 1.5  # of it that counts [s]; own choice: half of that
 REMEDY = "Fly roll and pitch doublets, fast turns of the heading and quick changes of height."
 STEP = 1e-4  # of a finite difference, in standard deviations of the prior
 
@@ -53,8 +53,7 @@ class Identification:
             z, zero = e.z, np.zeros_like(e.z)
             here, gradient = of(z), _gradient(of, z)
             before, slope = of(zero), _gradient(of, zero)
-            covariances = [c for c in (e.covariance, e.clustered) if c is not None]
-            sd = float(np.sqrt(max(gradient @ c @ gradient for c in covariances)))
+            sd = float(np.sqrt(e.variance(gradient)))
             prior = float(np.linalg.norm(_of_one_flight(slope, layout)))
             bounds = np.array([here, here - SURE * sd, here + SURE * sd, before - SURE * prior, before + SURE * prior])
             value, low, high, *both = np.exp(bounds) if q.positive else bounds
@@ -107,6 +106,8 @@ def identify(
             kept.append(log)
     if not seen:
         raise ValueError(f"identify: no flight tells anything of the vehicle. {'; '.join(notes)}. {REMEDY}")
+    if any(flight.command is None for flight in seen):
+        seen = [dc.replace(flight, command=None) for flight in seen]
     frame = _frame(seen, prior, drive)
     parts = _parts(seen, drive)
     coefficient = prior.thrust_coefficient if trusted and mass is None and drive == "rotor_speed" else None
@@ -137,10 +138,11 @@ def unfit(flight: Signals, share: float = 1.0) -> str:
     """
     if not np.isfinite(flight.input).all():
         return "what turns the rotors is not known in every row"
-    if not (flight.input[flight.edges[:-1]][flight.good].mean(axis=0) > 0).all():
-        return "a rotor does not turn, as on a desk"
     seconds = float(flight.good.sum() * flight.step)
-    return "" if seconds >= IN_THE_AIR * share else f"only {seconds:.1f} s without gaps in the air"
+    if seconds < LEAST * share:
+        return f"flies {seconds:.1f} s without gaps and faults"
+    turns = flight.input[flight.edges[:-1]][flight.good].mean(axis=0) > 0
+    return "" if turns.all() else "a rotor does not turn, as on a desk"
 
 
 def _gradient(of: Callable[[np.ndarray], float], z: np.ndarray) -> np.ndarray:

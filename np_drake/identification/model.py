@@ -246,7 +246,7 @@ class FlightModel:
         return self._keep("rotors", key, make)
 
     def _driven(self, v: Values) -> tuple[np.ndarray, np.ndarray]:
-        """Return the relative speeds (k, 4) at the edges of the fine grid (k,) [s] by the command, without dead time."""
+        """Return the fine grid (k,) [s] and the relative speeds (k, 4) there by the command, without dead time."""
         s, grid = self.flight, self.flight.substeps
 
         def make() -> tuple[np.ndarray, np.ndarray]:
@@ -290,9 +290,10 @@ class FlightModel:
 
 @dc.dataclass(frozen=True)
 class Rotors:
-    """Rotors in the bins: mean relative speed, mean of its square, that at the accelerometer's time, and rate of change.
+    """Relative speeds of the rotors in the bins, (m, 4).
 
-    All are (m, 4); the last is in 1/s.
+    speed: mean [1].   thrust: mean square [1].   late: the same at the accelerometer's time [1].   rate: of its change
+    [1/s].
     """
 
     speed: np.ndarray

@@ -16,8 +16,8 @@ SURE = 1.959964  # standard deviations of 95 %
 class Basis:
     """What turns quantities over mass into those of a vehicle.
 
-    frame: what is given.   drive: what turned the rotors.   mass: given [kg]; None: not.   coefficient: of thrust, where
-    it is trusted and the mass is not given [N/(rad/s)²].   spin: rotor speed in hover, or an estimate [rad/s].
+    frame: what is given.   drive: what turned the rotors.   mass: given [kg]; None: not.   coefficient: of thrust,
+    where it is trusted and the mass is not given [N/(rad/s)²].   spin: rotor speed in hover, or an estimate [rad/s].
     newtons: whether the mass follows from commanded thrust.
     """
 
@@ -55,8 +55,8 @@ class Basis:
 class Quantity:
     """One number of a vehicle file.
 
-    field: of the vehicle file; empty: of none.   index: place in a vector or matrix.   unit: as printed; over mass where
-    only ratios are told.   of: from the parameters.   positive: whether its interval is one of ratios.
+    field: of the vehicle file; empty: of none.   index: place in a vector or matrix.   unit: as printed; over mass
+    where only ratios are told.   of: from the parameters.   positive: whether its interval is one of ratios.
     needs: what a log must hold.   per_mass: whether it scales with the mass.   why: what a flight that does not tell it
     lacks, and `manoeuvre`: what would tell it.
     """
@@ -97,10 +97,20 @@ def _gain(i: int) -> Callable[[Values, Basis], float]:
     return of
 
 
+def _full_over_hover(v: Values, b: Basis) -> float:
+    """Return rotor speed at full throttle over that in hover [1]."""
+    return v["full_speed"] / float(target_speed(np.array(b.frame.throttle), v["curve"], v["idle"]))
+
+
 def _full(v: Values, b: Basis) -> float:
     """Return the thrust of one rotor at full throttle and the reference voltage [N]."""
-    speed = v["full_speed"] / float(target_speed(np.array(b.frame.throttle), v["curve"], v["idle"]))
-    return b.hover_thrust(v) * speed**2
+    return b.hover_thrust(v) * _full_over_hover(v, b) ** 2
+
+
+def _linear(v: Values, b: Basis) -> float:
+    """Return the linear share of the vehicle file's curve, which has no idle speed, that gives the thrust of hover."""
+    u = float(np.clip(b.frame.throttle, 0.05, 0.95))
+    return (float(target_speed(np.array(u), v["curve"], v["idle"])) ** 2 - u * u) / (u - u * u)
 
 
 ROLL = "roll and pitch doublets"
@@ -141,10 +151,10 @@ QUANTITIES: tuple[Quantity, ...] = (
     Quantity("thrust at full throttle", "throttle.full_thrust", "N", _full, positive=True, needs=("throttle", "mass"),
              per_mass=True, why="throttle stays near hover", manoeuvre="climbs at full throttle"),
     Quantity("rotor speed at full throttle", "", "rad/s",
-             lambda v, b: b.spin * v["full_speed"] / float(target_speed(np.array(b.frame.throttle), v["curve"], v["idle"])),
+             lambda v, b: b.spin * _full_over_hover(v, b),
              positive=True, needs=("throttle", "speed"), why="throttle stays near hover",
              manoeuvre="climbs at full throttle"),
-    Quantity("linear share of throttle", "throttle.linear", "1", _plain("curve"), needs=THROTTLE,
+    Quantity("linear share of throttle", "throttle.linear", "1", _linear, needs=THROTTLE,
              why="throttle stays near hover", manoeuvre="climbs and descents"),
     Quantity("idle speed over full speed", "", "1", _plain("idle"), needs=THROTTLE,
              why="throttle stays near hover", manoeuvre="descents with idle motors"),
@@ -155,8 +165,10 @@ QUANTITIES: tuple[Quantity, ...] = (
       for i, (a, m) in enumerate((("x", YAW), ("y", YAW), ("z", ROLL)))),
     *(Quantity(f"IMU tilt {a}", "calibration.imu_tilt", "rad", _plain(f"tilt_{a}"), (i,), needs=("accelerometer",),
                why="a bias of the accelerometer looks the same", manoeuvre=BLIPS) for i, a in enumerate("xyz")),
-    Quantity("drag, lateral", "", "1/s", _plain("drag"), needs=("velocity",), why="it flies slowly", manoeuvre="speed"),
-    Quantity("drag, vertical", "", "1/s", _plain("climb"), needs=("velocity",), why="it climbs slowly", manoeuvre=BLIPS),
+    Quantity("drag, lateral", "", "1/s", _plain("drag"), needs=("velocity",), why="it flies slowly",
+             manoeuvre="speed"),
+    Quantity("drag, vertical", "", "1/s", _plain("climb"), needs=("velocity",), why="it climbs slowly",
+             manoeuvre=BLIPS),
     Quantity("lift of lateral speed", "", "1/m", _plain("lift"), needs=("velocity",), why="it flies slowly",
              manoeuvre="speed"),
     Quantity("pitch moment of forward speed", "", "m/s", _length("flap_x"), needs=("velocity",), why="it flies slowly",

@@ -2,8 +2,8 @@
 
 Rotor speeds are relative to that of hover, so that a thrust needs no thrust coefficient:
 f / f_hover = speed², with T d speed/dt = target(throttle) - speed and T another where the speed falls.
-Source: first-order ESC and motor; the curve is that of PX4's thrust model, u -> (1 - c) u² + c u, on a speed at which idle
-motors turn.
+Source: first-order ESC and motor; the curve is that of PX4's thrust model, u -> (1 - c) u² + c u, on a speed at which
+idle motors turn.
 """
 
 import dataclasses as dc

@@ -107,38 +107,43 @@ def signals(log: FlightLog, unmixer: np.ndarray, drive: str = "") -> Signals:
         middle = attitude.rotation_vector(attitude.multiply(attitude.conjugate(log.q[:-1]), log.q[1:]))
         half = attitude.multiply(log.q[:-1], attitude.from_rotation_vector(0.5 * middle))
         force = _mean_after(attitude.rotate_back(half, np.diff(log.v, axis=0) / dt[:, None] + g), dt, edges)
-    smooth = most_likely(log.w, white_noise([log.w]), log.step)
-    products = smooth[:, :, None] * smooth[:, None, :]
     good = np.isfinite(force).all(axis=1)
     good &= np.linalg.norm(force, axis=1) > FLYING * 9.81
     source = {"rotor_speed": log.rotor, "throttle": log.throttle, "command": np.maximum(log.u @ unmixer.T, 0.0)}[drive]
+    if not _of_four_rotors(source):
+        raise ValueError(f"{log.name}: identification needs the {drive.replace('_', ' ')} of four rotors in every row.")
     source = np.asarray(source, float)
+    logged = log.throttle if drive == "throttle" else source
+    spikes = _spikes(np.concatenate([logged, log.w], axis=1))
+    w = _across(log.w, spikes)
     # Readings of rotor speed have noise. A command that changes between rows is noise to them, a held one is exact.
     if drive == "rotor_speed":
-        source = np.sqrt(_likely(np.square(source), unmixer, log.step))
+        source = np.sqrt(_likely(np.square(_across(source, spikes)), unmixer, log.step))
     elif log.timing > 0:
         source = _likely(source, unmixer, log.step)
-    logged = log.rotor if drive == "rotor_speed" else log.throttle if drive == "throttle" else source
-    good &= np.add.reduceat(_spikes(np.concatenate([logged, log.w], axis=1))[: edges[-1]], edges[:-1]) == 0
-    if log.bridged is not None:
-        good &= np.add.reduceat(log.bridged[: edges[-1]], edges[:-1]) == 0
+    smooth = most_likely(w, white_noise([w]), log.step)
+    products = smooth[:, :, None] * smooth[:, None, :]
+    bad = spikes if log.bridged is None else spikes | log.bridged
+    # A bin reaches to the row after its last.
+    touched = bad[:-1] | bad[1:]
+    good &= np.add.reduceat(touched[: edges[-1]], edges[:-1]) == 0
     good &= length[:, 0] < 1.6 * np.median(length)
-    four = log.throttle is not None and np.ndim(log.throttle) == 2 and log.throttle.shape[1] == 4
+    volts = log.voltage if log.voltage is not None and (log.voltage > 0).all() else None
     return Signals(
         name=log.name,
         t=log.t,
         smooth=smooth,
         edges=edges,
         force=force,
-        alpha=np.diff(log.w[edges], axis=0) / length,
-        rate=_mean_line(log.w, dt, edges),
+        alpha=np.diff(w[edges], axis=0) / length,
+        rate=_mean_line(w, dt, edges),
         spread=_mean_line(products.reshape(rows, 9), dt, edges).reshape(-1, 3, 3),
         velocity=_mean_line(velocity_in_body, dt, edges) if known else None,
         good=good,
         drive=drive,
         input=source,
-        command=log.throttle if four and drive == "rotor_speed" else None,
-        voltage=log.voltage if log.voltage is not None and np.isfinite(log.voltage).all() else None,
+        command=log.throttle if _of_four_rotors(log.throttle) and drive == "rotor_speed" else None,
+        voltage=volts,
         accelerometer=log.a is not None,
         timing=log.timing,
     )
@@ -149,9 +154,9 @@ def drive_of(log: FlightLog) -> str:
 
     Raises: ValueError: where the log has neither rotor speed, nor the throttle of four rotors, nor thrust and torque.
     """
-    if log.rotor is not None and np.isfinite(log.rotor).all():
+    if _of_four_rotors(log.rotor):
         return "rotor_speed"
-    if log.throttle is not None and np.ndim(log.throttle) == 2 and log.throttle.shape[1] == 4:
+    if _of_four_rotors(log.throttle):
         return "throttle"
     if log.input == "command" and np.isfinite(log.u).all():
         return "command"
@@ -159,6 +164,11 @@ def drive_of(log: FlightLog) -> str:
         f"{log.name}: identification needs what turns each rotor: rotor speed, throttle of four motors, or thrust and "
         "torque; the log has none of them."
     )
+
+
+def _of_four_rotors(values: np.ndarray | None) -> bool:
+    """Return whether readings are those of four rotors, in every row."""
+    return values is not None and np.ndim(values) == 2 and values.shape[1] == 4 and bool(np.isfinite(values).all())
 
 
 def _spikes(values: np.ndarray) -> np.ndarray:
@@ -171,6 +181,14 @@ def _spikes(values: np.ndarray) -> np.ndarray:
     # Readings that mostly repeat have no usual deviation: that of those that do not.
     moving = np.array([np.median(a[a > 0]) / 0.6745 if (a > 0).any() else np.inf for a in apart.T])
     return np.any(apart > SPIKE * np.maximum(usual, moving), axis=1)
+
+
+def _across(values: np.ndarray, bad: np.ndarray) -> np.ndarray:
+    """Return readings (n, c) with lines across bad rows (n,)."""
+    if not bad.any() or bad.all():
+        return values
+    rows = np.arange(len(bad))
+    return np.stack([np.interp(rows, rows[~bad], column[~bad]) for column in values.T], axis=1)
 
 
 def _likely(values: np.ndarray, unmixer: np.ndarray, step: float) -> np.ndarray:

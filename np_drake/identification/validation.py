@@ -64,6 +64,7 @@ def vehicle_values(vehicle: Vehicle, frame: Frame, drive: str, mass: float, fixe
     imu = np.array(c.imu_position or [0.0, 0.0, 0.0]) / arm
     up = max(vehicle.rotor_time_constant, 1e-6)
     down = c.rotor_time_constant_down or up
+    spin = frame.unit if drive == "rotor_speed" else float(np.sqrt(weight / vehicle.thrust_coefficient))
     zero = dict.fromkeys(fixed, 0.0)
     return zero | {
         "scale": scale,
@@ -78,6 +79,7 @@ def vehicle_values(vehicle: Vehicle, frame: Frame, drive: str, mass: float, fixe
         "jxz": xz,
         "jyz": yz,
         "torque": vehicle.torque_coefficient / vehicle.thrust_coefficient / frame.radius,
+        "rotor_momentum": c.rotor_inertia * spin / J[2, 2],
         **{f"imu_{a}": float(imu[i]) for i, a in enumerate("xyz")},
         **{f"tilt_{a}": float(c.imu_tilt[i]) for i, a in enumerate("xyz")},
         "lag": up,

@@ -1,0 +1,36 @@
+"""Fixtures: flights in closed form (`analytic.py`), and what is identified from them."""
+
+import importlib.util
+from pathlib import Path
+
+import pytest
+
+from np_drake.identification.identify import identify
+
+
+@pytest.fixture(scope="session")
+def analytic():
+    """The module of flights in closed form."""
+    spec = importlib.util.spec_from_file_location("analytic", Path(__file__).with_name("analytic.py"))
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture(scope="session")
+def flights(analytic):
+    """Three flights with rotor speed."""
+    return [analytic.flight(seed=seed, seconds=10.0) for seed in range(3)]
+
+
+@pytest.fixture(scope="session")
+def found(analytic, flights):
+    """What is identified from flights with rotor speed."""
+    return identify(flights, analytic.KNOWN, mass=analytic.TRUE.mass)
+
+
+@pytest.fixture(scope="session")
+def by_throttle(analytic):
+    """What is identified from two flights with throttle."""
+    logs = [analytic.flight(seed=seed, seconds=10.0, drive="throttle") for seed in range(2)]
+    return identify(logs, analytic.KNOWN, mass=analytic.TRUE.mass)

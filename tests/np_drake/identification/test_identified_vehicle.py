@@ -1,0 +1,70 @@
+import dataclasses as dc
+
+import numpy as np
+import pytest
+
+from np_drake.identification.identified_vehicle import identified_vehicle
+from np_drake.identification.identify import identify
+from np_drake.vehicle import load_vehicle
+from np_drake.vehicle_sources import values
+from np_drake.vehicle_text import save_vehicle
+
+
+@pytest.fixture(scope="module", params=["found", "by_throttle"])
+def dut(request):
+    return identified_vehicle(request.getfixturevalue(request.param), "mine")
+
+
+def test_a_saved_file_is_the_same_vehicle_with_sources_and_intervals(dut, tmp_path):
+    save_vehicle(dut, tmp_path / "mine.yaml")
+    again = load_vehicle(tmp_path / "mine.yaml")
+    assert again == dut
+    assert again.sources == dut.sources
+    assert again.intervals == dut.intervals
+
+
+def test_each_value_lies_within_its_interval(dut):
+    known = values(dut)
+    assert len(dut.intervals) > 8
+    for field, pairs in dut.intervals.items():
+        for value, (low, high) in zip(np.ravel(known[field]), pairs, strict=True):
+            assert low - 1e-3 * abs(low) <= value <= high + 1e-3 * abs(high), field
+
+
+def test_every_identified_field_says_where_it_comes_from(dut):
+    assert set(dut.intervals) <= set(dut.sources)
+    assert dut.sources["mass"] == "given"
+    assert dut.sources["rotor_positions"] == "given: known"
+    assert all(s.startswith(("identified from", "prior: ", "given")) for s in dut.sources.values())
+    assert not any(": ;" in s for s in dut.sources.values())
+
+
+def test_the_file_holds_the_true_vehicle(analytic, dut):
+    true = analytic.TRUE
+    np.testing.assert_allclose(np.diag(dut.J), np.diag(true.J), rtol=0.03)
+    np.testing.assert_allclose(dut.calibration.center_of_mass, true.calibration.center_of_mass, atol=3e-4)
+    np.testing.assert_allclose(dut.calibration.rotor_gains, true.calibration.rotor_gains, atol=5e-3)
+    lever = true.torque_coefficient / true.thrust_coefficient
+    assert dut.torque_coefficient / dut.thrust_coefficient == pytest.approx(lever, rel=0.03)
+
+
+def test_the_throttle_map_is_the_true_one(analytic, by_throttle):
+    dut = identified_vehicle(by_throttle, "mine")
+    u = np.linspace(0.3, 0.8, 6)
+    np.testing.assert_allclose(dut.throttle.thrust(u), analytic.TRUE.throttle.thrust(u), rtol=0.02)
+    assert dut.max_rotor_thrust == pytest.approx(10.0, rel=0.02)
+
+
+def test_without_mass_no_file_is_written(analytic):
+    found = identify([analytic.flight(seconds=4.0)], analytic.KNOWN)
+    with pytest.raises(ValueError, match="needs the mass") as told:
+        identified_vehicle(found, "mine")
+    assert "--mass" in str(told.value)
+
+
+def test_a_told_mass_has_an_interval(analytic):
+    right = dc.replace(analytic.KNOWN, thrust_coefficient=9e-6)
+    dut = identified_vehicle(identify([analytic.flight(seconds=4.0)], right, trusted=True), "mine")
+    assert dut.mass == pytest.approx(1.3, rel=0.02)
+    assert dut.intervals["mass"][0][0] < dut.mass < dut.intervals["mass"][0][1]
+    assert dut.sources["mass"].startswith("identified")
