@@ -34,6 +34,7 @@ PAGES = {  # verb -> the page that shows its use; a verb without one has an empt
     "evaluate": "guide/train.md",
     "import": "guide/import.md",
     "doctor": "reference/doctor.md",
+    "identify": "guide/identify.md",
     "diagnose": "guide/diagnose.md",
     "next-flight": "guide/next-flight.md",
     "export": "guide/export.md",

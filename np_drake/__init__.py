@@ -21,6 +21,7 @@ NAMES = {
     "PayloadFilter": "np_drake.payload_filter.predictor",
     "MpcConfig": "np_drake.mpc.problem",
     "diagnose": "np_drake.diagnosis.diagnose",
+    "identify": "np_drake.identification.identify",
     "tracking_errors": "np_drake.metrics",
 }
 __getattr__, __dir__ = lazy_names(__name__, NAMES)

@@ -41,14 +41,14 @@ GROUND = (
     ),
     *("rigid_body", "rotor_input", "scaling", "vehicle_estimate"),
     *("residual_model", "command_delay", "labels"),
-    *("training_data", "effects", "logs", "references", "control", "diagnosis", "identification", "flight_design"),
+    *("training_data", "identification", "effects", "logs", "references", "control", "diagnosis", "flight_design"),
     *("mpc", "estimation", "faults"),
     *("lifting", "payload_filter", "residual_models", "skill", "__main__"),
 )
 EXPERIMENTS = (
     *("batch", "loop", "gym"),
-    *("prediction", "tracking", "payload", "robustness", "cooperative", "gap", "demo", "challenge", "identification"),
-    *("performance", "exports", "cli"),
+    *("prediction", "tracking", "payload", "robustness", "cooperative", "gap", "demo", "challenge"),
+    *("identification", "performance", "exports", "cli"),
 )
 MOST_IMPORTS = 10  # modules of the diagnosis that one of them imports; `diagnose` strings the steps together
 SIMULATOR = ("pydrake.systems", "pydrake.multibody", "pydrake.geometry", "pydrake.visualization")

@@ -76,7 +76,7 @@ def _line_of(error: BaseException) -> tuple[str, int]:
     if usage is not None:
         return usage(), BAD_INPUT
     if isinstance(error, ValueError | OSError):
-        return _text(error), BAD_INPUT
+        return text_of(error), BAD_INPUT
     if isinstance(error, FailedRun):
         return str(error), FAILED
     if isinstance(error, typer.Abort) and isinstance(error.__cause__, Exception):
@@ -95,7 +95,7 @@ def _empty(arguments: list[str]) -> str | None:
     return None
 
 
-def _text(error: Exception) -> str:
+def text_of(error: Exception) -> str:
     """Return the message; for a bare operating-system error, the file and the reason."""
     if isinstance(error, OSError) and error.strerror:
         remedy = " Free some room, or choose another folder." if error.errno in (*FULL, errno.EFBIG) else ""

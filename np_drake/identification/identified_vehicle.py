@@ -14,6 +14,7 @@ SHAPES = {"inertia": (3, 3), "calibration.center_of_mass": (3,), "calibration.ro
           "calibration.imu_position": (3,), "calibration.imu_tilt": (3,)}  # fmt: skip
 HEIGHT = 0.1  # 95 % of the height of a centre of mass, in arms [1]; own choice: that of a battery above or below
 DIGITS = 6
+FLATTEST = 1e-3  # least second moment of mass over the largest [1]; own choice: a sheet of 3 % of its length
 
 
 def identified_vehicle(found: Identification, name: str) -> Vehicle:
@@ -41,10 +42,13 @@ def identified_vehicle(found: Identification, name: str) -> Vehicle:
         sources["mass"] = "given"
     for field in ("gravity", "rotor_positions", "rotor_directions", "rotor_radius"):
         sources[field] = f"given: {prior.name}"
+    if (body := _possible(np.array(values["inertia"]))) is not None:
+        values["inertia"] = body.tolist()
+        sources["inertia"] += "; zz lowered to the largest that a body can have"
     coefficient = values.get("thrust_coefficient", prior.thrust_coefficient)
     if "torque_coefficient" in values:
-        intervals["torque_coefficient"] = [[coefficient * end for end in intervals["torque_coefficient"][0]]]
-        values["torque_coefficient"] = coefficient * values["torque_coefficient"]
+        intervals["torque_coefficient"] = [[_rounded(coefficient * end) for end in intervals["torque_coefficient"][0]]]
+        values["torque_coefficient"] = _rounded(coefficient * values["torque_coefficient"])
     throttle = None
     if "throttle.full_thrust" in values:
         volts = found.basis.frame.volts or None
@@ -62,7 +66,7 @@ def identified_vehicle(found: Identification, name: str) -> Vehicle:
         sources["max_rotor_thrust"] = sources["throttle.full_thrust"]
     own = {field.partition(".")[2]: value for field, value in values.items() if field.startswith("calibration.")}
     if "rotor_gains" in own:
-        own["rotor_gains"] = [gain / float(np.mean(own["rotor_gains"])) for gain in own["rotor_gains"]]
+        own["rotor_gains"] = [_rounded(gain / float(np.mean(own["rotor_gains"]))) for gain in own["rotor_gains"]]
     if "command_delay" in own:
         own["command_delay"] = max(own["command_delay"], 0.0)
     calibration = Calibration(**own)
@@ -79,6 +83,37 @@ def identified_vehicle(found: Identification, name: str) -> Vehicle:
         intervals=intervals,
         **plain,
     ).check()
+
+
+def _possible(J: np.ndarray) -> np.ndarray | None:
+    """Return the inertia (3, 3) with zz, which flights tell least, lowered until it is one of a body; None where it is.
+
+    Of a body, tr(J)/2 - J is the second moment of its mass, which no direction has below zero.
+    """
+
+    def flat(zz: float) -> bool:
+        moments = np.linalg.eigvalsh(0.5 * (np.trace(J) - J[2, 2] + zz) * np.eye(3) - _with(J, zz))
+        return bool(moments[0] < FLATTEST * moments[-1])
+
+    low, high = float(max(J[0, 0], J[1, 1])), float(J[2, 2])
+    if not flat(high) or flat(low):
+        return None
+    while high - low > 10.0**-DIGITS * high:
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if flat(middle) else (middle, high)
+    return _with(J, _rounded(low))
+
+
+def _with(J: np.ndarray, zz: float) -> np.ndarray:
+    """Return the inertia (3, 3) with another moment about z.
+
+    Args:
+        J: inertia [kg·m²].
+        zz: moment about z [kg·m²].
+    """
+    out = J.copy()
+    out[2, 2] = zz
+    return out
 
 
 def _rounded(value: float) -> float:
@@ -107,7 +142,7 @@ def _intervals(field: str, own: Sequence[Identified], prior: Vehicle, value) -> 
     low, high = (_array(field, own, prior, of) for of in (lambda q: q.low, lambda q: q.high))
     if field == "calibration.center_of_mass":
         arm = float(np.linalg.norm(prior.rotor_positions, axis=1).mean())
-        low[2], high[2] = -HEIGHT * arm, HEIGHT * arm
+        low[2], high[2] = _rounded(-HEIGHT * arm), _rounded(HEIGHT * arm)
     return [[float(a), float(b)] for a, b in zip(low.ravel(), high.ravel(), strict=True)]
 
 

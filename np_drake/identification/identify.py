@@ -7,16 +7,18 @@ from functools import cached_property
 import numpy as np
 
 from np_drake.flight_log import FlightLog
+from np_drake.identification.drives import common_drive
 from np_drake.identification.estimation import Estimate, estimate
 from np_drake.identification.model import FlightModel, Frame, G
 from np_drake.identification.parameters import Layout
 from np_drake.identification.priors import parameters
 from np_drake.identification.quantities import QUANTITIES, SURE, TOLD, Basis, Identified
-from np_drake.identification.signals import Signals, drive_of, signals
+from np_drake.identification.signals import Signals, signals
 from np_drake.vehicle import Vehicle
 
 SHORTEST = 3.0  # flight that tells anything [s]; own choice: three swings of a small vehicle
 LEAST = 1.5  # of it that counts [s]; own choice: half of that
+REMEDY = "Fly roll and pitch doublets, fast turns of the heading and quick changes of height."
 STEP = 1e-4  # of a finite difference, in standard deviations of the prior
 
 
@@ -52,12 +54,15 @@ class Identification:
             here, gradient = of(z), _gradient(of, z)
             before, slope = of(zero), _gradient(of, zero)
             sd = float(np.sqrt(e.variance(gradient)))
-            prior = float(np.linalg.norm(slope))
+            prior = float(np.linalg.norm(_of_one_flight(slope, layout)))
             bounds = np.array([here, here - SURE * sd, here + SURE * sd, before - SURE * prior, before + SURE * prior])
             value, low, high, *both = np.exp(bounds) if q.positive else bounds
             told = bool(0.0 < sd < TOLD * prior)
-            p = _agreement(e, gradient)
-            found.append(Identified(q, float(value), float(low), float(high), (both[0], both[1]), told, p))
+            steepest = int(np.argmax(np.abs(_of_one_flight(gradient, layout))))
+            follows = layout.names[steepest] if steepest < len(layout.shared) else ""
+            p = e.agreement[follows].p if follows in e.agreement else float("nan")
+            of_prior = (float(both[0]), float(both[1]))
+            found.append(Identified(q, float(value), float(low), float(high), of_prior, told, p, follows))
         return tuple(found)
 
     def __getitem__(self, name: str) -> Identified:
@@ -81,29 +86,26 @@ def identify(
         prior: vehicle whose rotor positions, directions and radius are given.
         mass: with battery [kg]; None: not known.
         trusted: whether logged thrust [N], or the prior's thrust coefficient, is right, so that the mass is told.
-        drive: what turns the rotors, of `signals.DRIVES`; empty: as the logs have it.
+        drive: what turns the rotors, of `signals.DRIVES`; empty: the first that all logs hold.
         stop: share of each flight that is used, from its beginning [1].
     Raises: ValueError: one line, where flights tell nothing of the vehicle or differ in what they hold.
     """
-    lasts = [len(log) > 1 and log.t[-1] - log.t[0] >= SHORTEST for log in flights]
-    long = [log for log, enough in zip(flights, lasts, strict=True) if enough]
-    notes = tuple(
-        f"{log.name}: shorter than {SHORTEST:g} s; left out"
-        for log, enough in zip(flights, lasts, strict=True)
-        if not enough
-    )
+    drive = common_drive(flights, drive)
+    notes = [f"{log.name}: shorter than {SHORTEST:g} s; left out" for log in flights if lasts(log) < SHORTEST]
+    long = [log for log in flights if lasts(log) >= SHORTEST]
     if not long:
-        raise ValueError(f"identify: needs a flight of {SHORTEST:g} s at least; got none among {len(flights)} logs.")
-    drive = drive or drive_of(long[0])
-    all_seen = [signals(log, prior.unmixer, drive).part(0.0, stop) for log in long]
-    seen = [flight for flight in all_seen if _flies(flight)]
-    rests = [
-        f"{flight.name}: flies less than {LEAST:g} s without gaps and faults; left out"
-        for flight in all_seen
-        if not _flies(flight)
-    ]
+        most = max(map(lasts, flights), default=0.0)
+        raise ValueError(f"identify: needs a flight of {SHORTEST:g} s at least; the longest lasts {most:.2g} s.")
+    seen, kept = [], []
+    for log in long:
+        flight = signals(log, prior.unmixer, drive).part(0.0, stop)
+        if reason := unfit(flight, stop):
+            notes.append(f"{log.name}: {reason}; left out")
+        else:
+            seen.append(flight)
+            kept.append(log)
     if not seen:
-        raise ValueError(f"identify: no log tells anything of the vehicle. {'; '.join(rests)}.")
+        raise ValueError(f"identify: no flight tells anything of the vehicle. {'; '.join(notes)}. {REMEDY}")
     if any(flight.command is None for flight in seen):
         seen = [dc.replace(flight, command=None) for flight in seen]
     frame = _frame(seen, prior, drive)
@@ -115,34 +117,48 @@ def identify(
     spin = frame.unit if drive == "rotor_speed" else float(
         np.sqrt(0.25 * (mass or prior.mass) * G / prior.thrust_coefficient)
     )  # fmt: skip
-    step = max(float(np.median(np.diff(log.t))) for log in long)
+    step = max(float(np.median(np.diff(log.t))) for log in kept)
     layout = Layout.of(parameters(spin, step), parts, len(seen))
     models = tuple(FlightModel(flight, frame) for flight in seen)
     basis = Basis(frame, drive, mass, coefficient, spin, newtons)
-    return Identification(basis, estimate(models, layout), frozenset(known), models, prior, (*notes, *rests))
+    return Identification(basis, estimate(models, layout), frozenset(known), models, prior, tuple(notes))
 
 
-def _flies(flight: Signals) -> bool:
-    """Return whether a log holds flight: rotors turn and carry the vehicle, and bins count."""
-    counts = float(flight.good.sum()) * flight.step
-    return counts >= LEAST and float(np.median(flight.input)) > 0.0
+def lasts(log: FlightLog) -> float:
+    """Return the length of a flight [s]."""
+    return float(log.t[-1] - log.t[0]) if len(log) > 1 else 0.0
 
 
-def _agreement(e: Estimate, gradient: np.ndarray) -> float:
-    """Return the agreement of flights on the parameter that a quantity follows most; NaN: not tested."""
-    place = int(np.argmax(np.abs(gradient)))
-    leading = e.layout.names[place] if place < len(e.layout.names) else ""
-    return e.agreement[leading].p if leading in e.agreement else float("nan")
+def unfit(flight: Signals, share: float = 1.0) -> str:
+    """Return why a flight tells nothing of its vehicle; empty: it does.
+
+    Args:
+        flight: its signals.
+        share: of the flight that counts [1].
+    """
+    if not np.isfinite(flight.input).all():
+        return "what turns the rotors is not known in every row"
+    seconds = float(flight.good.sum() * flight.step)
+    if seconds < LEAST * share:
+        return f"flies {seconds:.1f} s without gaps and faults"
+    turns = flight.input[flight.edges[:-1]][flight.good].mean(axis=0) > 0
+    return "" if turns.all() else "a rotor does not turn, as on a desk"
 
 
 def _gradient(of: Callable[[np.ndarray], float], z: np.ndarray) -> np.ndarray:
-    """Return the derivatives (k,) of a function of z (k,)."""
+    """Return the derivatives of a function of z."""
     here, out = of(z), np.zeros_like(z)
     for i in range(len(z)):
         moved = z.copy()
         moved[i] += STEP
         out[i] = (of(moved) - here) / STEP
     return out
+
+
+def _of_one_flight(gradient: np.ndarray, layout: Layout) -> np.ndarray:
+    """Return derivatives by the shared parameters, and by a flight's own where those of all flights move together."""
+    own = gradient[len(layout.shared) :].reshape(layout.flights, len(layout.own))
+    return np.concatenate([gradient[: len(layout.shared)], own.sum(axis=0)])
 
 
 def _parts(flights: Sequence[Signals], drive: str) -> set[str]:

@@ -16,9 +16,9 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from np_drake import attitude
-from np_drake.diagnosis.residuals.rotor_thrust import most_likely
 from np_drake.identification.rotor_response import at, lagged, means, target_speed
 from np_drake.identification.signals import Signals
+from np_drake.training_data.noise_removal import most_likely
 from np_drake.training_data.segments import white_noise
 
 G = 9.81  # [m/s²]

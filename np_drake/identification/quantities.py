@@ -183,7 +183,8 @@ class Identified:
     """One quantity as flights and prior tell it.
 
     value, low, high: with its 95 % interval.   prior: (low, high) of the prior.   told: whether flights tell it.
-    p: probability that flights which agree differ as much as these do [1]; NaN: not tested.
+    p: probability that flights which agree differ as much as these do [1]; NaN: not tested.   follows: parameter of the
+    model on which the value depends most.
     """
 
     quantity: Quantity
@@ -193,6 +194,7 @@ class Identified:
     prior: tuple[float, float]
     told: bool
     p: float = float("nan")
+    follows: str = ""
 
     @property
     def name(self) -> str:

@@ -7,9 +7,9 @@ import numpy as np
 from scipy import ndimage
 
 from np_drake import attitude
-from np_drake.diagnosis.residuals.rotor_thrust import most_likely
 from np_drake.flight_log import FlightLog
 from np_drake.identification.rotor_response import Substeps
+from np_drake.training_data.noise_removal import most_likely
 from np_drake.training_data.segments import white_noise
 
 BIN = 0.009  # least length of a bin [s]; own choice: motors answer below 15 Hz, and a log at 100 Hz keeps its rows

@@ -24,6 +24,7 @@ from diagrams.cli.outcome import PROGRAM
 from diagrams.loop.flight import load_flight
 from np_drake.effects.library import LIBRARY
 from np_drake.effects.linear_drag import LinearDrag
+from np_drake.vehicle import load_vehicle
 
 GUIDE = Path(__file__).parents[2] / "docs" / "guide"
 PAGES = sorted(GUIDE.glob("*.md"))
@@ -80,6 +81,11 @@ def the_diagnosis_names_what_was_put_in() -> None:
     assert abs(values["d_x"] - 0.3) < 0.05  # [N·s/m]; several times its interval
 
 
+def the_vehicle_file_has_the_thrust_of_the_page() -> None:
+    found = load_vehicle("found/vehicle.yaml")
+    assert abs(found.thrust_coefficient / 9.2e-6 - 1) < 0.02  # its interval is 1.5 % wide
+
+
 def the_report_has_the_sections_that_the_page_lists() -> None:
     page, report = (GUIDE / "read-the-report.md").read_text(), Path("report/report.html").read_text()
     table = page[page.index("| section of") : page.index("## Causes")]
@@ -132,6 +138,7 @@ def fill(folder: Path) -> None:
 BEFOREHAND = {"import.md": fill, "corrected-simulator.md": fill}
 AFTERWARDS = {
     "import.md": drag_is_named_in_both_reports,
+    "identify.md": the_vehicle_file_has_the_thrust_of_the_page,
     "diagnose.md": the_diagnosis_names_what_was_put_in,
     "read-the-report.md": the_report_has_the_sections_that_the_page_lists,
     "train.md": a_model_was_trained,

@@ -9,7 +9,7 @@ from np_drake.diagnosis.adequacy.residual_statistics import slow_torque
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.residuals.accelerations import low_pass
 from np_drake.diagnosis.residuals.make_flight_residuals import make_flight_residuals
-from np_drake.diagnosis.residuals.rotor_thrust import most_likely, read_thrust
+from np_drake.diagnosis.residuals.rotor_thrust import read_thrust
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.flight_log import FlightLog
 from np_drake.rotor_input import rotor_speed, rotor_wrench
@@ -46,23 +46,6 @@ def as_log(u: np.ndarray) -> FlightLog:
     return FlightLog(0.01 * np.arange(len(u)), zeros, q, zeros, zeros, u, input="rotor_speed")
 
 
-def test_noise_alone_goes_and_slow_motion_stays():
-    t = 0.01 * np.arange(2000)
-    slow = np.stack([np.sin(2 * np.pi * 0.7 * t), 0 * t], axis=1)
-    values = slow + np.random.default_rng(0).normal(scale=[0.1, 0.1], size=slow.shape)
-    missed = np.sqrt(np.mean((most_likely(values, np.array([0.1, 0.1]), 0.01) - slow) ** 2, axis=0))
-    assert missed[0] < 0.03
-    assert missed[1] < 0.02
-
-
-def test_white_noise_alone_leaves_its_mean_only():
-    """A band passes by chance once in about thirty, and then with the gain of its excess, about a third."""
-    values = 5.0 + np.random.default_rng(0).normal(size=(4000, 12))
-    left = most_likely(values, np.ones(12), 0.01)
-    np.testing.assert_allclose(left.mean(axis=0), values.mean(axis=0), atol=1e-12)
-    assert left.var(axis=0).mean() < 0.012  # of the power that was read: 1 / 30 of the bands, a third of each
-
-
 def test_a_collective_motion_lets_no_noise_into_torque():
     """All rotors share the spectrum of thrust; filtered one by one, their noise in its bands would pass as torque."""
     rng, n = np.random.default_rng(0), 4000
@@ -87,11 +70,6 @@ def test_rows_put_into_gaps_do_not_lower_the_noise():
     filled = np.stack([np.interp(rows, rows[~lost], c[~lost]) for c in log.u.T], axis=1)
     noise = read_thrust(dc.replace(log, u=filled, bridged=lost), VEHICLE)[1]
     np.testing.assert_allclose(noise, whole, rtol=0.1)  # of a median of 1600 differences
-
-
-def test_what_was_read_without_noise_is_as_it_was_read():
-    values = np.random.default_rng(0).normal(size=(501, 3))
-    np.testing.assert_allclose(most_likely(values, np.zeros(3), 0.01), values, atol=1e-12)
 
 
 def test_likeliest_thrust_is_nearer_than_the_reading_and_its_noise_known(fly):

@@ -1,0 +1,195 @@
+"""Flights that tell something else of a vehicle than the others, and what a quantity moves with.
+
+Source: DerSimonian and Laird 1986 (variance between studies); Thompson and Sharp 1999 (regression on a covariate).
+"""
+
+import dataclasses as dc
+from collections.abc import Callable, Mapping
+
+import numpy as np
+from scipy import stats
+
+from np_drake.identification.estimation import Agreement
+from np_drake.identification.identify import Identification
+from np_drake.identification.quantities import SURE, TOLD, Identified, Quantity
+
+DIFFER = 0.01  # probability below which flights differ by more than chance [1]; own choice
+MOVES = 0.05  # probability below which a quantity moves with a covariate [1]; the usual level
+FEWEST = 4  # flights from which a trend is tested; own choice: a line through three has one degree of freedom
+
+
+@dc.dataclass(frozen=True)
+class FlightValues:
+    """What each flight tells alone of one quantity.
+
+    quantity: as all flights together tell it.   names: (f,) of the flights.   value, low, high: (f,) with 95 %
+    intervals; NaN where a flight tells nothing.   apart: names of flights that stand out.   moves_with: covariate that
+    a difference follows; empty: none.
+    """
+
+    quantity: Identified
+    names: tuple[str, ...]
+    value: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    apart: tuple[str, ...] = ()
+    moves_with: str = ""
+
+    @property
+    def differ(self) -> bool:
+        """Whether the flights differ by more than chance."""
+        return self.quantity.p < DIFFER
+
+    @property
+    def text(self) -> str:
+        """What differs, in a sentence without its full stop; empty where the flights agree."""
+        if not self.differ:
+            return ""
+        said = f"{self.quantity.name}: flights differ"
+        if self.moves_with:
+            return f"{said}; it moves with {self.moves_with}"
+        others = len(self.names) - len(self.apart)
+        if self.apart and others > 1:
+            return f"{said}; {', '.join(self.apart)} {'stands' if len(self.apart) == 1 else 'stand'} out"
+        return said
+
+
+def flight_values(found: Identification) -> list[FlightValues]:
+    """Return what flights tell alone of each quantity that they tell; one quantity for each parameter of the model."""
+    estimate, shown = found.estimate, []
+    seen: set[str] = set()
+    for quantity in found.quantities:
+        name = quantity.follows
+        if not quantity.told or name in seen or name not in estimate.agreement:
+            continue
+        seen.add(name)
+        agreement = estimate.agreement[name]
+        place = estimate.layout.names.index(name)
+
+        def of(coordinate: float, quantity=quantity, place=place) -> float:
+            z = estimate.z.copy()
+            z[place] = coordinate
+            return quantity.quantity.of(estimate.layout.values(z), found.basis)
+
+        ends = np.array([agreement.values + k * SURE * agreement.sd for k in (0, -1, 1)])
+        value, *both = (np.array([of(c) if np.isfinite(c) else np.nan for c in row]) for row in ends)
+        names = tuple(model.flight.name for model in found.models)
+        apart = tuple(names[i] for i in outlying(agreement)) if quantity.p < DIFFER else ()
+        moves = moves_with(agreement, covariates(found)) if quantity.p < DIFFER else ""
+        shown.append(FlightValues(quantity, names, value, np.minimum(*both), np.maximum(*both), apart, moves))
+    return shown
+
+
+# What each flight has of its own, by parameter: name, unit, and value from that of the parameter and the mean arm [m].
+OWN: dict[str, tuple[str, str, Callable[[float, float], float]]] = {
+    "charge": ("thrust of a flight", "1", lambda value, arm: value),
+    "shift_x": ("centre of mass x of a flight", "m", lambda value, arm: arm * value),
+    "shift_y": ("centre of mass y of a flight", "m", lambda value, arm: arm * value),
+    "shift_yaw": ("yaw trim of a flight", "1", lambda value, arm: value),
+    "clock": ("clock of a flight", "s", lambda value, arm: -value),
+    "heading": ("heading of a flight", "rad", lambda value, arm: value),
+}
+
+
+def own_values(found: Identification) -> list[FlightValues]:
+    """Return what each of several flights has of its own, with the interval of its difference to their mean.
+
+    Innovations count as white, for the covariance of the estimate holds the spread that is tested here.
+    """
+    e, layout = found.estimate, found.estimate.layout
+    covariance = np.linalg.inv(e.information + np.eye(layout.size))
+    count, arm, shown = layout.flights, found.basis.frame.arm, []
+    for number, parameter in enumerate(layout.own):
+        if parameter.name not in OWN or count < 2:
+            continue
+        places = len(layout.shared) + number + len(layout.own) * np.arange(count)
+        contrast = np.eye(count) - 1.0 / count
+        sd = np.sqrt(np.diag(contrast @ covariance[np.ix_(places, places)] @ contrast.T))
+        if not (sd < TOLD).all():
+            continue
+        z = e.z[places]
+        # Deviations from the mean of n flights have n - 1 degrees of freedom.
+        Q = float(np.sum(((z - z.mean()) / sd) ** 2)) * (count - 1) / count
+        name, unit, of = OWN[parameter.name]
+
+        def value(z: float, parameter=parameter, of=of) -> float:
+            return of(parameter.value(z), arm)
+
+        mean, low, high = (value(c) for c in (float(z.mean()), -SURE, SURE))
+        each, *both = (np.array([value(c) for c in z + k * SURE * sd]) for k in (0, -1, 1))
+        prior = (min(low, high), max(low, high))
+        p = float(stats.chi2.sf(Q, count - 1))
+        quantity = Identified(Quantity(name, "", unit, lambda v, b, mean=mean: mean), mean, mean, mean, prior, True, p)
+        told = Agreement(z, sd, 0.0, p)
+        names = tuple(model.flight.name for model in found.models)
+        apart = tuple(names[i] for i in outlying(told)) if p < DIFFER else ()
+        moves = moves_with(told, covariates(found)) if p < DIFFER else ""
+        shown.append(FlightValues(quantity, names, each, np.minimum(*both), np.maximum(*both), apart, moves))
+    return shown
+
+
+def covariates(found: Identification) -> dict[str, np.ndarray]:
+    """Return by name what differs from flight to flight (f,): their order and the median voltage [V]."""
+    along = {"the order of the flights": np.arange(len(found.models), dtype=float)}
+    volts = [model.flight.voltage for model in found.models]
+    known = [float(np.median(v)) for v in volts if v is not None]
+    if len(known) == len(volts) and np.ptp(known) > 0:
+        along["the voltage"] = np.array(known)
+    return along
+
+
+def outlying(agreement: Agreement) -> list[int]:
+    """Return the places of flights that differ from the mean of the others by more than these do among themselves.
+
+    The level is shared by all flights (Bonferroni).
+    """
+    here = np.flatnonzero(np.isfinite(agreement.values))
+    found = []
+    for i in here:
+        others = here[here != i]
+        if len(others) < 2:
+            continue
+        mean, variance, between = _mean(agreement.values[others], agreement.sd[others])
+        spread = np.sqrt(agreement.sd[i] ** 2 + variance + between)
+        p = 2.0 * stats.t.sf(abs(agreement.values[i] - mean) / spread, len(others) - 1 if between > 0 else np.inf)
+        if p < DIFFER / len(here):
+            found.append(int(i))
+    return found
+
+
+def moves_with(agreement: Agreement, along: Mapping[str, np.ndarray]) -> str:
+    """Return the covariate on which a line explains best how flights differ; empty where none does.
+
+    Args:
+        agreement: what flights tell alone.
+        along: covariates (f,) by name.
+    """
+    here = np.isfinite(agreement.values)
+    count = int(here.sum())
+    if count < FEWEST:
+        return ""
+    y, weight = agreement.values[here], 1.0 / agreement.sd[here] ** 2
+    least, best = MOVES / max(len(along), 1), ""
+    for name, covariate in along.items():
+        columns = np.stack([np.ones(count), covariate[here]], axis=1)
+        if np.ptp(columns[:, 1]) == 0:
+            continue
+        root = np.sqrt(weight)
+        total = float(weight @ (y - weight @ y / weight.sum()) ** 2)
+        line = np.linalg.lstsq(columns * root[:, None], y * root, rcond=None)[0]
+        left = float(weight @ (y - columns @ line) ** 2)
+        p = float(stats.f.sf((total - left) / max(left / (count - 2), 1.0), 1, count - 2))
+        if p < least:
+            least, best = p, name
+    return best
+
+
+def _mean(values: np.ndarray, sd: np.ndarray) -> tuple[float, float, float]:
+    """Return weighted mean, its variance, and the variance between flights beside that within them."""
+    weight = 1.0 / sd**2
+    mean = float(weight @ values / weight.sum())
+    Q = float(weight @ (values - mean) ** 2)
+    spread = weight.sum() - (weight**2).sum() / weight.sum()
+    between = max(0.0, (Q - (len(values) - 1)) / spread)
+    weight = 1.0 / (sd**2 + between)
+    return float(weight @ values / weight.sum()), float(1.0 / weight.sum()), between

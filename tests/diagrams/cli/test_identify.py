@@ -1,0 +1,167 @@
+"""Laws of `np-drake identify`."""
+
+import dataclasses as dc
+import json
+import re
+
+import numpy as np
+import pytest
+
+from diagrams.cli.main import run
+from np_drake.files.yaml_file import load_checked
+from np_drake.logs.formats.csv_file import write_csv
+from np_drake.logs.formats.log_file import write_log
+from np_drake.vehicle import Vehicle, load_vehicle
+
+NAME = "crazyflie_brushless"
+TRUE = load_vehicle(NAME)
+GUESS = ["--vehicle", NAME]
+FRAME = ["--wheelbase", "0.0919", "--propeller", "0.055", "--order", "crazyflie"]
+
+
+def with_throttle(log) -> dict[str, np.ndarray]:
+    """Return the columns of a log with a throttle for each rotor, which is its speed over 3000 rad/s."""
+    return log.columns() | {f"throttle{i + 1}": column / 3000 for i, column in enumerate(log.rotor.T)}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory, excited_flight):
+    """Logs of one vehicle: two ordinary flights, one that hovers, a short one, a desk and a wreck."""
+    here = tmp_path_factory.mktemp("flights")
+    ordinary, other = (excited_flight(TRUE, seed, seconds=8.0) for seed in (0, 1))
+    still = excited_flight(TRUE, 2, size=0.0)
+    desk = dc.replace(still, rotor=0 * still.rotor, w=0 * still.w)
+    upside_down = np.tile([0.0, 1.0, 0.0, 0.0], (len(still), 1))
+    wreck = dc.replace(desk, q=upside_down, p=0 * still.p)
+    logs = {"a": ordinary, "b": other, "hover": still, "desk": desk, "wreck": wreck}
+    logs["short"] = excited_flight(TRUE, 3, seconds=2.0)
+    for name, log in logs.items():
+        write_log(log, here / f"{name}.csv")
+    columns = with_throttle(other)
+    write_csv(here / "both.csv", columns)
+    write_csv(here / "throttle.csv", {name: c for name, c in columns.items() if not name.startswith("rotor")})
+    motion = {name: c for name, c in other.columns().items() if name[0] in "pqvwa" or name == "t"}
+    write_csv(here / "motors_missing.csv", motion)
+    (here / "text.csv").write_text("nothing\n")
+    return here
+
+
+@pytest.fixture(scope="module")
+def result(folder):
+    """Return the folder of `--out` of two flights."""
+    out = folder / "out"
+    assert run(["identify", str(folder / "a.csv"), str(folder / "b.csv"), *GUESS, "--out", str(out)]) == 0
+    return out
+
+
+def refusal(capsys, *arguments) -> str:
+    """Return the one line with which a run is refused."""
+    assert run(["identify", *map(str, arguments)]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    return line
+
+
+def test_the_vehicle_file_holds_the_true_vehicle(result):
+    found = load_checked(Vehicle, result / "vehicle.yaml", "vehicle")
+    assert found.mass == TRUE.mass
+    assert found.thrust_coefficient == pytest.approx(TRUE.thrust_coefficient, rel=0.01)
+    np.testing.assert_allclose(np.diag(found.J), np.diag(TRUE.J), rtol=0.05)  # the issue's bound of inertia
+    assert found.sources["inertia"].startswith("identified from 1 flight")
+    (low, high) = found.intervals["thrust_coefficient"][0]
+    assert low < found.thrust_coefficient < high
+
+
+def test_the_json_holds_every_quantity_and_the_held_out_errors(result):
+    values = json.loads((result / "identification.json").read_text())
+    assert values["schema"] == "np_drake.identification/1"
+    assert values["config"]["input"] == "rotor_speed"
+    told = {q["name"]: q for q in values["quantities"]}
+    low, high = told["inertia xx"]["ci95"]
+    assert low < told["inertia xx"]["value"] < high
+    assert {row["model"] for row in values["held_out"]} == {"vehicle file", "identified", "least squares"}
+    assert {row["flight"] for row in values["held_out"]} == {"b"}
+
+
+def test_the_page_is_beside_the_vehicle_file(result):
+    page = (result / "identification.html").read_text()
+    assert 'href="vehicle.yaml"' in page
+
+
+@pytest.mark.parametrize(
+    "arguments, said",
+    [
+        (["missing.csv", *GUESS], "missing.csv: No such file"),
+        (["a.csv", *GUESS, "--mass", "0"], "--mass must be 0.005 to 1000 kg; got 0"),
+        (["a.csv", *GUESS, "--mass", "-1"], "got -1"),
+        (["a.csv", *GUESS, "--mass", "nan"], "got nan"),
+        (["a.csv", *GUESS, "--input", "steam"], "rotor_speed, throttle or command; got 'steam'"),
+        (["a.csv", *GUESS, "--input", "throttle"], "holds rotor_speed of its rotors, not throttle"),
+        (["a.csv", *GUESS, "--trust", "luck"], "--trust must be mass or thrust; got 'luck'"),
+        (["a.csv", *GUESS, "--trust", "thrust", "--mass", "1"], "leave --mass out"),
+        (["a.csv", "--wheelbase", "0.1", "--order", "alphabetical"], "px4 or ardupilot or betaflight or crazyflie"),
+        (["a.csv", "--wheelbase", "0.1"], "give --order px4|ardupilot|betaflight|crazyflie"),
+        (["a.csv", "--wheelbase", "nan", "--order", "px4"], "wheelbase must be positive"),
+        (["a.csv"], "--vehicle FILE, or --wheelbase M"),
+        (["a.csv", *GUESS, "--wheelbase", "0.1"], "leave --wheelbase out"),
+        (["a.csv", "--vehicle", "nobody"], "no such vehicle file"),
+        (["a.csv", *FRAME, "--trust", "thrust"], "without a measured coefficient; give --mass"),
+        (["a.csv", *GUESS, "--held-out", "a.csv"], "as LOG and as --held-out"),
+        (["a.csv", *GUESS, "--held-out", "b.csv", "--held-out", "b.csv"], "got it twice"),
+        (["a.csv", "a.csv", *GUESS], "got it twice"),
+        (["a.csv", *GUESS, "--held-out", "short.csv"], "--held-out: must last 3 s at least; got 2 s"),
+        (["short.csv", *GUESS], "needs a flight of 3 s at least; the longest lasts 2 s"),
+        (["a.csv", "throttle.csv", *GUESS], "in common; got a rotor_speed; throttle throttle"),
+        (["motors_missing.csv", *GUESS], "needs thrust, tx, ty, tz, or thrust, or throttle, or rotor1"),
+        (["desk.csv", *GUESS], "its rotors do not turn, as on a desk, so that it tells nothing. Fly roll and pitch"),
+        (["wreck.csv", *GUESS], "must hold a flight"),
+        (["text.csv", *GUESS], "text.csv: "),
+    ],
+)
+def test_bad_input_is_one_clear_line(folder, monkeypatch, capsys, arguments, said):
+    monkeypatch.chdir(folder)
+    assert said in refusal(capsys, *arguments)
+
+
+def test_a_folder_that_cannot_be_written_is_refused_before_any_work(folder, tmp_path, capsys):
+    (tmp_path / "file").write_text("")
+    assert "must be a folder" in refusal(capsys, folder / "a.csv", *GUESS, "--out", tmp_path / "file")
+
+
+def test_a_run_that_fails_says_that_the_vehicle_file_is_of_an_earlier_one(folder, tmp_path, capsys):
+    (tmp_path / "vehicle.yaml").write_text("earlier")
+    line = refusal(capsys, folder / "short.csv", *GUESS, "--out", tmp_path)
+    assert line.endswith(f"{tmp_path / 'vehicle.yaml'} is of an earlier run.")
+    assert [path.name for path in tmp_path.iterdir()] == ["vehicle.yaml"]
+
+
+def test_without_a_mass_there_are_ratios_and_no_vehicle_file(folder, tmp_path, capsys):
+    (tmp_path / "vehicle.yaml").write_text("earlier")
+    values = tmp_path / "values.json"
+    assert run(["identify", str(folder / "a.csv"), *FRAME, "--out", str(tmp_path), "--json", str(values)]) == 0
+    assert "give --mass for a vehicle file" in " ".join(capsys.readouterr().out.split())
+    assert not (tmp_path / "vehicle.yaml").exists()
+    assert "vehicle.yaml" not in (tmp_path / "identification.html").read_text()
+    told = json.loads(values.read_text())
+    assert told["ratios"]
+    (inertia,) = (q for q in told["quantities"] if q["name"] == "inertia xx")
+    assert inertia["unit"] == "kg·m²/kg"
+    assert inertia["value"] == pytest.approx(TRUE.J[0, 0] / TRUE.mass, rel=0.05)
+
+
+def test_a_hover_says_what_it_does_not_tell_and_which_manoeuvre_would(folder, capsys):
+    assert run(["identify", str(folder / "hover.csv"), *GUESS]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert re.search(r"not told: [^;]*inertia xx[^;]*; roll and pitch doublets would tell", said)
+    assert re.search(r"not told: [^;]*drag, lateral[^;]*; speed would tell", said)
+
+
+def test_logs_of_different_inputs_are_read_by_the_one_they_share(folder, tmp_path):
+    values = tmp_path / "values.json"
+    logs = [str(folder / "both.csv"), "--held-out", str(folder / "throttle.csv")]
+    assert run(["identify", *logs, *GUESS, "--json", str(values)]) == 0
+    assert json.loads(values.read_text())["config"]["input"] == "throttle"
+
+
+def test_a_short_flight_beside_others_is_left_out_with_a_line(folder, capsys):
+    assert run(["identify", str(folder / "a.csv"), str(folder / "short.csv"), *GUESS]) == 0
+    assert "short: shorter than 3 s; left out" in capsys.readouterr().out

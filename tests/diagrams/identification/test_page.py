@@ -1,0 +1,141 @@
+"""Laws of the page of an identification."""
+
+import dataclasses as dc
+import re
+
+import numpy as np
+import pytest
+
+from diagrams.identification.figures import place_in_prior
+from diagrams.identification.page import PICTURES, content, write_page
+from diagrams.identification.text import half_width, headline, interval, lead, not_told, summary
+from np_drake.identification.estimation import Agreement
+from np_drake.identification.flight_agreement import flight_values, own_values
+from np_drake.identification.identified_vehicle import identified_vehicle
+from np_drake.identification.identify import identify
+from np_drake.identification.validation import held_out
+from np_drake.vehicle import load_vehicle
+
+TRUE = load_vehicle("crazyflie_brushless")
+OTHER = dc.replace(TRUE, thrust_coefficient=0.9 * TRUE.thrust_coefficient)
+APART = Agreement(np.array([0.0, 0.02, 2.0, -0.01, 0.01]), np.full(5, 0.05), 0.8, 1e-9)
+
+
+@pytest.fixture(scope="module")
+def flights(excited_flight):
+    """Five flights, the third with a tenth less lift, and one more to judge by."""
+    made = [excited_flight(TRUE if seed != 2 else OTHER, seed, seconds=10.0 if seed < 5 else 6.0) for seed in range(6)]
+    return made[:5], made[5]
+
+
+@pytest.fixture(scope="module")
+def found(flights):
+    """Return the identification from five flights."""
+    return identify(flights[0], TRUE, mass=TRUE.mass)
+
+
+@pytest.fixture(scope="module")
+def rows(found, flights):
+    """Return the errors on the sixth flight."""
+    return held_out(found, [flights[1]])
+
+
+@pytest.fixture(scope="module")
+def folder(found, rows, flights, tmp_path_factory):
+    """Return the folder that holds the page."""
+    here = tmp_path_factory.mktemp("page")
+    assert write_page(found, rows, [flights[1]], here) == here / "identification.html"
+    return here
+
+
+def test_the_page_begins_with_the_answer_and_needs_no_network(folder, found):
+    page = (folder / "identification.html").read_text()
+    first = re.search(r"<h1>(.*?)</h1>", page)
+    assert first is not None
+    assert first[1] == headline(found)
+    assert page.index("<h1>") < page.index("<h2>")
+    assert not re.search(r'(src|href)="(?!data:|vehicle\.yaml)', page)
+    assert "script" not in page
+
+
+def test_every_picture_is_on_the_page_and_beside_it(folder):
+    page = (folder / "identification.html").read_text()
+    assert sorted(path.stem for path in folder.glob("*.png")) == sorted(PICTURES)
+    assert page.count("<img") == len(PICTURES)
+
+
+def test_the_page_has_every_quantity_with_its_interval(folder, found):
+    page = (folder / "identification.html").read_text()
+    assert len(content(found, [], [])["quantities"]) == len(found.quantities)
+    for quantity in found.quantities:
+        assert f"<b>{quantity.name}</b>" in page
+        assert interval(found, quantity)[1] in page
+
+
+def test_the_flight_that_differs_is_named(found, tmp_path):
+    estimate = dc.replace(found.estimate, agreement=found.estimate.agreement | {"jxx": APART})
+    differing = dc.replace(found, estimate=estimate)
+    (inertia,) = (told for told in flight_values(differing) if told.quantity.name == "inertia xx")
+    assert inertia.apart == ("flight2",)
+    assert inertia.low[2] < inertia.value[2] < inertia.high[2]
+    sentence = "inertia xx: flights differ; flight2 stands out"
+    assert sentence in summary(differing)
+    assert sentence.capitalize() in write_page(differing, [], [], tmp_path).read_text()
+
+
+def test_a_flight_with_less_lift_than_the_others_is_named(folder, found):
+    (thrust,) = (own for own in own_values(found) if own.quantity.name.startswith("thrust"))
+    assert thrust.apart == ("flight2",)
+    assert thrust.value[2] / np.delete(thrust.value, 2).mean() == pytest.approx(0.9, abs=0.01)
+    assert thrust.text in summary(found)
+    assert thrust.text.capitalize() in (folder / "identification.html").read_text()
+
+
+def test_the_residual_that_falls_is_said_with_the_answer(found, rows):
+    assert "On the held-out flight the residual force" in lead(found, rows)
+
+
+def test_what_flights_do_not_tell_has_a_manoeuvre_and_a_reason(found):
+    told = {name: (why, way) for way, names, why in not_told(found) for name in names}
+    assert told.keys() == {q.name for q in found.quantities if not q.told and q.quantity.manoeuvre}
+    assert all(why and way for why, way in told.values())
+
+
+def test_without_velocity_there_are_no_ghosts_and_a_line_says_why(found, rows, flights, tmp_path):
+    (tmp_path / "ghosts_path.png").write_text("earlier")
+    judging = dc.replace(flights[1], lacks=("height", "velocity"))
+    page = write_page(found, rows, [judging], tmp_path).read_text()
+    assert "flight5 holds no position and velocity: no ghosts." in page
+    assert not list(tmp_path.glob("ghosts*"))
+
+
+def test_nothing_held_out_leaves_a_page_without_residuals(found, tmp_path):
+    page = write_page(found, [], [], tmp_path).read_text()
+    assert "No flight was held out." in page
+    assert "<h2>Held out</h2>" not in page
+
+
+def test_the_ends_of_the_prior_lie_at_one_and_minus_one(found):
+    for quantity in found.quantities:
+        ends = [place_in_prior(quantity, end) for end in quantity.prior]
+        np.testing.assert_allclose(ends, [-1.0, 1.0], atol=1e-9)
+
+
+def test_numbers_are_in_units_that_suit_the_vehicle(found):
+    assert interval(found, found["inertia xx"])[0].endswith("g·cm²")
+    assert interval(found, found["centre of mass x"])[0].endswith("mm")
+    k = found["thrust coefficient"]
+    assert interval(found, k)[0].endswith("× 10⁻⁸ N/(rad/s)²")
+    assert half_width(found, k, k.value / 3, 3 * k.value) == "× ÷ 3"
+
+
+def test_a_moment_about_z_that_no_body_has_is_lowered(found):
+    flat = dc.replace(found)
+    xx, yy = (found[f"inertia {axis}"].value for axis in ("xx", "yy"))
+    flat.__dict__["quantities"] = tuple(
+        dc.replace(q, value=1.1 * (xx + yy)) if q.name == "inertia zz" else q for q in found.quantities
+    )
+    vehicle = identified_vehicle(flat, "flat")
+    assert vehicle.sources["inertia"].endswith("zz lowered to the largest that a body can have")
+    assert 0.99 < vehicle.J[2, 2] / (xx + yy) <= 1.0
+    np.testing.assert_allclose(np.diag(vehicle.J)[:2], [xx, yy], rtol=1e-5)  # six digits are written

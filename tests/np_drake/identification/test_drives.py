@@ -1,0 +1,41 @@
+"""Laws of the input that several logs share."""
+
+import dataclasses as dc
+
+import numpy as np
+import pytest
+
+from np_drake.flight_log import FlightLog
+from np_drake.identification.drives import common_drive, drives_of
+
+
+def log(name: str, **more) -> FlightLog:
+    """Return a log at rest."""
+    zeros, q = np.zeros((20, 3)), np.tile([1.0, 0.0, 0.0, 0.0], (20, 1))
+    return FlightLog(0.01 * np.arange(20), zeros, q, zeros, zeros, np.ones((20, 4)), name=name, **more)
+
+
+ROTORS, THROTTLES = {"rotor": np.ones((20, 4)), "input": "rotor_speed"}, {"throttle": np.full((20, 4), 0.5)}
+
+
+def test_rotor_speed_comes_before_throttle():
+    assert drives_of(log("a", **ROTORS, **THROTTLES)) == ("rotor_speed", "throttle")
+
+
+def test_flights_are_read_by_what_all_of_them_hold():
+    assert common_drive([log("a", **ROTORS, **THROTTLES), log("b", **THROTTLES, input="normalised")]) == "throttle"
+
+
+def test_flights_without_an_input_in_common_are_refused_by_name():
+    with pytest.raises(ValueError, match="a rotor_speed; b command"):
+        common_drive([log("a", **ROTORS), log("b")])
+
+
+def test_what_a_log_does_not_hold_cannot_be_asked_for():
+    with pytest.raises(ValueError, match="b: holds command of its rotors, not throttle"):
+        common_drive([log("b")], "throttle")
+
+
+def test_a_log_without_four_rotors_is_refused():
+    with pytest.raises(ValueError, match="c: identification needs what turns each rotor"):
+        common_drive([dc.replace(log("c"), input="thrust_only")])
