@@ -181,14 +181,14 @@ def _frame(flights: Sequence[Signals], prior: Vehicle, drive: str) -> Frame:
     """Return what is given of the vehicle, with the input that would carry it on average."""
     force = np.concatenate([np.linalg.norm(s.force[s.good], axis=1) for s in flights])
     level = float(np.mean(force)) / G
-    inputs = np.concatenate([s.input for s in flights])
+    inputs = np.concatenate([s.input[s.edges[:-1]][s.good] for s in flights])
     if drive == "rotor_speed":
         unit = float(np.sqrt(np.mean(inputs**2) / level))
     elif drive == "command":
         unit = float(np.mean(inputs) / level)
     else:
         unit = float(np.median(inputs))
-    commands = [s.command for s in flights if s.command is not None]
+    commands = [s.command[s.edges[:-1]][s.good] for s in flights if s.command is not None]
     throttle = float(np.median(np.concatenate(commands))) if commands else unit if drive == "throttle" else 0.0
     volts = [np.median(s.voltage) for s in flights if s.voltage is not None]
     return Frame(

@@ -15,6 +15,7 @@ from np_drake.training_data.segments import white_noise
 BIN = 0.009  # least length of a bin [s]; own choice: motors answer below 15 Hz, and a log at 100 Hz keeps its rows
 DRIVES = ("rotor_speed", "throttle", "command")
 SPIKE = 12.0  # deviations from the median of neighbours from which a reading is a fault; own choice
+CARRIED = 0.25  # input over force, of what it is in flight, below which the ground carries [1]; own choice
 FLYING = 0.3  # specific force over gravity below which a vehicle is thrown, held or falls [1]; own choice
 
 
@@ -127,6 +128,7 @@ def signals(log: FlightLog, unmixer: np.ndarray, drive: str = "") -> Signals:
     smooth = most_likely(w, white_noise([w]), log.step)
     products = smooth[:, :, None] * smooth[:, None, :]
     bad = spikes if log.bridged is None else spikes | log.bridged
+    good &= _carried(source[edges[:-1]] ** (2 if drive == "rotor_speed" else 1), force, good)
     # A bin reaches to the row after its last.
     touched = bad[:-1] | bad[1:]
     good &= np.add.reduceat(touched[: edges[-1]], edges[:-1]) == 0
@@ -167,6 +169,18 @@ def drive_of(log: FlightLog) -> str:
         f"{log.name}: identification needs what turns each rotor: rotor speed, throttle of four motors, or thrust and "
         "torque; the log has none of them."
     )
+
+
+def _carried(lift: np.ndarray, force: np.ndarray, good: np.ndarray) -> np.ndarray:
+    """Return in which bins (m,) the rotors carry the vehicle, and not the ground.
+
+    Args:
+        lift: (m, 4) inputs that grow with thrust.
+        force: (m, 3) specific force [m/s²].
+        good: (m,) bins that count.
+    """
+    ratio = lift.mean(axis=1) / np.maximum(np.linalg.norm(force, axis=1), FLYING * 9.81)
+    return ratio > CARRIED * np.quantile(ratio[good], 0.9) if good.any() else good
 
 
 def _of_four_rotors(values: np.ndarray | None) -> bool:

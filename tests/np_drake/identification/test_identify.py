@@ -210,6 +210,36 @@ def test_a_log_that_does_not_fly_is_refused_in_a_line(again, short, kind):
     assert "\n" not in str(told.value)
 
 
+@pytest.mark.parametrize("idle", [0.0, 0.05])
+@pytest.mark.parametrize("drive", ["rotor_speed", "throttle"])
+def test_a_long_stand_before_the_flight_changes_nothing(analytic, again, drive, idle):
+    log = analytic.flight(seed=7, seconds=5.0, drive=drive)
+    rows, rng = 700, np.random.default_rng(0)
+
+    def after(values: np.ndarray | None, before: float, noise: float = 0.0) -> np.ndarray | None:
+        """Return values that a stand goes before."""
+        if values is None:
+            return None
+        stand = before + noise * rng.normal(size=(rows, values.shape[1]))
+        return np.concatenate([stand, values])
+
+    dut = again(
+        dc.replace(
+            log,
+            t=np.arange(rows + len(log)) * 0.01,
+            q=np.concatenate([np.repeat(log.q[:1], rows, axis=0), log.q]),
+            **{f: after(getattr(log, f), 0.0) for f in "pvu"},
+            w=after(log.w, 0.0, 0.002),
+            a=after(log.a, 0.0, 0.03),
+            rotor=after(log.rotor, 600.0 * idle),
+            throttle=after(log.throttle, idle),
+        )
+    )
+    assert dut["inertia xx"].value == pytest.approx(0.011, rel=0.02)
+    assert dut["inertia xx"].high < 1.1 * dut["inertia xx"].low
+    assert 0.3 < dut.models[0].flight.good.mean() < 0.45
+
+
 def test_a_log_at_rest_among_flights_is_left_out_with_a_note(again, short, alone):
     rest = dc.replace(short, rotor=0 * short.rotor, name="desk")
     dut = again(short, rest)
