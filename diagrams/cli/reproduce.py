@@ -85,6 +85,7 @@ STUDIES = {
     "models": Study("tracking.packaged", "The packaged model files, made anew.", seed=None),
     "closing": Study("challenge.transfer.study", "Transfer of the controller from the corrected simulator."),
     "replay": Study("challenge.real.replay", "Real flights replayed open loop.", seed=None),
+    "identification": Study("identification.study", "Simulated vehicles identified from their logs.", 5800),
     "deadlines": Study("performance.deadlines", "Deadlines of the loop on this machine.", 9800, many=False),
 }
 RETIRED = {

@@ -94,6 +94,14 @@ def vehicle_values(vehicle: Vehicle, frame: Frame, drive: str, mass: float, fixe
     }
 
 
+def values_of_file(found: Identification) -> Values:
+    """Return the parameters as the vehicle file of an identification had them."""
+    layout, basis = found.estimate.layout, found.basis
+    mass = basis.mass_of(layout.values(found.estimate.z))
+    named = dict.fromkeys((p.name for p in (*layout.shared, *layout.own)), 0.0) | dict.fromkeys(layout.fixed, 0.0)
+    return vehicle_values(found.prior, basis.frame, basis.drive, mass, named)
+
+
 def held_out(
     found: Identification, logs: Sequence[FlightLog], parts: Sequence[tuple[float, float]] = (), *, plain: bool = False
 ) -> list[HeldOut]:
@@ -108,15 +116,12 @@ def held_out(
         parts: share of each flight that counts, first and last [1]; default: whole flights.
         plain: with rows of plain least squares.
     """
-    layout, basis = found.estimate.layout, found.basis
-    identified = layout.values(found.estimate.z)
+    basis = found.basis
+    identified = found.estimate.layout.values(found.estimate.z)
     mass = basis.mass_of(identified)
-    rows = {
-        "vehicle file": vehicle_values(found.prior, basis.frame, basis.drive, mass, dict.fromkeys(identified, 0.0)),
-        "identified": identified,
-    }
+    rows = {"vehicle file": values_of_file(found), "identified": identified}
     if plain:
-        rows["least squares"] = _least_squares(found, rows["vehicle file"])
+        rows["least squares"] = plain_least_squares(found)
     out = []
     for number, log in enumerate(logs):
         flight = signals(log, found.prior.unmixer, basis.drive)
@@ -152,12 +157,12 @@ def _open_loop(model: FlightModel, log: FlightLog, v: Values) -> np.ndarray:
     return out
 
 
-def _least_squares(found: Identification, start: Values) -> Values:
+def plain_least_squares(found: Identification) -> Values:
     """Return the usual parameters by plain least squares, the others as in the vehicle file.
 
     Channels count by their deviation. Source: the way of mujoco.sysid, where the user names the parameters.
     """
-    models = found.models
+    models, start = found.models, values_of_file(found)
     names = [
         name for name in USUAL if name in {p.name for p in (*found.estimate.layout.shared, *found.estimate.layout.own)}
     ]
