@@ -62,7 +62,9 @@ class Folders:
         root = self.neurobem if name == NEUROBEM else self.real
         if root is None:
             return []
-        found = sorted(path for path in (root / chosen.folder).glob(chosen.pattern) if path.is_file())
+        found = sorted(
+            path for path in (root / chosen.folder).glob(chosen.pattern) if path.is_file() and path.name[0] != "."
+        )
         return [f for f in found if f.stem.removeprefix("merged_") in AGILE] if name == NEUROBEM else found
 
 

@@ -1,5 +1,6 @@
 """A simulated vehicle, identified: what is told of each quantity, beside the truth and two naive answers."""
 
+import dataclasses as dc
 import time
 from typing import Any
 
@@ -26,11 +27,12 @@ def make_cases(vehicles: int, seed: int) -> list[Case]:
     return [{"seed": seed + number, "kind": INPUTS[number % len(INPUTS)]} for number in range(vehicles)]
 
 
+@dc.dataclass(frozen=True)
 class VehicleCase:
-    """Work of a case: draw a vehicle, fly it, identify it."""
+    """Work of a case: draw a vehicle, fly it so often and so long [s], identify it."""
 
-    def __init__(self, flights: int, seconds: float):
-        self.flights, self.seconds = flights, seconds
+    flights: int
+    seconds: float
 
     def __call__(self, case: Case) -> dict[str, Any]:
         """Return what was told, and processor time of the identification alone [s].
