@@ -25,7 +25,7 @@ from np_drake.vehicle_calibration import Calibration
 def folder(tmp_path_factory):
     """Folder of real flights with two of one vehicle, flown in simulation, whose centre of mass no file knows."""
     known = load_vehicle("crazyflie_brushless")
-    calibration = Calibration(center_of_mass=[0.002, -0.002, 0.0], imu_position=[0.0] * 3, imu_tilt=[0.0] * 3)
+    calibration = Calibration(center_of_mass=[0.001, -0.001, 0.0], imu_position=[0.0] * 3, imu_tilt=[0.0] * 3)
     vehicle = dc.replace(known, rotor_time_constant=0.03, calibration=calibration).check()
     air = (LinearDrag(0.005, 0.005, 0.005), BladeFlapping(0.0), TranslationalLift(0.0))
     truth = Truth(vehicle, air, "rotor_speed", vehicle)
