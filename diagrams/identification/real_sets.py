@@ -36,8 +36,8 @@ def _preset(name: str) -> Callable[[], Vehicle]:
 
 
 def _indiflight() -> Vehicle:
-    """Return a quadrotor of the size of the propellers: neither wheelbase nor mass is stated with the logs."""
-    return estimate(Measured(0.45, 0.16, 0.076, 0.25, order="betaflight"), "estimate")
+    """Return a quadrotor of three-inch propellers; neither wheelbase nor mass is stated with the logs, a guess."""
+    return estimate(Measured(0.2, 0.16, 0.076, 0.5, order="betaflight"), "estimate")
 
 
 SETS = (
