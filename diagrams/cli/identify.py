@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Argument, Option
 
@@ -78,7 +78,7 @@ def identify(
         rows = errors_on(found, judging, parts, plain=True)
         advance(1.0)
     tell(*notes, *left_out, *unfit, *found.notes, indent="  ")
-    config = {"logs": logs, "vehicle": prior.name, "mass": mass, "trust": trust, "input": drive}
+    config: dict[str, Any] = {"logs": logs, "vehicle": prior.name, "mass": mass, "trust": trust, "input": drive}
     config |= {"held_out": [log.name for log in judging], "map": log_map}
     own, failure = _vehicle(found, name)
     metrics = as_json(found, rows)

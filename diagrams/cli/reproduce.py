@@ -85,6 +85,10 @@ STUDIES = {
     "models": Study("tracking.packaged", "The packaged model files, made anew.", seed=None),
     "closing": Study("challenge.transfer.study", "Transfer of the controller from the corrected simulator."),
     "replay": Study("challenge.real.replay", "Real flights replayed open loop.", seed=None),
+    "identification": Study("identification.study", "Simulated vehicles identified from their logs.", 5800),
+    "identification-flights": Study(
+        "identification.real_study", "Real vehicles identified from two halves of their flights.", seed=None
+    ),
     "deadlines": Study("performance.deadlines", "Deadlines of the loop on this machine.", 9800, many=False),
 }
 RETIRED = {

@@ -32,7 +32,8 @@ class Truth:
     """A simulated vehicle.
 
     vehicle: its true parameters, calibration included.   throttle: its map.   imu: (3,) the accelerometer from Bo [m].
-    drag, flapping, lift: of the air.   input: what its logs hold.   known: what its owner knows: geometry and mass, with guesses for the rest.
+    drag, flapping, lift: of the air.   input: what its logs hold.
+    known: what its owner knows: geometry and mass, with guesses for the rest.
     """
 
     vehicle: Vehicle

@@ -231,6 +231,7 @@ def _agreement(parts: Sequence[_Part], layout: Layout, alone: Sequence[np.ndarra
         moved, inverse = _alone(part, layout, alone[number], number)
         mean = moved[own]
         scores = part.scores[:, own]
+        scores = scores - scores.mean(axis=0)
         M = scores.T @ scores * len(scores) / max(len(scores) - 1, 1) + np.eye(len(own))
         variance = np.maximum(np.diag(inverse @ M @ inverse), np.diag(inverse))[:n]
         told = variance < 0.25

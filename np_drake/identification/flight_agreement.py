@@ -11,7 +11,8 @@ from scipy import stats
 
 from np_drake.identification.estimation import Agreement
 from np_drake.identification.identify import Identification
-from np_drake.identification.quantities import SURE, TOLD, Identified, Quantity
+from np_drake.identification.model import Values
+from np_drake.identification.quantities import SURE, TOLD, Basis, Identified, Quantity
 
 DIFFER = 0.01  # probability below which flights differ by more than chance [1]; own choice
 MOVES = 0.05  # probability below which a quantity moves with a covariate [1]; the usual level
@@ -119,7 +120,7 @@ def own_values(found: Identification) -> list[FlightValues]:
         each, *both = (np.array([value(c) for c in z + k * SURE * sd]) for k in (0, -1, 1))
         prior = (min(low, high), max(low, high))
         p = float(stats.chi2.sf(Q, count - 1))
-        quantity = Identified(Quantity(name, "", unit, lambda v, b, mean=mean: mean), mean, mean, mean, prior, True, p)
+        quantity = Identified(Quantity(name, "", unit, _constant(mean)), mean, mean, mean, prior, True, p)
         told = Agreement(z, sd, 0.0, p)
         names = tuple(model.flight.name for model in found.models)
         apart = tuple(names[i] for i in outlying(told)) if p < DIFFER else ()
@@ -193,3 +194,8 @@ def _mean(values: np.ndarray, sd: np.ndarray) -> tuple[float, float, float]:
     between = max(0.0, (Q - (len(values) - 1)) / spread)
     weight = 1.0 / (sd**2 + between)
     return float(weight @ values / weight.sum()), float(1.0 / weight.sum()), between
+
+
+def _constant(value: float) -> Callable[[Values, Basis], float]:
+    """Return a quantity that has this value whatever the parameters are."""
+    return lambda v, b: value

@@ -26,7 +26,8 @@ USUAL = ("scale", "jxx", "jyy", "jzz", "com_x", "com_y", "torque", "lag", "delay
 class HeldOut:
     """Errors of one model on one held-out part.
 
-    force: (3,) RMS of the residual force [N].   torque: (3,) of the torque [N·m].   open_loop: (horizons, 4) median
+    force: (3,) RMS of the residual force [N].   torque: (3,) of the residual angular acceleration times the identified
+    inertia, so that models compare [N·m].   open_loop: (horizons, 4) median
     errors of `ERRORS` after `HORIZONS`; NaN where the log has no states.
     """
 
@@ -94,6 +95,12 @@ def vehicle_values(vehicle: Vehicle, frame: Frame, drive: str, mass: float, fixe
     }
 
 
+def values_of_file(found: Identification) -> Values:
+    """Return the parameters as the vehicle file of an identification had them."""
+    values, basis = found.estimate.layout.values(found.estimate.z), found.basis
+    return vehicle_values(found.prior, basis.frame, basis.drive, basis.mass_of(values), dict.fromkeys(values, 0.0))
+
+
 def held_out(
     found: Identification, logs: Sequence[FlightLog], parts: Sequence[tuple[float, float]] = (), *, plain: bool = False
 ) -> list[HeldOut]:
@@ -108,15 +115,13 @@ def held_out(
         parts: share of each flight that counts, first and last [1]; default: whole flights.
         plain: with rows of plain least squares.
     """
-    layout, basis = found.estimate.layout, found.basis
-    identified = layout.values(found.estimate.z)
+    basis = found.basis
+    identified = found.estimate.layout.values(found.estimate.z)
     mass = basis.mass_of(identified)
-    rows = {
-        "vehicle file": vehicle_values(found.prior, basis.frame, basis.drive, mass, dict.fromkeys(identified, 0.0)),
-        "identified": identified,
-    }
+    J = mass * basis.frame.arm**2 * inertia(identified)
+    rows = {"vehicle file": values_of_file(found), "identified": identified}
     if plain:
-        rows["least squares"] = _least_squares(found, rows["vehicle file"])
+        rows["least squares"] = plain_least_squares(found)
     out = []
     for number, log in enumerate(logs):
         flight = signals(log, found.prior.unmixer, basis.drive)
@@ -124,19 +129,28 @@ def held_out(
         begin = first + (last - first) * min(ADAPTED / (log.t[-1] - log.t[0]) / (last - first), LARGEST_SHARE)
         early = FlightModel(flight.part(first, begin), basis.frame)
         late = FlightModel(flight.part(begin, last), basis.frame)
-        for name, v in rows.items():
-            own = Layout((), layout.own, 1, v)
-            v = own.values(estimate([early], own).z, 0)
-            out.append(_errors(late, log, name, v, basis.frame, mass))
+        for name, shared in rows.items():
+            v = with_own(found, early, shared)
+            out.append(_errors(late, log, name, v, mass, J))
     return out
 
 
-def _errors(model: FlightModel, log: FlightLog, name: str, v: Values, frame: Frame, mass: float) -> HeldOut:
-    good = model.flight.good
-    e = model.residual(v)[good]
-    j = mass * frame.arm**2 * inertia(v)
+def with_own(found: Identification, flight: FlightModel, v: Values) -> Values:
+    """Return parameters with those that each flight has of its own, as a flight tells them.
+
+    Args:
+        found: the identification.
+        flight: what tells.
+        v: parameters by name.
+    """
+    own = Layout((), found.estimate.layout.own, 1, v)
+    return own.values(estimate([flight], own).z, 0)
+
+
+def _errors(model: FlightModel, log: FlightLog, name: str, v: Values, mass: float, J: np.ndarray) -> HeldOut:
+    e = model.residual(v)[model.flight.good]
     force = mass * np.sqrt(np.mean(e[:, 0:3] ** 2, axis=0))
-    torque = np.sqrt(np.mean((e[:, 3:6] @ j.T) ** 2, axis=0))
+    torque = np.sqrt(np.mean((e[:, 3:6] @ J.T) ** 2, axis=0))
     return HeldOut(log.name, name, force, torque, _open_loop(model, log, v))
 
 
@@ -152,12 +166,16 @@ def _open_loop(model: FlightModel, log: FlightLog, v: Values) -> np.ndarray:
     return out
 
 
-def _least_squares(found: Identification, start: Values) -> Values:
+def plain_least_squares(found: Identification) -> Values:
     """Return the usual parameters by plain least squares, the others as in the vehicle file.
 
-    Channels count by their deviation. Source: the way of mujoco.sysid, where the user names the parameters.
+    Channels count by their deviation; a lag that the file does not state starts at that of published vehicles.
+    Source: the way of mujoco.sysid, where the user names the parameters.
     """
-    models = found.models
+    models, start = found.models, values_of_file(found)
+    if not found.prior.rotor_time_constant:
+        layout = found.estimate.layout
+        start["lag"] = layout.values(np.zeros(layout.size))["lag"]
     names = [
         name for name in USUAL if name in {p.name for p in (*found.estimate.layout.shared, *found.estimate.layout.own)}
     ]
