@@ -12,6 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import stats
 
+from np_drake.identification.between_flights import Agreement, between_flights, compare, spread_of_own
 from np_drake.identification.model import FlightModel
 from np_drake.identification.noise import Whitening
 from np_drake.identification.parameters import Layout
@@ -42,7 +43,7 @@ class Estimate:
     z: np.ndarray
     covariances: tuple[np.ndarray, ...]
     information: np.ndarray
-    agreement: dict[str, "Agreement"] = dc.field(default_factory=dict)
+    agreement: dict[str, Agreement] = dc.field(default_factory=dict)
 
     @property
     def sd(self) -> np.ndarray:
@@ -59,20 +60,6 @@ class Estimate:
     def variance(self, gradient: np.ndarray) -> float:
         """Return the variance of a quantity with the derivatives `gradient` (k,) by z."""
         return float(max(gradient @ c @ gradient for c in self.covariances))
-
-
-@dc.dataclass(frozen=True)
-class Agreement:
-    """Whether flights tell the same of one parameter.
-
-    values, sd: (f,) what each flight tells alone and its deviation, in z; NaN where it tells nothing.
-    variance: between flights, beside that within them.   p: probability of a larger disagreement by chance [1].
-    """
-
-    values: np.ndarray
-    sd: np.ndarray
-    variance: float
-    p: float
 
 
 def estimate(models: Sequence[FlightModel], layout: Layout) -> Estimate:
@@ -108,7 +95,7 @@ def estimate(models: Sequence[FlightModel], layout: Layout) -> Estimate:
         scores = np.concatenate([_summed(part.scores, together) for part in single])
         if together == 1 or len(scores) >= LEAST_BLOCKS:
             covariances.append(_sandwich(inverse, scores))
-    between = _between_flights(agreement, layout) + _spread_of_own(covariances[1], layout, z)
+    between = between_flights(agreement, layout) + spread_of_own(covariances[1], layout, z)
     covariances = [c + np.diag(between) for c in covariances]
     # The gradients of flights at the common estimate hold the differences between them.
     if len(parts) >= LEAST_FLIGHTS:
@@ -239,50 +226,5 @@ def _agreement(parts: Sequence[_Part], layout: Layout, alone: Sequence[np.ndarra
         values[number] = np.where(told, mean[:n] * free / variance, np.nan)
         sds[number] = np.where(told, np.sqrt(np.maximum(free, 1e-18)), np.nan)
     return {
-        p.name: found for i, p in enumerate(layout.shared) if (found := _compare(values[:, i], sds[:, i])) is not None
+        p.name: found for i, p in enumerate(layout.shared) if (found := compare(values[:, i], sds[:, i])) is not None
     }
-
-
-def _compare(values: np.ndarray, sd: np.ndarray) -> Agreement | None:
-    """Return the agreement of what flights tell (f,) with deviations (f,); None where fewer than two tell anything."""
-    here = np.isfinite(values)
-    if here.sum() < 2:
-        return None
-    x, weight = values[here], 1.0 / sd[here] ** 2
-    mean = weight @ x / weight.sum()
-    Q = float(weight @ (x - mean) ** 2)
-    spread = weight.sum() - (weight**2).sum() / weight.sum()
-    variance = max(0.0, (Q - (len(x) - 1)) / spread)
-    return Agreement(values, sd, variance, float(stats.chi2.sf(Q, len(x) - 1)))
-
-
-def _between_flights(agreement: dict[str, Agreement], layout: Layout) -> np.ndarray:
-    """Return what the variance between flights adds to the variances of z (k,)."""
-    out = np.zeros(layout.size)
-    for i, name in enumerate(layout.names):
-        if name in agreement:
-            out[i] = _between(agreement[name])
-    return out
-
-
-def _spread_of_own(covariance: np.ndarray, layout: Layout, z: np.ndarray) -> np.ndarray:
-    """Return what to add to the variances (k,) of flights' own parameters, by how much flights differ beyond them.
-
-    A mean over flights is then that of any flight, not of these alone.
-    """
-    out = np.zeros(layout.size)
-    if layout.flights > 1:
-        first, count = len(layout.shared), len(layout.own)
-        for i in range(count):
-            own = slice(first + i, None, count)
-            out[own] = max(float(np.var(z[own], ddof=1) - np.mean(np.diag(covariance)[own])), 0.0)
-    return out
-
-
-def _between(agreement: Agreement) -> float:
-    """Return what the variance between flights adds to that of their mean, with Student's t for their number."""
-    here = np.isfinite(agreement.sd)
-    weight = 1.0 / agreement.sd[here] ** 2  # as flights count in the common estimate
-    share = float((weight**2).sum() / weight.sum() ** 2)
-    few = float(stats.t.ppf(0.975, here.sum() - 1) / stats.norm.ppf(0.975))
-    return agreement.variance * share * few**2

@@ -9,7 +9,8 @@ import numpy as np
 from np_drake.flight_log import FlightLog
 from np_drake.identification.drives import common_drive
 from np_drake.identification.estimation import Estimate, estimate
-from np_drake.identification.model import FlightModel, Frame, G
+from np_drake.identification.frame import Frame
+from np_drake.identification.model import FlightModel, G
 from np_drake.identification.parameters import Layout
 from np_drake.identification.priors import parameters
 from np_drake.identification.quantities import QUANTITIES, SURE, TOLD, Basis, Identified

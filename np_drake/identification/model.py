@@ -16,6 +16,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from np_drake import attitude
+from np_drake.identification.frame import MOMENTS, Frame, Values, euler_of_moments, inertia
 from np_drake.identification.rotor_response import at, lagged, means, target_speed
 from np_drake.identification.signals import Signals
 from np_drake.training_data.noise_removal import most_likely
@@ -23,38 +24,7 @@ from np_drake.training_data.segments import white_noise
 
 G = 9.81  # [m/s²]
 FORCE, TORQUE, SPEED = slice(0, 3), slice(3, 6), slice(6, 10)
-Values = dict[str, float]
-FLATTEST = 0.995  # of Jzz over Jxx + Jyy, whose bound is 1 [1]
 RESPONSE = ("lag", "lag_ratio", "curve", "idle", "sag")  # of a rotor to its command
-
-
-@dc.dataclass(frozen=True)
-class Frame:
-    """What is given of the vehicle: geometry and units of length.
-
-    positions: (4, 3) rotors from Bo [m].   directions: (4,) signs of their reaction torques.   radius: of a rotor [m].
-    unit: of inputs in hover: rotor speed [rad/s], throttle [1] or thrust [N] of one rotor.   volts: reference [V].
-    throttle: throttle in hover [1].
-    """
-
-    positions: np.ndarray
-    directions: np.ndarray
-    radius: float
-    unit: float
-    volts: float = 0.0
-    throttle: float = 0.0
-
-    @cached_property
-    def arm(self) -> float:
-        """Mean distance of the rotors from their middle [m]."""
-        return float(np.linalg.norm(self.positions - self.positions.mean(axis=0), axis=1).mean())
-
-    @cached_property
-    def patterns(self) -> np.ndarray:
-        """(3, 4) unit differences between rotors: left to right, front to rear, by direction."""
-        p = self.positions - self.positions.mean(axis=0)
-        rows = np.stack([p[:, 1], p[:, 0], self.directions])
-        return rows / np.abs(rows).max(axis=1, keepdims=True)
 
 
 class FlightModel:
@@ -71,7 +41,7 @@ class FlightModel:
         self._kept: dict[str, dict[tuple, Any]] = {}
         self._relative = flight.input / frame.unit
         self._time = flight.instants - flight.t[0]
-        self._euler = _euler_of_moments(flight.spread)
+        self._euler = euler_of_moments(flight.spread)
         self._rates = CubicSpline(self._time, flight.smooth[flight.edges])  # body rates at a time [rad/s]
 
     def residual(self, v: Values) -> np.ndarray:
@@ -92,7 +62,7 @@ class FlightModel:
         flow = None if s.velocity is None else s.velocity @ (turn @ heading).T
         air, torque = self.air_wrench(v, flow, rotors.mean)
         j = inertia(v) * frame.arm**2
-        torque += rotors.thrust @ self.arms(v).T - self._euler @ j[_MOMENTS]
+        torque += rotors.thrust @ self.arms(v).T - self._euler @ j[MOMENTS]
         # Angular momentum of the rotors, which turn against their reaction torques.
         momentum = v["rotor_momentum"] * j[2, 2]
         h = momentum * (rotors.speed @ frame.directions)
@@ -305,31 +275,3 @@ class Rotors:
     def mean(self) -> np.ndarray:
         """(m,) mean relative speed [1]."""
         return self.speed.mean(axis=1)
-
-
-_MOMENTS = ([0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2])  # xx, yy, zz, xy, xz, yz of a matrix
-
-
-def _euler_of_moments(spread: np.ndarray) -> np.ndarray:
-    """Return the map (m, 3, 6) from the moments of an inertia to the mean of w x J w.
-
-    Args:
-        spread: (m, 3, 3) means of w w'.
-    """
-    xx, yy, zz, xy, xz, yz = (spread[:, i, k] for i, k in zip(*_MOMENTS, strict=True))
-    out = np.zeros((len(spread), 3, 6))
-    out[:, 0] = np.stack([0 * xx, -yz, yz, -xz, xy, yy - zz], axis=1)
-    out[:, 1] = np.stack([xz, 0 * xx, -xz, yz, zz - xx, -xy], axis=1)
-    out[:, 2] = np.stack([-xy, xy, 0 * xx, xx - yy, -yz, xz], axis=1)
-    return out
-
-
-def inertia(v: Values) -> np.ndarray:
-    """Return the inertia (3, 3) over mass and squared arm [1].
-
-    Args:
-        v: parameters by name.
-    """
-    xx, yy = v["jxx"], v["jxx"] * v["jyy"]
-    xy, xz, yz = (-0.5 * (xx + yy) * v[name] for name in ("jxy", "jxz", "jyz"))
-    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, min(v["jzz"], FLATTEST) * (xx + yy)]])

@@ -34,7 +34,9 @@ class Whitening:
         """
         # A constant is what parameters are to explain, not noise.
         deviation = np.where(good[:, None], e - (e[good].mean(axis=0) if good.any() else 0.0), 0.0)
-        taps = np.stack([_filter(column, good, order) for column in deviation.T])
+        usual = np.median(np.abs(deviation[good]), axis=0) / 0.6745 if good.any() else np.ones(e.shape[1])
+        bounded = np.clip(deviation, -IMPOSSIBLE * usual, IMPOSSIBLE * usual)
+        taps = np.stack([_filter(column, good, order) for column in bounded.T])
         reach = np.convolve(~good, np.ones(order + 1))[: len(good)]
         kept = (reach < 0.5) & (np.arange(len(good)) >= order)
         plain = cls(taps, kept, np.ones(e.shape))

@@ -6,7 +6,8 @@ import numpy as np
 
 from np_drake import attitude
 from np_drake.flight_log import FlightLog
-from np_drake.identification.model import FlightModel, G, Values, inertia
+from np_drake.identification.frame import Values, inertia
+from np_drake.identification.model import FlightModel, G
 
 SUBSTEPS = 2  # of a bin; own choice: half of 10 ms, at which the fourth-order rule is exact for a rigid body
 ERRORS = ("position", "velocity", "attitude", "rates")  # [m, m/s, rad, rad/s]

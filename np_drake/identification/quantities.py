@@ -5,7 +5,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from np_drake.identification.model import Frame, G, Values, inertia
+from np_drake.identification.frame import Frame, Values, inertia
+from np_drake.identification.model import G
 from np_drake.identification.rotor_response import target_speed
 
 TOLD = 0.5  # deviation over that of the prior below which flights tell a quantity [1]; own choice: two bits

@@ -43,7 +43,7 @@ def target_speed(throttle: np.ndarray, linear: float, idle: float = 0.0) -> np.n
         linear: share of the curve's linear part [1].
         idle: rotor speed at no throttle, over the full one [1].
     """
-    u = np.clip(throttle, 0.0, None)
+    u, idle = np.clip(throttle, 0.0, None), max(idle, 0.0)
     return idle + (1.0 - idle) * np.sqrt(np.maximum((1.0 - linear) * u * u + linear * u, 0.0))
 
 

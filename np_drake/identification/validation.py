@@ -8,8 +8,9 @@ from scipy.optimize import least_squares
 
 from np_drake.flight_log import FlightLog
 from np_drake.identification.estimation import estimate
+from np_drake.identification.frame import Frame, Values, inertia
 from np_drake.identification.identify import Identification
-from np_drake.identification.model import FlightModel, Frame, G, Values, inertia
+from np_drake.identification.model import FlightModel, G
 from np_drake.identification.parameters import Layout
 from np_drake.identification.prediction import ERRORS, predict
 from np_drake.identification.signals import signals

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from np_drake.identification.model import Frame
+from np_drake.identification.frame import Frame
 from np_drake.identification.priors import parameters
 from np_drake.identification.quantities import QUANTITIES, Basis
 from np_drake.identification.rotor_response import target_speed
