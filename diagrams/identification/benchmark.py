@@ -22,13 +22,12 @@ from np_drake.identification.identify import Identification, identify
 from np_drake.identification.model import FlightModel, Values
 from np_drake.identification.prediction import ERRORS, Prediction, predict
 from np_drake.identification.signals import signals
-from np_drake.identification.validation import ADAPTED, plain_least_squares, values_of_file, with_own
+from np_drake.identification.validation import plain_least_squares, values_of_file
 
 STEPS = (1, 10, 50)
 STEP = 0.01  # [s]
 JUDGING = "melon"  # how the names of the flights begin that judge
 THRUST_COEFFICIENT = 3.72e-8  # of their physics model, whose body rates stay what they are [N/(rad/s)²]
-ADAPTED_ROW = f"identified, told {ADAPTED:g} s of the flight"  # which the protocol does not give
 MASS, G = 0.045, 9.81  # of their physics model [kg, m/s²]
 WORTHS = (0.0, 0.05, 0.1, 0.2, 0.4, 0.7, 1.0)  # shares of torque that are tried [1]
 LEAST_WORTH = 1e-4
@@ -69,13 +68,9 @@ class BenchmarkCase:
             made = {name: predict(model, log, v, seconds=STEPS[-1] * STEP, every=STEP) for name, v in models.items()}
             some = made["identified"]
             weighted = weigh(models["identified"], worth)
-            made["identified, torque by its worth"] = predict(
+            made["identified, by its worth"] = predict(
                 model, log, weighted, seconds=STEPS[-1] * STEP, every=STEP
             )
-            begin = ADAPTED / (log.t[-1] - log.t[0])
-            own = with_own(found, FlightModel(flight.part(0.0, begin), frame), models["identified"])
-            late = FlightModel(flight.part(begin, 1.0), frame)
-            made[ADAPTED_ROW] = predict(late, log, own, seconds=STEPS[-1] * STEP, every=STEP)
             made |= {"naive, here": stays(some, log), "physics, here": published_physics(some, log)}
             for name, prediction in made.items():
                 errors.setdefault(name, []).append(prediction.errors(log)[list(STEPS)])
