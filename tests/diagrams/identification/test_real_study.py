@@ -27,18 +27,18 @@ from np_drake.flight_log import FlightLog
 from np_drake.identification.prediction import Prediction
 from np_drake.logs.formats.log_file import write_log
 from np_drake.vehicle import load_vehicle
-from np_drake.vehicle_calibration import Calibration
+from np_drake.vehicle_calibration import ThrottleMap
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     """Folder of real flights with two of a simulated vehicle, whose rotors are weaker than its file says."""
     known = load_vehicle("crazyflie_brushless")
-    calibration = Calibration(imu_position=[0.0] * 3, imu_tilt=[0.0] * 3)
     k = 0.9 * known.thrust_coefficient
-    vehicle = dc.replace(known, thrust_coefficient=k, rotor_time_constant=0.03, calibration=calibration).check()
+    vehicle = dc.replace(known, thrust_coefficient=k, rotor_time_constant=0.03).check()
     air = (LinearDrag(0.005, 0.005, 0.005), BladeFlapping(0.0), TranslationalLift(0.0))
-    truth = Truth(vehicle, air, "rotor_speed", vehicle)
+    throttle = ThrottleMap(vehicle.max_rotor_thrust, 0.0, 0.0, 3.7, 1.5)
+    truth = Truth(vehicle, throttle, np.zeros(3), *air, "rotor_speed", known)
     root = tmp_path_factory.mktemp("real")
     (root / "imrc" / "bare").mkdir(parents=True)
     for log in fly_truth(truth, np.random.default_rng(4), 2, 8.0):
