@@ -74,7 +74,7 @@ STUDIES = {
     "hover": Study("payload.hover_study", "Hover while the payload swings."),
     "attach": Study("payload.attach_study", "The payload changes in flight: attached, cut off, taut."),
     "timing": Study("performance.timing", "What a period costs.", many=False),
-    "robustness": Study("robustness.study", "Payload, tether, speed, wind, noise, motors, delay, battery."),
+    "robustness": Study("robustness.study", "Payload, tether, speed, air, noise, lag, delay, battery."),
     "margins": Study("robustness.margins", "Largest delay and loop gain that each controller bears."),
     "faults": Study("robustness.faults.study", "Random faults of sensors, solver, rotors, payload, air."),
     "real": Study("challenge.real.study", "The diagnosis on real flights with known causes.", seed=None),
@@ -87,7 +87,7 @@ STUDIES = {
     "replay": Study("challenge.real.replay", "Real flights replayed open loop.", seed=None),
     "identification": Study("identification.study", "Simulated vehicles identified from their logs.", 5800),
     "identification-flights": Study(
-        "identification.real_study", "Real vehicles identified from two halves of their flights.", seed=None
+        "identification.real_study", "Real vehicles from two halves of their flights.", seed=None
     ),
     "deadlines": Study("performance.deadlines", "Deadlines of the loop on this machine.", 9800, many=False),
 }

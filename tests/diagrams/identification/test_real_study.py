@@ -8,7 +8,16 @@ import pytest
 
 from diagrams.cli.main import run
 from diagrams.identification.agreement import agreement_lines
-from diagrams.identification.benchmark import MASS, PUBLISHED, THRUST_COEFFICIENT, G, printed, published_physics, stays
+from diagrams.identification.benchmark import (
+    MASS,
+    PUBLISHED,
+    THRUST_COEFFICIENT,
+    G,
+    printed,
+    published_physics,
+    stays,
+    weigh,
+)
 from diagrams.identification.real_sets import halves
 from diagrams.identification.simulated import Truth, fly_truth
 from np_drake.effects.blade_flapping import BladeFlapping
@@ -18,18 +27,18 @@ from np_drake.flight_log import FlightLog
 from np_drake.identification.prediction import Prediction
 from np_drake.logs.formats.log_file import write_log
 from np_drake.vehicle import load_vehicle
-from np_drake.vehicle_calibration import Calibration
+from np_drake.vehicle_calibration import ThrottleMap
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     """Folder of real flights with two of a simulated vehicle, whose rotors are weaker than its file says."""
     known = load_vehicle("crazyflie_brushless")
-    calibration = Calibration(imu_position=[0.0] * 3, imu_tilt=[0.0] * 3)
     k = 0.9 * known.thrust_coefficient
-    vehicle = dc.replace(known, thrust_coefficient=k, rotor_time_constant=0.03, calibration=calibration).check()
+    vehicle = dc.replace(known, thrust_coefficient=k, rotor_time_constant=0.03).check()
     air = (LinearDrag(0.005, 0.005, 0.005), BladeFlapping(0.0), TranslationalLift(0.0))
-    truth = Truth(vehicle, air, "rotor_speed", vehicle)
+    throttle = ThrottleMap(vehicle.max_rotor_thrust, 0.0, 0.0, 3.7, 1.5)
+    truth = Truth(vehicle, throttle, np.zeros(3), *air, "rotor_speed", known)
     root = tmp_path_factory.mktemp("real")
     (root / "imrc" / "bare").mkdir(parents=True)
     for log in fly_truth(truth, np.random.default_rng(4), 2, 8.0):
@@ -119,3 +128,10 @@ def test_the_benchmark_stands_below_the_published_models():
     _, header, rows = printed({"starts": 9, "errors": errors})
     assert [row[0] for row in rows] == [*(f"{name}, published" for name in PUBLISHED), "identified"]
     assert dict(zip(header, rows[1], strict=True))["0.1 s: position [cm]"] == "1.26"
+
+
+def test_torque_of_no_worth_leaves_the_body_rates():
+    v = {"jxx": 0.4}
+    assert weigh(v, 1.0) == v
+    assert weigh(v, 0.5)["jxx"] == 0.8
+    assert weigh(v, 0.0)["jxx"] > 1e3
