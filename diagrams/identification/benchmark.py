@@ -68,9 +68,7 @@ class BenchmarkCase:
             made = {name: predict(model, log, v, seconds=STEPS[-1] * STEP, every=STEP) for name, v in models.items()}
             some = made["identified"]
             weighted = weigh(models["identified"], worth)
-            made["identified, by its worth"] = predict(
-                model, log, weighted, seconds=STEPS[-1] * STEP, every=STEP
-            )
+            made["identified, by its worth"] = predict(model, log, weighted, seconds=STEPS[-1] * STEP, every=STEP)
             made |= {"naive, here": stays(some, log), "physics, here": published_physics(some, log)}
             for name, prediction in made.items():
                 errors.setdefault(name, []).append(prediction.errors(log)[list(STEPS)])

@@ -122,7 +122,7 @@ MASS, MOTORS, SPEED, THROTTLE = ("mass",), ("motors",), ("speed",), ("throttle",
 QUANTITIES: tuple[Quantity, ...] = (
     Quantity("mass", "mass", "kg", lambda v, b: b.mass_of(v), positive=True, needs=("trusted",), per_mass=False),
     Quantity("thrust coefficient", "thrust_coefficient", "N/(rad/s)²", lambda v, b: b.coefficient_of(v), positive=True,
-             needs=("speed", "mass"), per_mass=True, why="", manoeuvre=""),
+             needs=("speed", "mass"), per_mass=True, why="the vehicle hardly flies", manoeuvre=BLIPS),
     Quantity("logged thrust, true over logged", "", "1", lambda v, b: b.hover_thrust(v) / b.frame.unit, positive=True,
              needs=("newtons", "mass"), per_mass=True),
     *(Quantity(f"inertia {a}", "inertia", "kg·m²", _moment(i, k), (i, k), positive=i == k, per_mass=True,
