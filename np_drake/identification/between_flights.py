@@ -28,7 +28,12 @@ class Agreement:
 
 
 def compare(values: np.ndarray, sd: np.ndarray) -> Agreement | None:
-    """Return the agreement of what flights tell (f,) with deviations (f,); None where fewer than two tell anything."""
+    """Return the agreement of flights on a parameter; None where fewer than two tell anything.
+
+    Args:
+        values: (f,) what each tells alone; NaN where it tells nothing.
+        sd: (f,) standard deviations of these.
+    """
     here = np.isfinite(values)
     if here.sum() < 2:
         return None
@@ -41,7 +46,12 @@ def compare(values: np.ndarray, sd: np.ndarray) -> Agreement | None:
 
 
 def between_flights(agreement: dict[str, Agreement], layout: Layout) -> np.ndarray:
-    """Return what the variance between flights adds to the variances of z (k,)."""
+    """Return what the variance between flights adds to the variances of z (k,).
+
+    Args:
+        agreement: of the flights, by parameter.
+        layout: of the parameters.
+    """
     out = np.zeros(layout.size)
     for i, name in enumerate(layout.names):
         if name in agreement:
@@ -53,6 +63,11 @@ def spread_of_own(covariance: np.ndarray, layout: Layout, z: np.ndarray) -> np.n
     """Return what to add to the variances (k,) of flights' own parameters, by how much flights differ beyond them.
 
     A mean over flights is then that of any flight, not of these alone.
+
+    Args:
+        covariance: (k, k) of z.
+        layout: of the parameters.
+        z: (k,) the estimate.
     """
     out = np.zeros(layout.size)
     if layout.flights > 1:
