@@ -56,6 +56,15 @@ VERBS: dict[str, Verb] = {
     "reproduce robustness": Verb("--seeds 1 --only np --axis loss --duration 10", times=FLIGHT),
     "reproduce margins": Verb("--seeds 1 --only hold", times=FLIGHT),
     "reproduce faults": Verb("--flights 4 --only nominal", times=FLIGHT),
+    "reproduce identification": Verb(
+        "--vehicles 2 --flights 1 --seconds 8",
+        times=frozenset({"processor_time"}),
+        columns=("processor time [s]",),
+        rows=("processor time, median",),
+    ),
+    "reproduce identification-flights": Verb(
+        "{real} --only imrc", times=frozenset({"processor_time"}), columns=("processor time [s]",)
+    ),
     "reproduce real": Verb("{real} --only wind", columns=("s",), rows=("seconds a case, median",)),
     "reproduce vehicles": Verb("--seeds 1 --vehicle 35g --track circle --duration 10 --only hold"),
     "reproduce closing": Verb("--seeds 2"),

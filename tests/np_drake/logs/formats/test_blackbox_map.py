@@ -159,17 +159,6 @@ def test_every_real_log_is_whole_and_read_fast(real_logs):
         assert np.all(np.diff(dut.streams["main"].t) > 0)
 
 
-def test_every_real_log_agrees_with_orangebox(real_logs):
-    orangebox = pytest.importorskip("orangebox", reason="the other reader of blackbox logs is not installed")
-    for path in real_logs[1:3]:
-        names = list(BLACKBOX.contents(path)["main"])
-        dut = BLACKBOX.read(path, {"main": names}, lambda share: None).streams["main"].columns
-        parser = orangebox.Parser.load(str(path))
-        places = [parser.field_names.index(name) for name in names]
-        theirs = np.array([[frame.data[i] for i in places] for frame in parser.frames()], float)
-        assert np.array_equal(np.column_stack([dut[name] for name in names]), theirs)
-
-
 def test_every_real_log_becomes_a_flight_of_its_conventions(imported):
     for found in imported:
         assert sum(len(flight) for flight in found.flights) > 3000
