@@ -6,7 +6,6 @@ github.com/idsia-robotics/nanodrone-sysid-benchmark at commit d2b5f8a, whose fig
 """
 
 import dataclasses as dc
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -18,8 +17,8 @@ from diagrams.identification.real_sets import BENCHMARK, Folders, open_set, set_
 from np_drake import attitude
 from np_drake.files.number_text import NOTHING
 from np_drake.flight_log import FlightLog
-from np_drake.identification.identify import Identification, identify
-from np_drake.identification.model import FlightModel, Values
+from np_drake.identification.identify import identify
+from np_drake.identification.model import FlightModel
 from np_drake.identification.prediction import ERRORS, Prediction, predict
 from np_drake.identification.signals import signals
 from np_drake.identification.validation import plain_least_squares, values_of_file
@@ -29,9 +28,6 @@ STEP = 0.01  # [s]
 JUDGING = "melon"  # how the names of the flights begin that judge
 THRUST_COEFFICIENT = 3.72e-8  # of their physics model, whose body rates stay what they are [N/(rad/s)²]
 MASS, G = 0.045, 9.81  # of their physics model [kg, m/s²]
-WORTHS = (0.0, 0.05, 0.1, 0.2, 0.4, 0.7, 1.0)  # shares of torque that are tried [1]
-LEAST_WORTH = 1e-4
-APART = 0.5  # between starts on the fitted flights [s]
 PUBLISHED = {  # position [m], velocity [m/s], attitude [rad], rates [rad/s]; each after 1, 10, 50 steps
     "naive": ((0.0143, 0.1430, 0.6797), (0.0329, 0.3182, 1.4749), (0.0071, 0.0692, 0.3041), (0.0796, 0.3596, 0.8837)),
     "physics": ((0.0013, 0.0126, 0.1269), (0.0080, 0.0570, 0.5781), (0.0011, 0.0205, 0.2544), (0.0796, 0.3596, 0.8837)),
@@ -60,15 +56,12 @@ class BenchmarkCase:
             "least squares": plain_least_squares(found),
             "identified": found.estimate.layout.values(found.estimate.z),
         }
-        worth = worth_of_torque(found, train, models["identified"])
         errors: dict[str, list[np.ndarray]] = {}
         for log in judging:
             flight, frame = signals(log, found.prior.unmixer, found.basis.drive), found.basis.frame
             model = FlightModel(flight, frame)
             made = {name: predict(model, log, v, seconds=STEPS[-1] * STEP, every=STEP) for name, v in models.items()}
             some = made["identified"]
-            weighted = weigh(models["identified"], worth)
-            made["identified, by its worth"] = predict(model, log, weighted, seconds=STEPS[-1] * STEP, every=STEP)
             made |= {"naive, here": stays(some, log), "physics, here": published_physics(some, log)}
             for name, prediction in made.items():
                 errors.setdefault(name, []).append(prediction.errors(log)[list(STEPS)])
@@ -76,43 +69,9 @@ class BenchmarkCase:
         return {
             "fitted": [log.name for log in train],
             "judging": [log.name for log in judging],
-            "worth": worth,
             "starts": sum(e.shape[1] for e in errors["identified"]),
             "errors": {name: e.tolist() for name, e in pooled.items()},
         }
-
-
-def weigh(v: Values, worth: float) -> Values:
-    """Return parameters whose torque moves the body by this share.
-
-    Args:
-        v: parameters by name.
-        worth: share of torque that is believed [1].
-    """
-    return v | {"jxx": v["jxx"] / max(worth, LEAST_WORTH)}
-
-
-def worth_of_torque(found: Identification, flights: Sequence[FlightLog], v: Values) -> float:
-    """Return the share of the torque that predicts the body rates of flights best.
-
-    Errors of rotor speed are slow and count as torque, so that less than all of it may predict better.
-
-    Args:
-        found: the identification.
-        flights: that were fitted.
-        v: its parameters by name.
-    """
-    made = [FlightModel(signals(log, found.prior.unmixer, found.basis.drive), found.basis.frame) for log in flights]
-
-    def error(worth: float) -> float:
-        made_by = weigh(v, worth)
-        errors = [
-            predict(model, log, made_by, seconds=STEPS[-1] * STEP, every=APART).errors(log)[1:, :, 3]
-            for model, log in zip(made, flights, strict=True)
-        ]
-        return float(np.mean(np.concatenate(errors, axis=1) ** 2))
-
-    return min(WORTHS, key=error)
 
 
 def stays(like: Prediction, log: FlightLog) -> Prediction:

@@ -11,13 +11,9 @@ from np_drake.diagnosis.report.figures import legend
 from np_drake.diagnosis.report.words import plain_name
 from np_drake.files.figure_file import DASHES, PALETTE, new_figure, new_mosaic
 from np_drake.flight_log import FlightLog
-from np_drake.identification.estimation import estimate
 from np_drake.identification.identify import Identification
-from np_drake.identification.model import FlightModel
-from np_drake.identification.parameters import Layout
 from np_drake.identification.prediction import Prediction, predict
-from np_drake.identification.signals import signals
-from np_drake.identification.validation import ADAPTED, LARGEST_SHARE, vehicle_values
+from np_drake.identification.validation import adapted, values_of_file
 
 HORIZON = 0.5  # length of a prediction, and time between those that are drawn [s]; that of the open-loop table
 WINDOW = 8.0  # shown against time [s]; own choice: a swing of a small vehicle stays readable
@@ -59,27 +55,14 @@ def ghosts_of(found: Identification, log: FlightLog, part: tuple[float, float] =
         part: share of the flight that counts, first and last [1].
     Raises: ValueError: where no stretch is long enough, in one line.
     """
-    basis = found.basis
-    identified = found.estimate.layout.values(found.estimate.z)
-    mass = found.prior.mass if basis.ratios else basis.mass_of(identified)
-    file = vehicle_values(found.prior, basis.frame, basis.drive, mass, dict.fromkeys(identified, 0.0))
-    flight = signals(log, found.prior.unmixer, basis.drive)
-    # As `held_out` does: the first seconds tell what is the flight's own, and are not shown.
-    first, last = part
-    share = ADAPTED / (log.t[-1] - log.t[0])
-    begin = first + min(share, LARGEST_SHARE * (last - first))
-    early = FlightModel(flight.part(first, begin), basis.frame)
-    model = FlightModel(flight.part(begin, last), basis.frame)
-    values = {}
-    for name, v in ((FILE, file), (FOUND, identified)):
-        own = Layout((), found.estimate.layout.own, 1, v)
-        values[name] = own.values(estimate([early], own).z, 0)
+    rows = {FILE: values_of_file(found), FOUND: found.estimate.layout.values(found.estimate.z)}
+    model, values = adapted(found, log, part, rows)
     drawn = {name: predict(model, log, v, seconds=HORIZON, every=HORIZON) for name, v in values.items()}
     many = {name: predict(model, log, v, seconds=HORIZON, every=EVERY) for name, v in values.items()}
     edges = model.flight.edges
     bins = np.flatnonzero(model.flight.good)
-    rows = (int(edges[bins[0]]), int(edges[bins[-1] + 1]))
-    return Ghosts(log, rows, _liveliest(log, rows), drawn, many)
+    judged = (int(edges[bins[0]]), int(edges[bins[-1] + 1]))
+    return Ghosts(log, judged, _liveliest(log, judged), drawn, many)
 
 
 def _liveliest(log: FlightLog, rows: tuple[int, int]) -> tuple[float, float]:

@@ -8,8 +8,8 @@ import numpy as np
 
 from diagrams.batch.campaign import Case
 from diagrams.identification.real_sets import Folders, halves, open_set, set_of
+from np_drake.identification.frame import G
 from np_drake.identification.identify import identify
-from np_drake.identification.model import G
 from np_drake.identification.validation import HORIZONS, HeldOut, held_out
 
 

@@ -37,12 +37,21 @@ def compare(values: np.ndarray, sd: np.ndarray) -> Agreement | None:
     here = np.isfinite(values)
     if here.sum() < 2:
         return None
-    x, weight = values[here], 1.0 / sd[here] ** 2
-    mean = weight @ x / weight.sum()
-    Q = float(weight @ (x - mean) ** 2)
+    variance, Q = random_effect(values[here], sd[here])
+    return Agreement(values, sd, variance, float(stats.chi2.sf(Q, here.sum() - 1)))
+
+
+def random_effect(values: np.ndarray, sd: np.ndarray) -> tuple[float, float]:
+    """Return the variance between flights beside that within them, and Cochran's Q.
+
+    Args:
+        values: (f,) what each tells alone.
+        sd: (f,) standard deviations of these.
+    """
+    weight = 1.0 / sd**2
+    Q = float(weight @ (values - weight @ values / weight.sum()) ** 2)
     spread = weight.sum() - (weight**2).sum() / weight.sum()
-    variance = max(0.0, (Q - (len(x) - 1)) / spread)
-    return Agreement(values, sd, variance, float(stats.chi2.sf(Q, len(x) - 1)))
+    return max(0.0, (Q - (len(values) - 1)) / spread), Q
 
 
 def between_flights(agreement: dict[str, Agreement], layout: Layout) -> np.ndarray:

@@ -73,7 +73,7 @@ def estimate(models: Sequence[FlightModel], layout: Layout) -> Estimate:
     alone = [z] * len(models)
     for turn in range(PASSES):
         whitenings = []
-        for model, (number, own) in zip(models, enumerate(alone), strict=True):
+        for number, (model, own) in enumerate(zip(models, alone, strict=True)):
             if turn:
                 model.smooth(layout.values(own, number))
             # What this flight alone leaves: a disagreement with others is not its noise.

@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from scipy import stats
 
-from np_drake.identification.between_flights import Agreement
+from np_drake.identification.between_flights import Agreement, random_effect
 from np_drake.identification.frame import Values
 from np_drake.identification.identify import Identification
 from np_drake.identification.quantities import SURE, TOLD, Basis, Identified, Quantity
@@ -187,11 +187,7 @@ def moves_with(agreement: Agreement, along: Mapping[str, np.ndarray]) -> str:
 
 def _mean(values: np.ndarray, sd: np.ndarray) -> tuple[float, float, float]:
     """Return weighted mean, its variance, and the variance between flights beside that within them."""
-    weight = 1.0 / sd**2
-    mean = float(weight @ values / weight.sum())
-    Q = float(weight @ (values - mean) ** 2)
-    spread = weight.sum() - (weight**2).sum() / weight.sum()
-    between = max(0.0, (Q - (len(values) - 1)) / spread)
+    between, _ = random_effect(values, sd)
     weight = 1.0 / (sd**2 + between)
     return float(weight @ values / weight.sum()), float(1.0 / weight.sum()), between
 

@@ -5,6 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
+G = 9.81  # of all logs; the accelerometer tells no other [m/s²]
 Values = dict[str, float]  # parameters of the model by name
 MOMENTS = ([0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2])  # xx, yy, zz, xy, xz, yz of a matrix
 FLATTEST = 0.995  # of Jzz over Jxx + Jyy, whose bound is 1 [1]

@@ -35,7 +35,7 @@ def identified_vehicle(found: Identification, name: str) -> Vehicle:
         if quantity.quantity.field:
             fields.setdefault(quantity.quantity.field, []).append(quantity)
     values = {field: _value(field, own, prior) for field, own in fields.items()}
-    intervals = {field: _intervals(field, own, prior, values[field]) for field, own in fields.items()}
+    intervals = {field: _intervals(field, own, prior) for field, own in fields.items()}
     sources = {field: _source(own, len(found.models)) for field, own in fields.items()}
     mass = found.basis.mass_of(found.estimate.layout.values(found.estimate.z))
     if found.basis.mass is not None:
@@ -75,7 +75,6 @@ def identified_vehicle(found: Identification, name: str) -> Vehicle:
         prior,
         name=name,
         mass=mass,
-        mass_uncertainty=prior.mass_uncertainty,
         max_rotor_thrust=values.get("throttle.full_thrust", prior.max_rotor_thrust),
         throttle=throttle,
         calibration=calibration,
@@ -135,7 +134,7 @@ def _value(field: str, own: Sequence[Identified], prior: Vehicle):
     return _rounded(own[0].value)
 
 
-def _intervals(field: str, own: Sequence[Identified], prior: Vehicle, value) -> list[list[float]]:
+def _intervals(field: str, own: Sequence[Identified], prior: Vehicle) -> list[list[float]]:
     """Return the 95 % intervals of a field, of each number row by row."""
     if field not in SHAPES:
         return [[_rounded(own[0].low), _rounded(own[0].high)]]

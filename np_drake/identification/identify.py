@@ -9,8 +9,8 @@ import numpy as np
 from np_drake.flight_log import FlightLog
 from np_drake.identification.drives import common_drive
 from np_drake.identification.estimation import Estimate, estimate
-from np_drake.identification.frame import Frame
-from np_drake.identification.model import FlightModel, G
+from np_drake.identification.frame import Frame, G
+from np_drake.identification.model import FlightModel
 from np_drake.identification.parameters import Layout
 from np_drake.identification.priors import parameters
 from np_drake.identification.quantities import QUANTITIES, SURE, TOLD, Basis, Identified
@@ -87,7 +87,7 @@ def identify(
         prior: vehicle whose rotor positions, directions and radius are given.
         mass: with battery [kg]; None: not known.
         trusted: whether logged thrust [N], or the prior's thrust coefficient, is right, so that the mass is told.
-        drive: what turns the rotors, of `signals.DRIVES`; empty: the first that all logs hold.
+        drive: what turns the rotors, of `drives.DRIVES`; empty: the first that all logs hold.
         stop: share of each flight that is used, from its beginning [1].
     Raises: ValueError: one line, where flights tell nothing of the vehicle or differ in what they hold.
     """

@@ -16,13 +16,12 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from np_drake import attitude
-from np_drake.identification.frame import MOMENTS, Frame, Values, euler_of_moments, inertia
+from np_drake.identification.frame import MOMENTS, Frame, G, Values, euler_of_moments, inertia
 from np_drake.identification.rotor_response import at, lagged, means, target_speed
 from np_drake.identification.signals import Signals
 from np_drake.training_data.noise_removal import most_likely
 from np_drake.training_data.segments import white_noise
 
-G = 9.81  # [m/s²]
 FORCE, TORQUE, SPEED = slice(0, 3), slice(3, 6), slice(6, 10)
 RESPONSE = ("lag", "lag_ratio", "curve", "idle", "sag")  # of a rotor to its command
 

@@ -6,8 +6,8 @@ import numpy as np
 
 from np_drake import attitude
 from np_drake.flight_log import FlightLog
-from np_drake.identification.frame import Values, inertia
-from np_drake.identification.model import FlightModel, G
+from np_drake.identification.frame import G, Values, inertia
+from np_drake.identification.model import FlightModel
 
 SUBSTEPS = 2  # of a bin; own choice: half of 10 ms, at which the fourth-order rule is exact for a rigid body
 ERRORS = ("position", "velocity", "attitude", "rates")  # [m, m/s, rad, rad/s]
@@ -45,15 +45,7 @@ class Prediction:
         )
 
 
-def predict(
-    model: FlightModel,
-    log: FlightLog,
-    v: Values,
-    *,
-    seconds: float,
-    every: float = 0.1,
-    states: np.ndarray | None = None,
-) -> Prediction:
+def predict(model: FlightModel, log: FlightLog, v: Values, *, seconds: float, every: float = 0.1) -> Prediction:
     """Return open-loop predictions.
 
     Args:
@@ -62,7 +54,6 @@ def predict(
         v: parameters by name.
         seconds: length of a prediction [s].
         every: between starts [s].
-        states: (n, 13) states to start from, as smoothed ones; None: those of the log.
     """
     s = model.flight
     steps, apart = max(1, round(seconds / s.step)), max(1, round(every / s.step))
@@ -71,7 +62,7 @@ def predict(
     if not len(first):
         raise ValueError(f"{log.name}: no stretch of {seconds:g} s without gaps to predict.")
     center = model.center(v)
-    x = (log.x if states is None else states)[s.edges[first]].copy()
+    x = log.x[s.edges[first]]
     R = attitude.rotation_matrix(x[:, 3:7])
     x[:, 0:3] += R @ center
     x[:, 7:10] += np.einsum("sij,sj->si", R, np.cross(x[:, 10:13], center))

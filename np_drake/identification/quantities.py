@@ -5,8 +5,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from np_drake.identification.frame import Frame, Values, inertia
-from np_drake.identification.model import G
+from np_drake.identification.frame import Frame, G, Values, inertia
 from np_drake.identification.rotor_response import target_speed
 
 TOLD = 0.5  # deviation over that of the prior below which flights tell a quantity [1]; own choice: two bits
@@ -117,10 +116,10 @@ def _linear(v: Values, b: Basis) -> float:
 ROLL = "roll and pitch doublets"
 YAW = "fast turns of the heading"
 BLIPS = "quick changes of height"
-MASS, MOTORS, SPEED, THROTTLE = ("mass",), ("motors",), ("speed",), ("throttle",)
+MOTORS, SPEED, THROTTLE = ("motors",), ("speed",), ("throttle",)
 
 QUANTITIES: tuple[Quantity, ...] = (
-    Quantity("mass", "mass", "kg", lambda v, b: b.mass_of(v), positive=True, needs=("trusted",), per_mass=False),
+    Quantity("mass", "mass", "kg", lambda v, b: b.mass_of(v), positive=True, needs=("trusted",)),
     Quantity("thrust coefficient", "thrust_coefficient", "N/(rad/s)²", lambda v, b: b.coefficient_of(v), positive=True,
              needs=("speed", "mass"), per_mass=True, why="the vehicle hardly flies", manoeuvre=BLIPS),
     Quantity("logged thrust, true over logged", "", "1", lambda v, b: b.hover_thrust(v) / b.frame.unit, positive=True,

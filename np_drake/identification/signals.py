@@ -8,12 +8,13 @@ from scipy import ndimage
 
 from np_drake import attitude
 from np_drake.flight_log import FlightLog
+from np_drake.identification.drives import drives_of, of_four_rotors
+from np_drake.identification.frame import G
 from np_drake.identification.rotor_response import Substeps
 from np_drake.training_data.noise_removal import most_likely
 from np_drake.training_data.segments import white_noise
 
 BIN = 0.009  # least length of a bin [s]; own choice: motors answer below 15 Hz, and a log at 100 Hz keeps its rows
-DRIVES = ("rotor_speed", "throttle", "command")
 SPIKE = 12.0  # deviations from the median of neighbours from which a reading is a fault; own choice
 CARRIED = 0.25  # input over force, of what it is in flight, below which the ground carries [1]; own choice
 FLYING = 0.3  # specific force over gravity below which a vehicle is thrown, held or falls [1]; own choice
@@ -28,8 +29,9 @@ class Signals:
     force: (m, 3) mean specific force in the sensor's axes [m/s²].   alpha: (m, 3) change of the body rates over the
     bin, over its length [rad/s²].   rate: (m, 3) mean body rates [rad/s].   spread: (m, 3, 3) mean of w w' [rad²/s²].
     velocity: (m, 3) mean velocity in body axes [m/s]; None: not logged.   good: (m,) bins that count.
-    drive: what turns the rotors, of `DRIVES`.   input: (n, 4) rotor speed [rad/s], throttle [1] or commanded rotor
-    thrust [N] of the rows.   command: (n, 4) throttle where rotor speed is logged as well [1].   voltage: (n,) [V].
+    drive: what turns the rotors, of `drives.DRIVES`.   input: (n, 4) rotor speed [rad/s], throttle [1] or commanded
+    rotor thrust [N] of the rows.   command: (n, 4) throttle where rotor speed is logged as well [1].
+    voltage: (n,) [V].
     accelerometer: whether the force is an accelerometer's; else it is that of the logged velocities, at Bo.
     """
 
@@ -48,7 +50,6 @@ class Signals:
     command: np.ndarray | None
     voltage: np.ndarray | None
     accelerometer: bool
-    timing: float
 
     @property
     def instants(self) -> np.ndarray:
@@ -90,10 +91,10 @@ def signals(log: FlightLog, unmixer: np.ndarray, drive: str = "") -> Signals:
     Args:
         log: the flight.
         unmixer: (4, 4) map from thrust and torque to rotor thrusts [N, N·m].
-        drive: of `DRIVES`; empty: measured rotor speed, else the throttle of four rotors, else thrust and torque.
+        drive: of `drives.DRIVES`; empty: measured rotor speed, else throttle of four rotors, else thrust and torque.
     Raises: ValueError: where the log tells nothing of its four rotors.
     """
-    drive = drive or drive_of(log)
+    drive = drive or drives_of(log)[0]
     for field in ("t", "q", "v", "w", "a"):
         if not np.isfinite(0.0 if getattr(log, field) is None else getattr(log, field)).all():
             raise ValueError(f"{log.name}: {field} must be numbers in every row; fill or cut those that are not.")
@@ -102,7 +103,7 @@ def signals(log: FlightLog, unmixer: np.ndarray, drive: str = "") -> Signals:
     edges = np.arange(0, rows, each)
     length = np.diff(log.t[edges])[:, None]
     dt = np.diff(log.t)
-    g = np.array([0.0, 0.0, 9.81])
+    g = np.array([0.0, 0.0, G])
     velocity_in_body = attitude.rotate_back(log.q, log.v)
     known = not {"velocity"} & set(log.lacks)
     if log.a is not None:
@@ -112,9 +113,9 @@ def signals(log: FlightLog, unmixer: np.ndarray, drive: str = "") -> Signals:
         half = attitude.multiply(log.q[:-1], attitude.from_rotation_vector(0.5 * middle))
         force = _mean_after(attitude.rotate_back(half, np.diff(log.v, axis=0) / dt[:, None] + g), dt, edges)
     good = np.isfinite(force).all(axis=1)
-    good &= np.linalg.norm(force, axis=1) > FLYING * 9.81
+    good &= np.linalg.norm(force, axis=1) > FLYING * G
     source = {"rotor_speed": log.rotor, "throttle": log.throttle, "command": np.maximum(log.u @ unmixer.T, 0.0)}[drive]
-    if not _of_four_rotors(source):
+    if not of_four_rotors(source):
         raise ValueError(f"{log.name}: identification needs the {drive.replace('_', ' ')} of four rotors in every row.")
     source = np.asarray(source, float)
     logged = log.throttle if drive == "throttle" else source
@@ -147,27 +148,9 @@ def signals(log: FlightLog, unmixer: np.ndarray, drive: str = "") -> Signals:
         good=good,
         drive=drive,
         input=source,
-        command=log.throttle if _of_four_rotors(log.throttle) and drive == "rotor_speed" else None,
+        command=log.throttle if of_four_rotors(log.throttle) and drive == "rotor_speed" else None,
         voltage=volts,
         accelerometer=log.a is not None,
-        timing=log.timing,
-    )
-
-
-def drive_of(log: FlightLog) -> str:
-    """Return what turns the rotors of a log, of `DRIVES`.
-
-    Raises: ValueError: where the log has neither rotor speed, nor the throttle of four rotors, nor thrust and torque.
-    """
-    if _of_four_rotors(log.rotor):
-        return "rotor_speed"
-    if _of_four_rotors(log.throttle):
-        return "throttle"
-    if log.input == "command" and np.isfinite(log.u).all():
-        return "command"
-    raise ValueError(
-        f"{log.name}: identification needs what turns each rotor: rotor speed, throttle of four motors, or thrust and "
-        "torque; the log has none of them."
     )
 
 
@@ -179,13 +162,8 @@ def _carried(lift: np.ndarray, force: np.ndarray, good: np.ndarray) -> np.ndarra
         force: (m, 3) specific force [m/s²].
         good: (m,) bins that count.
     """
-    ratio = lift.mean(axis=1) / np.maximum(np.linalg.norm(force, axis=1), FLYING * 9.81)
+    ratio = lift.mean(axis=1) / np.maximum(np.linalg.norm(force, axis=1), FLYING * G)
     return ratio > CARRIED * np.quantile(ratio[good], 0.9) if good.any() else good
-
-
-def _of_four_rotors(values: np.ndarray | None) -> bool:
-    """Return whether readings are those of four rotors, in every row."""
-    return values is not None and np.ndim(values) == 2 and values.shape[1] == 4 and bool(np.isfinite(values).all())
 
 
 def _spikes(values: np.ndarray) -> np.ndarray:

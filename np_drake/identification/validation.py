@@ -1,25 +1,25 @@
 """Identified model on flights that it has not seen, beside the vehicle file as it was and plain least squares."""
 
 import dataclasses as dc
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from scipy.optimize import least_squares
 
 from np_drake.flight_log import FlightLog
 from np_drake.identification.estimation import estimate
-from np_drake.identification.frame import Frame, Values, inertia
+from np_drake.identification.frame import Frame, G, Values, inertia
 from np_drake.identification.identify import Identification
-from np_drake.identification.model import FlightModel, G
+from np_drake.identification.model import FlightModel
 from np_drake.identification.parameters import Layout
 from np_drake.identification.prediction import ERRORS, predict
 from np_drake.identification.signals import signals
 from np_drake.vehicle import Vehicle
 
 HORIZONS = (0.1, 0.5)  # of open-loop prediction [s]
+ADAPTED = 5.0  # beginning of a held-out flight that tells its own parameters [s]; own choice
+LARGEST_SHARE = 0.3  # of the flight at most [1]; own choice
 # Parameters that a user of plain least squares names: the usual ones.
-ADAPTED = 5.0  # beginning of a held-out flight that tells its own parameters [s]
-LARGEST_SHARE = 0.3  # of the flight at most [1]
 USUAL = ("scale", "jxx", "jyy", "jzz", "com_x", "com_y", "torque", "lag", "delay", "clock", "curve", "bias_z")
 
 
@@ -28,8 +28,8 @@ class HeldOut:
     """Errors of one model on one held-out part.
 
     force: (3,) RMS of the residual force [N].   torque: (3,) of the residual angular acceleration times the identified
-    inertia, so that models compare [N·m].   open_loop: (horizons, 4) median
-    errors of `ERRORS` after `HORIZONS`; NaN where the log has no states.
+    inertia, so that models compare [N·m].   open_loop: (horizons, 4) median errors of `ERRORS` after `HORIZONS`; NaN
+    where the log has no states.
     """
 
     flight: str
@@ -125,27 +125,31 @@ def held_out(
         rows["least squares"] = plain_least_squares(found)
     out = []
     for number, log in enumerate(logs):
-        flight = signals(log, found.prior.unmixer, basis.drive)
-        first, last = parts[number] if parts else (0.0, 1.0)
-        begin = first + (last - first) * min(ADAPTED / (log.t[-1] - log.t[0]) / (last - first), LARGEST_SHARE)
-        early = FlightModel(flight.part(first, begin), basis.frame)
-        late = FlightModel(flight.part(begin, last), basis.frame)
-        for name, shared in rows.items():
-            v = with_own(found, early, shared)
-            out.append(_errors(late, log, name, v, mass, J))
+        model, own = adapted(found, log, parts[number] if parts else (0.0, 1.0), rows)
+        out += [_errors(model, log, name, v, mass, J) for name, v in own.items()]
     return out
 
 
-def with_own(found: Identification, flight: FlightModel, v: Values) -> Values:
-    """Return parameters with those that each flight has of its own, as a flight tells them.
+def adapted(
+    found: Identification, log: FlightLog, part: tuple[float, float], rows: Mapping[str, Values]
+) -> tuple[FlightModel, dict[str, Values]]:
+    """Return the part of a flight that is scored, and parameters with the flight's own as its first seconds tell them.
 
     Args:
         found: the identification.
-        flight: what tells.
-        v: parameters by name.
+        log: the flight.
+        part: share of the flight that counts, first and last [1].
+        rows: parameters by name, of each model.
     """
-    own = Layout((), found.estimate.layout.own, 1, v)
-    return own.values(estimate([flight], own).z, 0)
+    first, last = part
+    flight, frame = signals(log, found.prior.unmixer, found.basis.drive), found.basis.frame
+    begin = first + min(ADAPTED / (log.t[-1] - log.t[0]), LARGEST_SHARE * (last - first))
+    early = FlightModel(flight.part(first, begin), frame)
+    own = {}
+    for name, v in rows.items():
+        layout = Layout((), found.estimate.layout.own, 1, v)
+        own[name] = layout.values(estimate([early], layout).z, 0)
+    return FlightModel(flight.part(begin, last), frame), own
 
 
 def _errors(model: FlightModel, log: FlightLog, name: str, v: Values, mass: float, J: np.ndarray) -> HeldOut:

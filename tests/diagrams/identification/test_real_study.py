@@ -8,16 +8,7 @@ import pytest
 
 from diagrams.cli.main import run
 from diagrams.identification.agreement import agreement_lines
-from diagrams.identification.benchmark import (
-    MASS,
-    PUBLISHED,
-    THRUST_COEFFICIENT,
-    G,
-    printed,
-    published_physics,
-    stays,
-    weigh,
-)
+from diagrams.identification.benchmark import MASS, PUBLISHED, THRUST_COEFFICIENT, G, printed, published_physics, stays
 from diagrams.identification.real_sets import halves
 from diagrams.identification.simulated import Truth, fly_truth
 from np_drake.effects.blade_flapping import BladeFlapping
@@ -128,10 +119,3 @@ def test_the_benchmark_stands_below_the_published_models():
     _, header, rows = printed({"starts": 9, "errors": errors})
     assert [row[0] for row in rows] == [*(f"{name}, published" for name in PUBLISHED), "identified"]
     assert dict(zip(header, rows[1], strict=True))["0.1 s: position [cm]"] == "1.26"
-
-
-def test_torque_of_no_worth_leaves_the_body_rates():
-    v = {"jxx": 0.4}
-    assert weigh(v, 1.0) == v
-    assert weigh(v, 0.5)["jxx"] == 0.8
-    assert weigh(v, 0.0)["jxx"] > 1e3

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from np_drake import attitude
-from np_drake.identification.signals import DRIVES, drive_of, signals
+from np_drake.identification.drives import DRIVES, drives_of
+from np_drake.identification.signals import signals
 
 
 @pytest.fixture(scope="module")
@@ -73,16 +74,16 @@ def test_a_part_counts_only_the_bins_within_it(dut):
 
 def test_rotor_speed_goes_before_throttle_and_throttle_before_thrust(analytic):
     both = analytic.flight(seconds=4.0, drive="both")
-    assert drive_of(both) == "rotor_speed"
-    assert drive_of(dc.replace(both, rotor=None)) == "throttle"
-    assert drive_of(analytic.flight(seconds=4.0, drive="command")) == "command"
+    assert drives_of(both)[0] == "rotor_speed"
+    assert drives_of(dc.replace(both, rotor=None))[0] == "throttle"
+    assert drives_of(analytic.flight(seconds=4.0, drive="command"))[0] == "command"
     assert {"rotor_speed", "throttle", "command"} == set(DRIVES)
 
 
 def test_a_log_without_anything_that_turns_rotors_is_refused(log):
     bare = dc.replace(log, rotor=None, input="normalised")
     with pytest.raises(ValueError, match=r"flight3: .* needs what turns each rotor"):
-        drive_of(bare)
+        drives_of(bare)
 
 
 @pytest.mark.parametrize("drive", ["rotor_speed", "throttle"])
@@ -111,4 +112,4 @@ def test_throttle_with_holes_is_left_out_beside_rotor_speed(analytic):
     log = analytic.flight(seconds=4.0, drive="both")
     log.throttle[5, 1] = np.nan
     assert signals(log, analytic.KNOWN.unmixer).command is None
-    assert drive_of(dc.replace(log, rotor=None, input="command")) == "command"
+    assert drives_of(dc.replace(log, rotor=None, input="command"))[0] == "command"
