@@ -1,5 +1,6 @@
 """Options that several studies share: what is parsed, and what `--help` says."""
 
+import dataclasses as dc
 from pathlib import Path
 from typing import Annotated
 
@@ -44,3 +45,20 @@ def required(option: Path | None, message: str) -> Path:
     if option is None:
         raise ValueError(message)
     return option
+
+
+@dc.dataclass(frozen=True)
+class RealFlightOptions:
+    """Options of a study of the real flights."""
+
+    folder: RealFlights = None
+    neurobem: Neurobem = None
+    only: Group = None
+
+    def given(self, study: str) -> Path:
+        """Return the folder of the real flights.
+
+        Args: study: its name.
+        Raises: ValueError: if none is given.
+        """
+        return required(self.folder, f"{study}: give the folder of the real flights as DIR or NP_DRAKE_REAL.")

@@ -1,9 +1,8 @@
 """Study `identification-flights`: real vehicles identified from two halves of their flights."""
 
-import dataclasses as dc
 from typing import Any
 
-from diagrams.batch.options import Group, Neurobem, RealFlights, required
+from diagrams.batch.options import RealFlightOptions
 from diagrams.batch.run import Report, Run
 from diagrams.batch.workers import failures, require_result
 from diagrams.identification import benchmark
@@ -12,14 +11,7 @@ from diagrams.identification.benchmark import JUDGING, BenchmarkCase
 from diagrams.identification.half_case import HalfCase
 from diagrams.identification.real_sets import BENCHMARK, Folders, present_sets
 
-
-@dc.dataclass(frozen=True)
-class Options:
-    """Options of the study."""
-
-    folder: RealFlights = None
-    neurobem: Neurobem = None
-    only: Group = None
+Options = RealFlightOptions
 
 
 def run(run: Run, options: Options) -> Report:
@@ -29,9 +21,7 @@ def run(run: Run, options: Options) -> Report:
         run: seed, folders, workers and progress.
         options: of the study.
     """
-    real = required(
-        options.folder, "identification-flights: give the folder of the real flights as DIR or NP_DRAKE_REAL."
-    )
+    real = options.given("identification-flights")
     folders = Folders(real.resolve(), options.neurobem and options.neurobem.resolve())
     names = present_sets(folders, options.only or ())
     config: dict[str, Any] = {"folder": real.name, "neurobem": options.neurobem and options.neurobem.name}

@@ -1,6 +1,5 @@
 """Open-loop replay of real flights in the nominal and in the corrected simulator, and the payload's path."""
 
-import dataclasses as dc
 import math
 from collections.abc import Iterable, Sequence
 from typing import Any
@@ -8,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from diagrams.batch.columns import tabulate
-from diagrams.batch.options import Group, Neurobem, RealFlights, required
+from diagrams.batch.options import RealFlightOptions
 from diagrams.batch.run import Report, Run, Table
 from diagrams.batch.workers import failures, require_result
 from diagrams.challenge.real.cases import GROUPS, Case, OfNamedCase, make_cases
@@ -94,13 +93,7 @@ def _median(values: Iterable[float]) -> float:
     return float(np.median(known)) if known else math.nan
 
 
-@dc.dataclass(frozen=True)
-class Options:
-    """Options of the study."""
-
-    folder: RealFlights = None
-    neurobem: Neurobem = None
-    only: Group = None
+Options = RealFlightOptions
 
 
 def run(run: Run, options: Options) -> Report:
@@ -110,7 +103,7 @@ def run(run: Run, options: Options) -> Report:
         run: seed, folders, workers and progress.
         options: of the study.
     """
-    folder = required(options.folder, "replay: give the folder of the real flights as DIR or NP_DRAKE_REAL.")
+    folder = options.given("replay")
     chosen = make_cases(folder, options.neurobem, options.only or ())
     require_logs(run, chosen)
     cases = [{"group": case.group, "name": case.name} for case in chosen]

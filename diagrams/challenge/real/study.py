@@ -1,6 +1,5 @@
 """Study `real`: the diagnosis on real flights whose cause is known."""
 
-import dataclasses as dc
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -8,7 +7,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from diagrams.batch.failed_run import FailedRun
-from diagrams.batch.options import Group, Neurobem, RealFlights, required
+from diagrams.batch.options import RealFlightOptions
 from diagrams.batch.run import Report, Run
 from diagrams.batch.workers import failures
 from diagrams.challenge.real.cases import RULE, OfNamedCase, make_cases
@@ -56,13 +55,7 @@ def calibration_figure(series: Mapping[str, Sequence[tuple[float, bool]]]) -> Fi
     return figure
 
 
-@dc.dataclass(frozen=True)
-class Options:
-    """Options of the study."""
-
-    folder: RealFlights = None
-    neurobem: Neurobem = None
-    only: Group = None
+Options = RealFlightOptions
 
 
 def run(run: Run, options: Options) -> Report:
@@ -72,7 +65,7 @@ def run(run: Run, options: Options) -> Report:
         run: seed, folders, workers and progress.
         options: of the study.
     """
-    folder = required(options.folder, "real: give the folder of the real flights as DIR or NP_DRAKE_REAL.")
+    folder = options.given("real")
     cases = make_cases(folder, options.neurobem, options.only or ())
     require_logs(run, cases)
     config: dict[str, Any] = {"folder": folder, "neurobem": options.neurobem, "only": options.only}
