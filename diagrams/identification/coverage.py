@@ -19,24 +19,34 @@ ASKED: tuple[tuple[str, tuple[str, ...], float, str], ...] = (
     ("motor lag", ("time constant up", "time constant down"), 3.0, TIME),
     ("delay", ("transport delay",), 3.0, TIME),
 )
+ALIKE = {  # quantities of one kind, by the line that holds them
+    "inertia xx, yy": ("inertia xx", "inertia yy"),
+    "inertia xz, yz": ("inertia xz", "inertia yz"),
+    "centre of mass x, y": ("centre of mass x", "centre of mass y"),
+    "gains of the rotors": tuple(f"gain of rotor {i}" for i in (1, 2, 3, 4)),
+    "IMU x, y, z": ("IMU x", "IMU y", "IMU z"),
+    "IMU tilt x, y": ("IMU tilt x", "IMU tilt y"),
+    "time constants up, down": ("time constant up", "time constant down"),
+}
+LINE_OF = {name: line for line, names in ALIKE.items() for name in names}
 COVERED = (0.90, 0.98)  # share of 95 % intervals that was asked to hold the truth
 QUICK = 5.0  # processor time of an identification that was asked for [s]
 Result = dict[str, Any]
 
 
 def quantity_lines(results: Sequence[Result]) -> list[dict[str, Any]]:
-    """Return a line for every quantity: how often it is told, share of intervals with the truth, median errors.
+    """Return a line for every kind of quantity: how often told, share of intervals with the truth, median errors.
 
-    Errors are medians over the vehicles of which the quantity is told.
+    Errors are medians over the vehicles of which the quantity is told. `count`: vehicles times quantities of the kind.
 
     Args: results: of `VehicleCase`.
     """
     rows = [q for result in results for q in result["quantities"]]
     lines = []
-    for name in dict.fromkeys(q["name"] for q in rows):
-        own = [q for q in rows if q["name"] == name]
+    for name in dict.fromkeys(LINE_OF.get(q["name"], q["name"]) for q in rows):
+        own = [q for q in rows if LINE_OF.get(q["name"], q["name"]) == name]
         told = [q for q in own if q["told"]]
-        line = {"name": name, "unit": own[0]["unit"], "air": own[0]["air"], "vehicles": len(own), "told": len(told)}
+        line = {"name": name, "unit": own[0]["unit"], "air": own[0]["air"], "count": len(own), "told": len(told)}
         line["within"] = _mean([q["within"] for q in told])
         line |= {key: _median([q[key] for q in told]) for key in ("error", "prior_error", "plain_error")}
         lines.append(line)
@@ -121,7 +131,7 @@ def printed(results: Sequence[Result], title: str) -> list[Table]:
     each = tabulate(
         "a quantity: where it is told, truth inside its interval, and median error",
         quantity_lines(results),
-        [("quantity", "name"), ("told", lambda line: f"{line['told']} of {line['vehicles']}"),
+        [("quantity", "name"), ("told", lambda line: f"{line['told']} of {line['count']}"),
          ("inside", lambda line: _percent(line["within"])), ("error", number("error")),
          ("prior alone", number("prior_error")), ("least squares", number("plain_error")), ("unit", "unit")],
     )  # fmt: skip

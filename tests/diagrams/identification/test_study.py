@@ -65,7 +65,15 @@ def result(kind, *within, told=True):
 
 def test_what_is_not_told_counts_in_no_interval():
     (line,) = quantity_lines([result("throttle", True, True), result("throttle", False, told=False)])
-    assert (line["vehicles"], line["told"], line["within"]) == (3, 2, 1.0)
+    assert (line["count"], line["told"], line["within"]) == (3, 2, 1.0)
+
+
+def test_quantities_of_one_kind_share_a_line():
+    both = result("throttle", True, False)
+    for q, name in zip(both["quantities"], ("time constant up", "time constant down"), strict=True):
+        q["name"] = name
+    (line,) = quantity_lines([both])
+    assert (line["name"], line["count"], line["within"]) == ("time constants up, down", 2, 0.5)
 
 
 def test_vehicles_are_pooled_and_stand_by_input():
