@@ -13,7 +13,7 @@ import numpy as np
 from diagrams.batch.campaign import Case
 from diagrams.batch.columns import tabulate
 from diagrams.batch.run import Table
-from diagrams.identification.real_sets import BENCHMARK, Folders, open_set, set_of
+from diagrams.identification.real_sets import BENCHMARK, SETS, Folders, open_set, stated_mass
 from np_drake import attitude
 from np_drake.files.number_text import NOTHING
 from np_drake.flight_log import FlightLog
@@ -47,10 +47,10 @@ class BenchmarkCase:
 
         Raises: LogError: if a log cannot be used.
         """
-        chosen, files = set_of(BENCHMARK), self.folders.files(BENCHMARK)
+        files = self.folders.files(BENCHMARK)
         train = open_set(BENCHMARK, [f for f in files if not f.name.startswith(JUDGING)])
         judging = open_set(BENCHMARK, [f for f in files if f.name.startswith(JUDGING)])
-        found = identify(train, chosen.vehicle(), mass=chosen.mass)
+        found = identify(train, SETS[BENCHMARK].nominal, mass=stated_mass(BENCHMARK))
         models = {
             "vehicle file": values_of_file(found),
             "least squares": plain_least_squares(found),

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from diagrams.batch.campaign import Case
-from diagrams.identification.real_sets import Folders, halves, open_set, set_of
+from diagrams.identification.real_sets import SETS, Folders, halves, open_set, stated_mass
 from np_drake.identification.frame import G
 from np_drake.identification.identify import identify
 from np_drake.identification.validation import HORIZONS, HeldOut, held_out
@@ -24,11 +24,11 @@ class HalfCase:
 
         Raises: LogError: if a log cannot be used.
         """
-        chosen = set_of(case["set"])
-        parts = halves(self.folders.files(chosen.name))
-        fitted, judging = (open_set(chosen.name, part) for part in (parts[case["half"]], parts[1 - case["half"]]))
+        name = case["set"]
+        parts = halves(self.folders.files(name))
+        fitted, judging = (open_set(name, part) for part in (parts[case["half"]], parts[1 - case["half"]]))
         start = time.process_time()
-        found = identify(fitted, chosen.vehicle(), mass=chosen.mass)
+        found = identify(fitted, SETS[name].nominal, mass=stated_mass(name))
         quantities = found.quantities
         spent = time.process_time() - start
         weight = found.basis.mass_of(found.estimate.layout.values(found.estimate.z)) * G

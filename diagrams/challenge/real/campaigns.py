@@ -1,90 +1,198 @@
-"""Flights of the campaigns in a folder, in blocks of flights that were flown alike."""
+"""Campaigns of real flights: where they lie, what flew, and what is known of it; one entry a vehicle and condition."""
 
 import dataclasses as dc
-import re
-from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-BARE, PAYLOAD = Path("imrc") / "bare", Path("imrc") / "payload"
-NEURAL_FLY = Path("neural_fly")
-FULL_FANS = 12.1  # wind of the fans at 100 per cent; other settings are in proportion [m/s]
-STILL = "nowind"
-MISSING = 1  # numbers that a block may lack between two flights: of spoilt ones; own choice
-NUMBERED = re.compile(r"(?P<stem>.*?)(?P<number>\d+)(\.\w+)?")
-IN_WIND = re.compile(r"(?P<path>.+)_(?P<controller>[^_]+)_(?P<wind>nowind|\d+(p\d+sint|wind))\.csv(\.gz)?")
+from diagrams.challenge.real import rules, truth
+from diagrams.challenge.real.rules import Rule
+from diagrams.challenge.real.truth import Truth
+from np_drake.logs.formats.neurobem import AGILE, published_vehicle
+from np_drake.vehicle import Vehicle, load_vehicle
+from np_drake.vehicle_estimate import Measured, estimate
 
 
-@dc.dataclass(frozen=True)
-class Flown:
-    """File of a Neural-Fly flight, with the controller and the setting of the fans that its name tells.
+@dc.dataclass(frozen=True, eq=False)
+class Campaign:
+    """Flights of one vehicle under one condition.
 
-    path_name: what was flown, as `custom_figure8`.
+    group: name of its cases.   vehicle: key of what flew; campaigns of one key flew one vehicle, or vehicles built
+    alike.   patterns: of its logs below the folder of the real flights, or below that of NeuroBEM.   nominal: vehicle
+    as the documents of the data state it.   rule, most: which cases the files give, and how many of them are taken.
+    map: preset of `import`; empty: none is needed.   height: range of the height that a flight exceeds 95 % of the time
+    [m]; files of other heights are not of the campaign.
     """
 
-    path: Path
-    path_name: str
-    controller: str
-    wind: str
+    group: str
+    vehicle: str
+    patterns: tuple[str, ...]
+    nominal: Vehicle
+    truth: Truth
+    rule: Rule
+    most: int = 4
+    map: str = ""
+    height: tuple[float, float] | None = None
+    of_neurobem: bool = False
 
-    @property
-    def speed(self) -> float:
-        """Mean speed of the air that the fans blow [m/s]."""
-        return wind_speed(self.wind)
+    def files(self, real: Path, neurobem: Path | None = None) -> list[Path]:
+        """Return the logs that lie there, of any height, by name; hidden ones apart.
 
-
-def wind_speed(setting: str) -> float:
-    """Return the mean speed that a setting such as `nowind`, `35wind` or `70p20sint` stands for [m/s]."""
-    return 0.0 if setting == STILL else FULL_FANS * int(re.split(r"\D", setting, maxsplit=1)[0]) / 100
-
-
-def numbered_blocks(paths: Iterable[Path]) -> list[list[Path]]:
-    """Return the files whose names end in a number, in blocks of consecutive numbers, of which single ones may lack.
-
-    A block is one manoeuvre: the campaign was flown block by block, and spoilt flights were left out.
-    """
-    found = sorted(
-        (match["stem"], int(match["number"]), path) for path in paths if (match := NUMBERED.fullmatch(path.name))
-    )
-    blocks: list[list[Path]] = []
-    previous: tuple[str, int] | None = None
-    for stem, number, path in found:
-        if previous is not None and previous[0] == stem and number - previous[1] <= 1 + MISSING:
-            blocks[-1].append(path)
-        else:
-            blocks.append([path])
-        previous = (stem, number)
-    return blocks
+        Args:
+            real: folder of the real flights.
+            neurobem: folder of NeuroBEM; None: there is none.
+        """
+        root = neurobem if self.of_neurobem else real
+        found = {path for pattern in self.patterns for path in root.glob(pattern)} if root is not None else set()
+        return sorted((p for p in found if p.is_file() and not p.name.startswith(".")), key=lambda p: (p.name, p))
 
 
-def block_name(block: Sequence[Path]) -> str:
-    """Return the numbers of a block, as `06-10`."""
-    first, last = (NUMBERED.fullmatch(path.name)["number"] for path in (block[0], block[-1]))  # type: ignore[index]
-    return first if first == last else f"{first}-{last}"
-
-
-def flown_in_wind(paths: Iterable[Path]) -> list[Flown]:
-    """Return the flights whose names tell path, controller and wind, by path, wind and controller."""
-    found = [
-        Flown(path, match["path"], match["controller"], match["wind"])
-        for path in paths
-        if (match := IN_WIND.fullmatch(path.name))
-    ]
-    return sorted(found, key=lambda f: (f.path_name, f.speed, f.wind, f.controller))
-
-
-def files_of(folder: Path) -> list[Path]:
-    """Return the files of a folder, hidden ones apart; none where it is not there."""
-    if not folder.is_dir():
-        return []
-    return sorted(path for path in folder.iterdir() if path.is_file() and not path.name.startswith("."))
-
-
-def following(items: Sequence, index: int, count: int) -> list:
-    """Return the items after one, in a circle.
+def _preset(name: str, mass: float, input: str = "command") -> Vehicle:
+    """Return a preset with another mass.
 
     Args:
-        items: items in their order.
-        index: of the one.
-        count: how many are returned.
+        name: of the preset.
+        mass: as the documents of the data state it [kg].
+        input: that drives its model.
     """
-    return [items[(index + 1 + k) % len(items)] for k in range(count)]
+    return dc.replace(load_vehicle(name).with_mass(mass), input=input).check()
+
+
+NEURAL_FLY = dc.replace(Vehicle(), name="neural_fly", mass=2.53, max_rotor_thrust=15.0, input="normalised").check()
+SMALL = _preset("crazyflie", 0.033, "normalised")
+# Of the frame only its name, Parrot, and the mass are stated. Parrot's minidrones have 62 mm from the centre to a rotor
+# and propellers of 66 mm; the hover throttle is that of the logs' PWM. Thrust over throttle is a guess of the estimate.
+LARGE = dc.replace(
+    estimate(Measured(0.067, 0.125, 0.066, 0.6, curve="linear", order="crazyflie"), "parrot_frame"), input="normalised"
+)
+FAR, NEAR = (0.5, float("inf")), (0.0, 0.15)  # heights at which the ground does not, and does, add a per cent of thrust
+
+CAMPAIGNS = (
+    Campaign(
+        "payload",
+        "imrc brushless",
+        ("imrc/payload/*",),
+        _preset("crazyflie_brushless", 0.0397, "rotor_speed"),
+        dc.replace(truth.IMRC_PAYLOAD, false=(*truth.IMRC_PAYLOAD.false, "command_delay")),
+        rules.by_blocks,
+        most=8,
+    ),
+    Campaign(
+        "payload-command",
+        "imrc brushless",
+        ("imrc/payload/*",),
+        _preset("crazyflie_brushless", 0.0397),
+        truth.IMRC_PAYLOAD,  # commands do act later
+        rules.across_blocks,
+        most=3,
+    ),
+    Campaign(
+        "bare",
+        "imrc brushless",
+        ("imrc/bare/*",),
+        _preset("crazyflie_brushless", 0.037, "rotor_speed"),
+        truth.healthy(truth.IMRC, "command_delay"),
+        rules.by_blocks,
+    ),
+    Campaign(
+        "idsia",
+        "idsia",
+        ("idsia/*.parquet",),
+        _preset("crazyflie_brushless", 0.045, "rotor_speed"),
+        truth.healthy("IDSIA nanodrone-sysid-benchmark", "command_delay"),
+        rules.by_manoeuvre(r"([^_]+)_"),
+        map="idsia",
+    ),
+    Campaign(
+        "nanobench",
+        "nanobench",
+        ("nanobench/dataset_*.csv.gz",),
+        _preset("crazyflie", 0.027, "normalised"),
+        truth.healthy("NanoBench"),
+        rules.by_manoeuvre(r"dataset_([^_]+)_"),
+        map="nanobench",
+    ),
+    Campaign(
+        "crazyswarm2-standard",
+        "crazyswarm2 standard",
+        ("crazyswarm2/standard/log*",),
+        _preset("crazyflie", 0.032),
+        truth.healthy(truth.CRAZYSWARM2),
+        rules.in_circle(),
+    ),
+    Campaign(
+        "crazyswarm2-upgraded",
+        "crazyswarm2 upgraded",
+        ("crazyswarm2/upgraded/log*",),
+        _preset("crazyflie", 0.0375),
+        truth.healthy(truth.CRAZYSWARM2),
+        rules.in_circle(),
+        most=3,
+    ),
+    Campaign(
+        "crazyswarm2-payload",
+        "crazyswarm2 standard",
+        ("crazyswarm2/payload/log*",),
+        _preset("crazyflie", 0.0369),  # 41.9 g with the payload
+        truth.CRAZYSWARM2_PAYLOAD,
+        rules.in_circle(),
+        most=3,
+    ),
+    Campaign(
+        "wind", "neural_fly", ("neural_fly/*.csv*",), NEURAL_FLY, truth.WIND, rules.in_wind, most=6
+    ),
+    Campaign(
+        "still", "neural_fly", ("neural_fly/*.csv*",), NEURAL_FLY, truth.STILL_AIR, rules.in_still_air, most=3
+    ),
+    Campaign(
+        "new-wind", "neural_fly", ("neural_fly/*.csv*",), NEURAL_FLY, truth.NEW_WIND, rules.into_wind, most=6
+    ),
+    *(
+        campaign
+        for size, key, numbers, vehicle in (("small", "cf5x", "cf5?", SMALL), ("large", "cf10x", "cf10?", LARGE))
+        for campaign in (
+            Campaign(
+                f"swarm-single-{size}",
+                f"neural_swarm {size} ({key})",
+                (f"neural_swarm/single/*{numbers}_*",),
+                vehicle,
+                truth.healthy(truth.NEURAL_SWARM),
+                rules.in_circle(),
+                most=3,
+                height=FAR,
+            ),
+            Campaign(
+                f"swarm-ground-{size}",
+                f"neural_swarm {size} ({key})",
+                (f"neural_swarm/ground/*{numbers}_*", f"neural_swarm/single/*{numbers}_*"),
+                vehicle,
+                truth.near_ground(truth.NEURAL_SWARM, vehicle),
+                rules.in_circle(),
+                most=3,
+                height=NEAR,
+            ),
+        )
+    ),
+    Campaign(
+        "swarm-downwash",
+        "neural_swarm small (cf5x)",
+        ("neural_swarm/downwash/cf5?_*",),
+        SMALL,
+        truth.DOWNWASH,
+        rules.by_vehicle(r"(cf\d+)_"),
+    ),
+    Campaign(
+        "neurobem",
+        "neurobem",
+        tuple(f"csv/merged_{name}.csv" for name in AGILE),
+        published_vehicle(),
+        truth.healthy("NeuroBEM"),
+        rules.in_circle(3),
+        of_neurobem=True,
+    ),
+)  # fmt: skip
+GROUPS = tuple(campaign.group for campaign in CAMPAIGNS)
+_BY_GROUP = dict(zip(GROUPS, CAMPAIGNS, strict=True))
+
+
+def campaign_of(group: str) -> Campaign:
+    """Return the campaign whose cases have this name."""
+    return _BY_GROUP[group]

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from scipy.optimize import minimize_scalar
 from scipy.special import expit
 
 from diagrams.challenge.real.effect_columns import (
@@ -18,12 +19,15 @@ from diagrams.challenge.real.effect_columns import (
     stacked,
     wind_columns,
 )
+from diagrams.challenge.real.payload_position import wrench_of
 from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals
 from np_drake.effects.constant_wind import ConstantWind
+from np_drake.effects.ground_effect import GroundEffect
 from np_drake.effects.linear_drag import LinearDrag
 
 ROUNDS = 3  # of closing in on a length
 TRIED = 4  # effects a step that are fitted in full, the best at the weights so far
+MOST_RADII = 12.0  # of a rotor, up to which a ground effect is searched [1]
 MOST = 10  # names that are chosen
 
 
@@ -158,6 +162,24 @@ def told_wind(flights: Sequence[FlightResiduals]) -> tuple[LinearDrag, ConstantW
     c = fit(y, [drag_columns(flights), wind_columns(flights)]).c
     drag, force = LinearDrag(*c[:3].tolist()), c[3:6]
     return drag, ConstantWind(float(force[0] / c[0]), float(force[1] / c[0]), 0.0), force
+
+
+def told_ground(flights: Sequence[FlightResiduals]) -> dict[str, dict[str, Any]]:
+    """Return the effective radius of the ground effect: least squares of it and of a thrust that drifts, alone.
+
+    No interval is told.
+    """
+
+    def left(radius: float) -> float:
+        effect, total = GroundEffect(radius), 0.0
+        for e in flights:
+            rest = e.y[:, 2] - wrench_of(e.log, e.vehicle, [effect], e.t)[:, 2]
+            total += float(np.sum((rest - np.polyval(np.polyfit(e.t, rest, 2), e.t)) ** 2))
+        return total
+
+    most = MOST_RADII * flights[0].vehicle.rotor_radius
+    value = float(minimize_scalar(left, bounds=(0.0, most), method="bounded").x)
+    return {"effective_radius": _estimate(value, math.nan, "m")}
 
 
 def _estimate(value: float, half: float, unit: str) -> dict[str, Any]:

@@ -12,7 +12,10 @@ from np_drake.logs.importing.interpolation import Signal
 
 MILLIMETRE = 1e-3  # [m]
 PAYLOAD = tuple(f"stateEstimateZ.p{axis}" for axis in "xyz")  # [mm]
-VEHICLE = tuple(f"stateEstimate.{axis}" for axis in "xyz")  # [m]
+VEHICLES = (  # with the unit of each [m]
+    (tuple(f"stateEstimate.{axis}" for axis in "xyz"), 1.0),
+    (tuple(f"stateEstimateZ.{axis}" for axis in "xyz"), MILLIMETRE),
+)
 
 
 def logged_payload(path: Path, flight: FlightLog) -> tuple[np.ndarray, np.ndarray]:
@@ -26,12 +29,18 @@ def logged_payload(path: Path, flight: FlightLog) -> tuple[np.ndarray, np.ndarra
         flight: flight that was read from it.
     Raises: LogError: if the log holds no payload, or the flight is not of this log.
     """
-    event = next((e for e, names in crazyflie.contents(path).items() if set(PAYLOAD + VEHICLE) <= set(names)), "")
+    found = (
+        (event, own, unit)
+        for event, names in crazyflie.contents(path).items()
+        for own, unit in VEHICLES
+        if set(PAYLOAD + own) <= set(names)
+    )
+    event, own, unit = next(found, ("", (), 0.0))
     if not event:
         raise LogError(f"{path}: must hold {', '.join(PAYLOAD)}; it holds no position of a payload.")
-    stream = crazyflie.read(path, {event: [*PAYLOAD, *VEHICLE]}, lambda share: None).streams[event]
+    stream = crazyflie.read(path, {event: [*PAYLOAD, *own]}, lambda share: None).streams[event]
     p = MILLIMETRE * np.stack([stream.columns[name] for name in PAYLOAD], axis=1)
-    p_WB = np.stack([stream.columns[name] for name in VEHICLE], axis=1)
+    p_WB = unit * np.stack([stream.columns[name] for name in own], axis=1)
     new = np.concatenate([[True], np.any(np.diff(p, axis=0) != 0, axis=1)])
     begin = _begin(stream.t, p_WB, flight)
     return stream.t[new] - begin, p[new]

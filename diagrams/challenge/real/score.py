@@ -1,5 +1,6 @@
 """Score of one case: every method's names against the truth, its parameters, and what its model predicts."""
 
+import dataclasses as dc
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -7,14 +8,17 @@ from typing import Any
 
 import numpy as np
 
-from diagrams.challenge.real.cases import Case
+from diagrams.challenge.real.answers import brief, effects_of, read_answer
+from diagrams.challenge.real.campaigns import campaign_of
 from diagrams.challenge.real.effect_columns import DAMPING, LENGTHS, library_columns, payload_columns, wind_columns
 from diagrams.challenge.real.flights import open_case, open_flights
-from diagrams.challenge.real.least_squares import select_by_bic, told_payload, told_wind
+from diagrams.challenge.real.least_squares import select_by_bic, told_ground, told_payload, told_wind
 from diagrams.challenge.real.payload_position import observed, open_loop, position_errors, residual_force, wrench_of
-from diagrams.challenge.real.truth import DIRECTION, TRUTHS, WINDS, Truth
+from diagrams.challenge.real.rules import Case
+from diagrams.challenge.real.truth import DIRECTION, GROUND, PAYLOAD, PLACE, WINDS, Truth
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.diagnosis.residuals.make_flight_residuals import make_flight_residuals
+from np_drake.diagnosis.result import UNKNOWN
 from np_drake.effects.base import Effect, WrenchEffect
 from np_drake.effects.combine import split_effects
 from np_drake.effects.suspended_payload import SuspendedPayload
@@ -24,21 +28,20 @@ from np_drake.vehicle import Vehicle
 STEP = 0.02  # between the instants at which a force is averaged [s]
 
 
-def measured_wind_force(windy: Sequence[Path], still: Sequence[Path], vehicle: Vehicle) -> np.ndarray:
+def measured_wind_force(case: Case, windy: Sequence[FlightLog]) -> np.ndarray:
     """Return the mean residual force of flights in wind less that of flights in still air, (3,) in W [N].
 
     Args:
-        windy: logs of flights in wind.
-        still: logs of flights in still air.
-        vehicle: nominal vehicle.
+        case: tells the flights in still air.
+        windy: flights in wind.
     """
+    campaign = campaign_of(case.group)
 
-    def mean(paths: Sequence[Path]) -> np.ndarray:
-        flights = [log for path in paths for log in open_flights(path, vehicle)]
-        forces = [residual_force(make_flight_residuals(log, vehicle)) for log in flights]
+    def mean(flights: Sequence[FlightLog]) -> np.ndarray:
+        forces = [residual_force(make_flight_residuals(log, campaign.nominal)) for log in flights]
         return np.mean([force.mean(axis=0) for force in forces], axis=0)
 
-    return mean(windy) - mean(still)
+    return mean(windy) - mean([log for path in case.still for log in open_flights(path, campaign)])
 
 
 def wind_figures(
@@ -98,40 +101,60 @@ def angle(a: np.ndarray, b: np.ndarray) -> float:
 
 
 THIS, BIC, TOLD = "this", "BIC", "told"
-METHODS = (THIS, BIC, TOLD)
-GROUPS = {"lateral": ("x", "y"), "vertical": ("z",), "torque": ("x", "y", "z")}  # axes of the held-out residual
+BASELINES = (BIC, TOLD)  # methods that give no diagnosis.json
+AXES = {"lateral": ("x", "y"), "vertical": ("z",), "torque": ("x", "y", "z")}  # of the held-out residual
 PREDICTORS = {"open": open_loop, "observed": observed}  # of the payload's position
 
 
-def score_case(case: Case) -> dict[str, Any]:
-    """Return a case with the score of every method: names, right, wrong, parameters, held-out figures and seconds.
+@dc.dataclass(frozen=True)
+class Scoring:
+    """Work of a case -> {"group", "case", "methods", "answer"}: the score of every method.
 
-    Raises: LogError, OSError: if a flight cannot be used.
+    answers: folder of answers to score; None: the case is diagnosed, and "answer" holds what was said.
+    beside: further folders of answers, by name.   A case that a folder does not answer lacks that method.
     """
-    vehicle, train, held_out = open_case(case)
-    truth, flights = TRUTHS[case.group], [make_flight_residuals(log, vehicle) for log in train]
-    found = diagnose(vehicle, train, held_out, adaptive_split=case.second)
-    this = scored(found.as_json(), truth, train)
-    effects = [c.effect for c in found.causes if c.effect is not None and c.identifier in this["causes"]]
-    columns = [*library_columns(flights), *payload_columns(flights, LENGTHS), wind_columns(flights)]
-    bic = {**verdict(select_by_bic(flights, columns), truth), "parameters": {}}
-    record: dict[str, Any] = {"group": case.group, "case": case.name, "methods": {THIS: this, BIC: bic}}
-    if "suspended_payload" in truth.present:
-        own = told_payload(flights)
-        told: dict[str, Any] = {"causes": {}, "parameters": {"suspended_payload": own}}
-        pendulum = SuspendedPayload(own["mass"]["value"], own["length"]["value"], 0.0, 0.0, 0.0, DAMPING)
-        for method, acting in ((this, effects), (told, [pendulum])):
-            method["position"] = position_errors(case.held_out, held_out, vehicle, acting, PREDICTORS)
-        record["methods"][TOLD] = told
-    if case.group == "wind":
-        measured = measured_wind_force(case.train, case.still, vehicle)
-        drag, wind, force = told_wind(flights)
-        fans = (train, vehicle, measured, case.speed)
-        this["wind"] = wind_figures(effects, *fans)
-        told = {"causes": {}, "parameters": {}, "wind": wind_figures([drag, wind], *fans, force)}
-        record["methods"][TOLD] = told
-        record |= {"wind": case.speed, "force": measured.tolist()}
-    return record
+
+    answers: Path | None = None
+    beside: Mapping[str, Path] = dc.field(default_factory=dict)
+
+    def __call__(self, case: Case) -> dict[str, Any]:
+        """Return names, right, wrong, parameters, held-out figures and seconds of every method.
+
+        Raises: LogError, OSError: if a flight cannot be used; ValueError: if an answer is none.
+        """
+        vehicle, train, held_out = open_case(case)
+        truth, flights = campaign_of(case.group).truth, [make_flight_residuals(log, vehicle) for log in train]
+        record: dict[str, Any] = {"group": case.group, "case": case.name, "methods": {}}
+        if self.answers is None:
+            found = diagnose(vehicle, train, held_out, adaptive_split=case.second)
+            record["answer"] = brief(found.as_json())
+        folders = {THIS: self.answers, **self.beside}
+        read = {name: read_answer(folder, case) for name, folder in folders.items() if folder is not None}
+        given = {THIS: record.get("answer"), **read}
+        said = {name: answer for name, answer in given.items() if answer is not None}
+        methods = record["methods"] = {name: scored(answer, truth, train) for name, answer in said.items()}
+        effects = {name: effects_of(answer, methods[name]["causes"]) for name, answer in said.items()}
+        columns = [*library_columns(flights), *payload_columns(flights, LENGTHS), wind_columns(flights)]
+        methods[BIC] = {**verdict(select_by_bic(flights, columns), truth), "parameters": {}}
+        if PAYLOAD in truth.present:
+            own = told_payload(flights)
+            effects[TOLD] = [SuspendedPayload(own["mass"]["value"], own["length"]["value"], 0.0, 0.0, 0.0, DAMPING)]
+            methods[TOLD] = {"causes": {}, "parameters": {PAYLOAD: own}}
+            for name, acting in effects.items():
+                errors = position_errors(case.held_out, held_out, vehicle, acting, PREDICTORS)
+                methods[name]["position"] = errors
+        if GROUND in truth.present:
+            methods[TOLD] = {"causes": {}, "parameters": {GROUND: told_ground(flights)}}
+        if case.still:
+            measured = measured_wind_force(case, train)
+            drag, wind, force = told_wind(flights)
+            fans = (train, vehicle, measured, case.speed)
+            for name, acting in effects.items():
+                methods[name]["wind"] = wind_figures(acting, *fans)
+            told = wind_figures([drag, wind], *fans, force)
+            methods[TOLD] = {"causes": {}, "parameters": {}, "wind": told}
+            record |= {"wind": case.speed, "force": measured.tolist()}
+        return record
 
 
 def scored(answer: Mapping[str, Any], truth: Truth, train: Sequence[FlightLog] = ()) -> dict[str, Any]:
@@ -147,30 +170,39 @@ def scored(answer: Mapping[str, Any], truth: Truth, train: Sequence[FlightLog] =
     fitted = {log.name for log in train}
     own = [c for c in answer["causes"] if not fitted or not fitted <= set(c.get("absent_from") or ())]
     causes = {c["effect"]: float(c["probability"]) for c in own}
+    unknown = float(answer.get("unknown_probability") or 0.0)
+    if UNKNOWN in truth.present:
+        causes[UNKNOWN] = unknown
+    if any(finding["name"] == PLACE for finding in answer.get("remains", ())):
+        causes[PLACE] = unknown
+    late = [c["effect"] for c in own if any(time is not None for time in (c.get("onset") or {}).values())]
     return {
-        **verdict(causes, truth),
-        "parameters": {c["effect"]: c["parameters"] for c in own},
-        "unknown": answer.get("unknown_probability", 0.0),
-        "cut": held_out_cut(answer["gap"]),
+        **verdict(causes, truth, late),
+        "parameters": {c["effect"]: c.get("parameters", {}) for c in own},
+        "unknown": unknown,
+        "cut": held_out_cut(answer.get("gap") or {}),
+        "fraction": ((answer.get("shrink") or {}).get("residual") or {}).get("fraction"),
         "new_condition": says_new_condition(answer, fitted),
-        "seconds": answer["wall"],
+        "seconds": answer.get("wall"),
     }
 
 
-def verdict(causes: Mapping[str, float], truth: Truth) -> dict[str, Any]:
+def verdict(causes: Mapping[str, float], truth: Truth, late: Sequence[str] = ()) -> dict[str, Any]:
     """Return the probabilities, whether all that is named is right, and the names that are wrong.
 
     Args:
         causes: probability by name [1].
         truth: of the flights.
+        late: names that begin in flight.
     """
-    return {"causes": dict(causes), "right": truth.right(causes), "wrong": truth.wrong(causes)}
+    right, wrong = truth.right(causes, late), truth.wrong(causes, late)
+    return {"causes": dict(causes), "late": list(late), "right": right, "wrong": wrong}
 
 
 def held_out_cut(gap: Mapping[str, Any]) -> dict[str, float | None]:
     """Return by how much the causes reduce the RMS of the held-out residual, by group of channels [1]."""
     cut: dict[str, float | None] = {}
-    for group, axes in GROUPS.items():
+    for group, axes in AXES.items():
         kind = gap.get("torque" if group == "torque" else "force") or {}
         before, after = (
             math.sqrt(sum((kind.get(axis, {}).get(key) or 0.0) ** 2 for axis in axes)) for key in ("rms", "after")

@@ -1,86 +1,101 @@
-"""Study `real`: the diagnosis on real flights whose cause is known."""
+"""Study `real`: the diagnosis, or answers of any tool, on real flights whose cause is known."""
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+import dataclasses as dc
+import hashlib
+from pathlib import Path
+from typing import Annotated, Any
 
-import numpy as np
-from matplotlib.figure import Figure
+from typer import Option
 
 from diagrams.batch.failed_run import FailedRun
 from diagrams.batch.options import RealFlightOptions
 from diagrams.batch.run import Report, Run
 from diagrams.batch.workers import failures
+from diagrams.challenge.real.answers import require_answers, write_answers
+from diagrams.challenge.real.calibration import bins, calibration_figure
 from diagrams.challenge.real.cases import RULE, OfNamedCase, make_cases
 from diagrams.challenge.real.flights import require_logs
-from diagrams.challenge.real.score import score_case
-from diagrams.challenge.real.summary import NAMING, judged_names
+from diagrams.challenge.real.score import BASELINES, THIS, Scoring
+from diagrams.challenge.real.summary import judged_names, methods_of
 from diagrams.challenge.real.tables import tables
-from diagrams.challenge.score.binomial_intervals import binned
-from np_drake.files.figure_file import DASHES, PALETTE, new_figure
+from diagrams.challenge.score.answered_case import ANSWER_FILE
 
-EDGES = (0.0, 0.3, 0.5, 0.7, 0.9, 0.97, 1.0001)  # of the bins of probability [1]
-MARKERS = ("o", "s", "^", "D")
-ASIDE = 0.008  # by which series stand beside each other [1]
+ANSWERS = "answers"  # folder in that of --out
 
 
-def bins(pairs: Sequence[tuple[float, bool]]) -> list[dict[str, Any]]:
-    """Return, by bin of probability, mean probability, share true with its 95 % interval, and count."""
-    p = np.array([pair[0] for pair in pairs], float)
-    true = np.array([pair[1] for pair in pairs], float)
-    place = np.clip(np.searchsorted(EDGES, p, side="right") - 1, 0, len(EDGES) - 2)
-    return binned(true, place, EDGES, mean=(np.mean, p)) if len(p) else []
+@dc.dataclass(frozen=True)
+class Options(RealFlightOptions):
+    """Options of the study."""
 
+    answers: Annotated[
+        Path | None,
+        Option(
+            "--answers",
+            metavar="DIR",
+            help=f"Score DIR/<group>/<case>/{ANSWER_FILE} of any tool; nothing is diagnosed.",
+        ),
+    ] = None
+    beside: Annotated[
+        list[str] | None,
+        Option("--beside", metavar="NAME=DIR", help="A row of answers made by another version; repeatable."),
+    ] = None
 
-def calibration_figure(series: Mapping[str, Sequence[tuple[float, bool]]]) -> Figure:
-    """Return reported probability against share true, by series, with 95 % intervals and counts."""
-    figure, axes = new_figure(2, 1, width=5.2, height=5.6, sharex=True, height_ratios=(4, 1.3))
-    ax, counts = axes[:, 0]
-    ax.plot([0, 1], [0, 1], color="0.6", linewidth=1, label="as reported")
-    shown = {name: bins(pairs) for name, pairs in series.items() if pairs}
-    for i, (name, rows) in enumerate(shown.items()):
-        x = np.array([row["mean"] for row in rows]) + ASIDE * (i - (len(shown) - 1) / 2)
-        y = np.array([row["rate"] for row in rows])
-        bounds = np.array([row["ci95"] for row in rows]).T
-        total = sum(row["n"] for row in rows)
-        style = {"color": PALETTE[i], "marker": MARKERS[i % len(MARKERS)], "linestyle": DASHES[i]}
-        error = np.maximum([y - bounds[0], bounds[1] - y], 0.0)
-        ax.errorbar(x, y, error, capsize=3, markersize=5, linewidth=1, label=f"{name} (n = {total})", **style)
-        counts.plot(x, [row["n"] for row in rows], linewidth=1, markersize=4, **style)
-    ax.set(xlim=(-0.02, 1.03), ylim=(-0.04, 1.04), ylabel="share that is true, 95 % interval [1]")
-    ax.grid(color="0.92", linewidth=0.5)
-    ax.set_axisbelow(True)
-    counts.set(xlabel="reported probability of a name [1]", ylabel="names in the bin", yscale="log")
-    counts.grid(color="0.92", linewidth=0.5)
-    figure.legend(loc="outside lower center", ncols=2, fontsize=8)
-    return figure
+    def others(self) -> dict[str, Path]:
+        """Return the folders of `--beside` by name.
 
-
-Options = RealFlightOptions
+        Raises: ValueError: if one is no NAME=DIR, or the name is taken.
+        """
+        found: dict[str, Path] = {}
+        for text in self.beside or ():
+            name, equals, folder = text.partition("=")
+            if not (name and equals and folder) or name in (THIS, *BASELINES, *found):
+                taken = ", ".join((THIS, *BASELINES))
+                raise ValueError(f"--beside: must be NAME=DIR, each NAME once and none of {taken}; got {text!r}.")
+            found[name] = Path(folder)
+        return found
 
 
 def run(run: Run, options: Options) -> Report:
-    """The diagnosis on real flights with known causes, beside least squares.
+    """The diagnosis on real flights with known causes, beside least squares and answers of other versions.
 
     Args:
         run: seed, folders, workers and progress.
         options: of the study.
     """
-    folder = options.given("real")
+    folder, beside = options.given("real"), options.others()
     cases = make_cases(folder, options.neurobem, options.only or ())
+    given = {**({} if options.answers is None else {"--answers": options.answers}), **beside}
+    notes = [line for name, own in given.items() for line in require_answers(name, own, cases)]
     require_logs(run, cases)
     config: dict[str, Any] = {"folder": folder, "neurobem": options.neurobem, "only": options.only}
-    scoring = OfNamedCase(score_case, folder.resolve(), options.neurobem and options.neurobem.resolve())
-    settings = {"folder": folder.name, "neurobem": options.neurobem and options.neurobem.name}
+    if given:
+        config["answers"] = {name: _digest(own) for name, own in given.items()}
+    absolute = {name: own.resolve() for name, own in beside.items()}
+    work = Scoring(options.answers and options.answers.resolve(), absolute)
+    scoring = OfNamedCase(work, folder.resolve(), options.neurobem and options.neurobem.resolve())
     named = [{"group": case.group, "name": case.name} for case in cases]
-    finished = run.cases("diagnosing", "cases", scoring, named, config=settings)
-    failed, records = failures(finished), [r["result"] for r in finished if "result" in r]
-    series = {f"real flights, {method}": judged_names(records, method) for method in NAMING}
-    failure = FailedRun(f"{failed[0]} ({len(failed)} of {len(cases)} cases failed)") if failed else None
+    title = "diagnosing" if options.answers is None else "scoring"
+    finished = run.cases(title, "cases", scoring, named, config=config)
+    failed = failures(finished)
+    records = [dict(r["result"]) for r in finished if "result" in r]
+    folders = {(case.group, case.name): case.folder for case in cases}
+    made = {folders[r["group"], r["case"]]: answer for r in records if (answer := r.pop("answer", None)) is not None}
+    series = {name: judged_names(records, name) for name in methods_of(records, "naming")}
     return Report(
         tables(records),
         config={**config, "cases": [f"{case.group}: {case.name}" for case in cases]},
         metrics={"table": records, "calibration": {n: bins(p) for n, p in series.items()}, "failures": failed},
         summary=[f"{len(records)} cases, by this rule:", *RULE],
+        notes=notes,
         figures={"calibration.png": lambda: calibration_figure(series)} if any(series.values()) else {},
-        failure=failure,
+        write=(lambda out: write_answers(out / ANSWERS, made)) if made else None,
+        failure=FailedRun(f"{failed[0]} ({len(failed)} of {len(cases)} cases failed)") if failed else None,
     )
+
+
+def _digest(folder: Path) -> str:
+    """Return the SHA-256 of all answers in a folder, so that others are not taken for them."""
+    total = hashlib.sha256()
+    for file in sorted(folder.rglob(ANSWER_FILE)):
+        total.update(str(file.relative_to(folder)).encode() + file.read_bytes())
+    return total.hexdigest()

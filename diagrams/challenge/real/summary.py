@@ -7,13 +7,18 @@ from typing import Any
 
 import numpy as np
 
-from diagrams.challenge.real.score import BIC, METHODS, THIS
+from diagrams.challenge.real.calibration import calibration_error
+from diagrams.challenge.real.campaigns import CAMPAIGNS, GROUPS, campaign_of
+from diagrams.challenge.real.score import BASELINES, BIC, THIS, TOLD
 from diagrams.challenge.real.truth import (
     DRAG,
+    DRAGS,
     EXCLUDED_BESIDE_WIND,
+    GROUND,
     LINEAR_UP_TO,
+    PAYLOAD,
+    PLACE,
     SURE,
-    TRUTHS,
     WINDS,
     WITHIN_ANGLE,
     WITHIN_FORCE,
@@ -21,21 +26,37 @@ from diagrams.challenge.real.truth import (
     WITHIN_SPEED,
     named,
 )
+from np_drake.diagnosis.result import UNKNOWN
 
-Record = Mapping[str, Any]  # of `score_case`
+Record = Mapping[str, Any]  # of `Scoring`
 Answer = Mapping[str, Any]  # score of a method in a case, see `answers`
-PAYLOADS, ALL = ("payload", "payload-command"), tuple(TRUTHS)
-NAMING = (THIS, BIC)  # methods that give probabilities
-TETHERED, KNOWN = "suspended_payload", TRUTHS["payload"].parameters
+HEALTHY = tuple(c.group for c in CAMPAIGNS if c.truth.healthy)
+GROUND_GROUPS = tuple(c.group for c in CAMPAIGNS if GROUND in c.truth.present)
+COMMANDED = "payload-command"  # the payload flights of another group once more
+PAYLOADS = tuple(c.group for c in CAMPAIGNS if PAYLOAD in c.truth.present and c.group != COMMANDED)
+KNOWN = tuple(g for g in GROUPS if g != "neurobem")
 
 
-def answers(records: Sequence[Record], groups: Collection[str] = ALL, methods: Sequence[str] = METHODS) -> list[Answer]:
+def methods_of(records: Sequence[Record], kind: str = "all") -> list[str]:
+    """Return the methods of the records: the diagnosis, answers beside it, then the baselines.
+
+    Args:
+        records: of `Scoring`.
+        kind: all | naming, those that give probabilities | answering, those of a `diagnosis.json`.
+    """
+    used = dict.fromkeys(name for record in records for name in record["methods"])
+    own = sorted((name for name in used if name not in BASELINES), key=lambda name: name != THIS)
+    apart = {"all": BASELINES, "naming": (BIC,), "answering": ()}[kind]
+    return [*own, *(name for name in apart if name in used)]
+
+
+def answers(records: Sequence[Record], groups: Collection[str] = GROUPS, methods: Collection[str] = ()) -> list[Answer]:
     """Return the scores of methods in the cases of some groups, with "group", "case", "by" and "fans" of each.
 
     Args:
-        records: of `score_case`.
+        records: of `Scoring`.
         groups: groups of cases.
-        methods: names of methods; one that did not answer a case is left out there.
+        methods: names of methods, empty: all; one that did not answer a case is left out there.
     """
     return [
         {
@@ -47,17 +68,24 @@ def answers(records: Sequence[Record], groups: Collection[str] = ALL, methods: S
         }
         for record in records
         if record["group"] in groups
-        for method in methods
+        for method in methods or methods_of(records)
         if method in record["methods"]
     ]
 
 
+def beyond_drag(answer: Answer) -> int:
+    """Return how many names an answer has beyond drag."""
+    return sum(name not in (*DRAGS, PLACE, UNKNOWN) for name in named(answer["causes"]))
+
+
+def gains_nothing(answer: Answer) -> bool | None:
+    """Return whether an answer has a name and makes the held-out residual worse; None where it tells no reduction."""
+    fraction = answer.get("fraction")
+    return None if fraction is None else bool(fraction < 0 and named(answer["causes"]))
+
+
 def _count(values: Sequence[bool]) -> str:
     return f"{sum(values)} of {len(values)}"
-
-
-def _median_seconds(values: Sequence[float]) -> str:
-    return f"{np.median(values):.1f}"
 
 
 def _centimetres(values: Sequence[float]) -> str:
@@ -68,24 +96,25 @@ def _centimetres(values: Sequence[float]) -> str:
 class Asked:
     """Line of the table: what is asked of the cases of some groups.
 
-    figure: of an answer; None: it does not count.   methods: of which it is asked.   gather: cell of all figures.
+    figure: of an answer; None: it does not count.   kind: methods of which it is asked, of `methods_of`.
+    gather: cell of all figures.
     """
 
     what: str
     wanted: str
     groups: Collection[str]
     figure: Callable[[Answer], Any]
-    methods: Sequence[str] = METHODS
+    kind: str = "all"
     gather: Callable[[list], str] = _count
 
     def cell(self, records: Sequence[Record], method: str) -> str | None:
         """Return the cell of a method; None where it has no figure.
 
         Args:
-            records: of `score_case`.
+            records: of `Scoring`.
             method: name of the method.
         """
-        if method not in self.methods:
+        if method not in methods_of(records, self.kind):
             return None
         figures = [self.figure(answer) for answer in answers(records, self.groups, [method])]
         known = [figure for figure in figures if figure is not None]
@@ -96,73 +125,110 @@ def asked_figures(records: Sequence[Record]) -> list[dict[str, Any]]:
     """Return lines with what is asked, what is wanted, and what each method gives, where one gives anything."""
     lines = []
     for asked in _asked():
-        cells = {method: cell for method in METHODS if (cell := asked.cell(records, method)) is not None}
+        cells = {method: cell for method in methods_of(records) if (cell := asked.cell(records, method)) is not None}
         if cells:
             lines.append({"what": asked.what, "wanted": asked.wanted, **cells})
     return lines
 
 
 def _asked() -> Iterator[Asked]:
-    yield from _of_payloads("payload", "payload")
-    yield from _of_payloads("payload-command", "payload, command")
-    yield _false_names("bare", "bare: cases with a false name")
-    yield _false_names("neurobem", "neurobem: cases with a false name")
+    yield Asked("healthy: cases with a false name", "≤ 5 %", HEALTHY, lambda a: bool(a["wrong"]), "naming")
+    names = partial(Asked, groups=HEALTHY, figure=beyond_drag, kind="naming")
+    yield names("healthy: names beyond drag, median", "0", gather=lambda n: f"{np.median(n):g}")
+    yield names("healthy: names beyond drag, mean", "≤ 0.5", gather=lambda n: f"{np.mean(n):.2f}")
+    yield from _of_payloads(PAYLOADS, "payload")
+    yield from _of_payloads((COMMANDED,), "payload, command")
     yield from _of_wind()
-    yield _false_names("still", "still air: cases with a false name")
-    yield _false_names("new-wind", "still fitted, windy held out: with a false name")
-    what = "still fitted, windy held out: says so"
-    yield Asked(what, "all", ["new-wind"], lambda a: bool(a["new_condition"]), [THIS])
-    known = [group for group in ALL if group != "neurobem"]
-    yield Asked("known cause: right", f"more than {BIC}", known, lambda a: a["right"], NAMING)
-    what = f"all: names that are wrong, p > {SURE:g}"
-    yield Asked(what, "0", ALL, _sure_and_wrong, NAMING, lambda counts: str(sum(counts)))
-    yield Asked("seconds a case, median", "", ALL, lambda a: a["seconds"], [THIS], _median_seconds)
+    yield Asked("still air: cases with a false name", "0", ["still"], lambda a: bool(a["wrong"]), "naming")
+    new = partial(Asked, groups=["new-wind"])
+    yield new("new wind: said so", "all", figure=lambda a: bool(a["new_condition"]), kind="answering")
+    yield new("new wind: cases with a false name", "0", figure=lambda a: bool(a["wrong"]), kind="naming")
+    yield Asked("ground effect: named, of the right size", "≥ 80 %", GROUND_GROUPS, _ground_is_told)
+    yield Asked("all: named, and held out worse", "0", GROUPS, gains_nothing, "answering")
+    yield Asked("known cause: right", f"more than {BIC}", KNOWN, lambda a: a["right"], "naming")
+    what = f"all: wrong names, p > {SURE:g}"
+    yield Asked(what, "0", GROUPS, _sure_and_wrong, "naming", lambda counts: str(sum(counts)))
+    yield Asked("all: calibration error of names", "", GROUPS, _judged, "naming", _calibration_error)
+    seconds = partial(Asked, wanted="", groups=GROUPS, figure=lambda a: a["seconds"], kind="answering")
+    yield seconds("seconds a case, median", gather=lambda values: f"{np.median(values):.1f}")
+    yield seconds("seconds a case, most", gather=lambda values: f"{max(values):.1f}")
 
 
-def _false_names(group: str, what: str) -> Asked:
-    return Asked(what, "0", [group], lambda a: bool(a["wrong"]), NAMING)
+def _judged(answer: Answer) -> list[tuple[float, bool]]:
+    return campaign_of(answer["group"]).truth.judged(answer["causes"], answer["late"])
+
+
+def _calibration_error(judged: Sequence[Sequence[tuple[float, bool]]]) -> str:
+    error = calibration_error([pair for pairs in judged for pair in pairs])
+    return "" if error is None else f"{error:.3f}"
 
 
 def _sure_and_wrong(answer: Answer) -> int:
     return sum(answer["causes"][name] > SURE for name in answer["wrong"])
 
 
-def _of_payloads(group: str, title: str) -> Iterator[Asked]:
-    named_for_sure = f"{title}: named, p ≥ {SURE:g}"
-    yield Asked(named_for_sure, "≥ 95 %", [group], lambda a: a["causes"].get(TETHERED, 0.0) >= SURE, NAMING)
-    for name, known in KNOWN.items():
-        yield Asked(f"{title}: {name} within {100 * known.within:.0f} %", "all", [group], partial(_is_within, name))
+def _ground_is_told(answer: Answer) -> bool:
+    said = answer["by"] == TOLD or GROUND in named(answer["causes"])
+    return said and is_within("effective_radius", answer)
+
+
+def _of_payloads(groups: Collection[str], title: str) -> Iterator[Asked]:
+    of_group = partial(Asked, groups=groups)
+    yield of_group(f"{title}: named", "≥ 95 %", figure=lambda a: PAYLOAD in named(a["causes"]), kind="naming")
+    for name, error in (("mass", 10), ("length", 5)):
+        yield of_group(f"{title}: {name} within {error} %", "all", figure=partial(is_within, name))
     both = f"{title}: both in the 95 % interval"
-    yield Asked(both, "≥ 90 %", [group], lambda a: all(_is_covered(name, a) for name in KNOWN))
-    most = f"≤ {100 * WITHIN_POSITION:.0f}"
+    yield of_group(both, "≥ 90 %", figure=lambda a: all(is_covered(name, a) for name in ("mass", "length")))
     for key, how in (("observed", "observed"), ("open", "open loop")):
         what = f"{title}: position, {how}, RMSE [cm]"
-        yield Asked(what, most, [group], partial(_position_error, key), gather=_centimetres)
+        most = f"≤ {100 * WITHIN_POSITION:.0f}" if key == "observed" else ""
+        yield of_group(what, most, figure=partial(_position_error, key), gather=_centimetres)
 
 
 def _position_error(key: str, answer: Answer) -> float | None:
     return answer.get("position", {}).get(key)
 
 
-def _is_within(name: str, answer: Answer) -> bool:
-    """Return whether a parameter of the payload is within the asked error; False where it has none."""
-    found, known = answer["parameters"].get(TETHERED, {}).get(name), KNOWN[name]
-    return found is not None and abs(found["value"] / known.value - 1) <= known.within
+def estimate(name: str, answer: Answer) -> Mapping[str, Any]:
+    """Return value and interval of a parameter of the known cause; empty where it is not told.
+
+    Args:
+        name: of the parameter.
+        answer: of a case.
+    """
+    present = campaign_of(answer["group"]).truth.present
+    return next((found[name] for n in present if name in (found := answer["parameters"].get(n, {}))), {})
 
 
-def _is_covered(name: str, answer: Answer) -> bool:
-    """Return whether the 95 % interval of a parameter of the payload holds the truth; False where there is none."""
-    found = answer["parameters"].get(TETHERED, {}).get(name)
-    return found is not None and found["ci95"][0] <= KNOWN[name].value <= found["ci95"][1]
+def is_within(name: str, answer: Answer) -> bool:
+    """Return whether a parameter of the known cause is in the asked range; False where it has none.
+
+    Args:
+        name: of the parameter.
+        answer: of a case.
+    """
+    return campaign_of(answer["group"]).truth.parameters[name].holds(estimate(name, answer).get("value"))
+
+
+def is_covered(name: str, answer: Answer) -> bool:
+    """Return whether the 95 % interval of a parameter of the known cause holds the truth; False where there is none.
+
+    Args:
+        name: of the parameter.
+        answer: of a case.
+    """
+    low, high = estimate(name, answer).get("ci95", (None, None))
+    known = campaign_of(answer["group"]).truth.parameters[name]
+    return low is not None and high is not None and low <= known.value <= high
 
 
 def _of_wind() -> Iterator[Asked]:
     of_wind = partial(Asked, wanted="all", groups=["wind"])
-    yield of_wind("wind: with drag, no mass or clock error", figure=_wind_is_named, methods=NAMING)
+    yield of_wind("wind: with drag, no mass or clock error", figure=_wind_is_named, kind="naming")
     what = f"wind: direction within {WITHIN_ANGLE:.0f}°"
     yield of_wind(what, figure=partial(_wind_is_within, "angle", 0.0, WITHIN_ANGLE))
     what = f"wind: mean force within {100 * WITHIN_FORCE:.0f} %"
-    yield of_wind(what, figure=partial(_wind_is_within, "force", 1.0, WITHIN_FORCE))
+    yield of_wind(what, wanted="5 of 6", figure=partial(_wind_is_within, "force", 1.0, WITHIN_FORCE))
     what = f"wind below {LINEAR_UP_TO:.0f} m/s: speed within {100 * WITHIN_SPEED:.0f} %"
     yield of_wind(what, figure=_gentle_speed_is_within)
 
@@ -188,11 +254,7 @@ def judged_names(records: Sequence[Record], method: str = THIS) -> list[tuple[fl
     """Return probability and truth of every name of which the truth is known.
 
     Args:
-        records: of `score_case`.
+        records: of `Scoring`.
         method: name of the method that gave the names.
     """
-    return [
-        pair
-        for answer in answers(records, methods=[method])
-        for pair in TRUTHS[answer["group"]].judged(answer["causes"])
-    ]
+    return [pair for answer in answers(records, methods=[method]) for pair in _judged(answer)]

@@ -211,12 +211,19 @@ def read_answered_cases(answers: Path, truth: Path, least: float = VISIBLE) -> l
     cases = []
     for name in names:
         file = answers / name / ANSWER_FILE
-        answer = _read(file, fault_of_answer) if file.is_file() else None
-        cases.append(AnsweredCase(str(name), _read(truth / name / TRUTH_FILE, fault_of_truth), answer, least))
+        answer = read_checked(file, fault_of_answer) if file.is_file() else None
+        cases.append(AnsweredCase(str(name), read_checked(truth / name / TRUTH_FILE, fault_of_truth), answer, least))
     return cases
 
 
-def _read(path: Path, fault_of: Callable[[dict[str, Any]], str | None]) -> dict[str, Any]:
+def read_checked(path: Path, fault_of: Callable[[dict[str, Any]], str | None]) -> dict[str, Any]:
+    """Return the content of a JSON file that holds an object.
+
+    Args:
+        path: of the file.
+        fault_of: returns what is wrong with the content, in a sentence, or None.
+    Raises: ValueError: one line with file, field and what it must be; OSError: if it cannot be read.
+    """
     fault: str | None = "must hold a JSON object."
     try:
         content = read_json(path)

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
-from diagrams.challenge.real.campaigns import PAYLOAD, block_name, files_of, numbered_blocks
-from diagrams.challenge.real.flights import open_flights, vehicle_of
+from diagrams.challenge.real.campaigns import campaign_of
+from diagrams.challenge.real.flight_names import block_name, numbered_blocks
+from diagrams.challenge.real.flights import open_flights
 from diagrams.challenge.real.logged_payload import logged_payload
-from diagrams.challenge.real.truth import TRUTHS
 from np_drake.effects.pendulum import Payload
 from np_drake.flight_log import FlightLog
 from np_drake.labels import LabelConfig
@@ -18,6 +18,7 @@ from np_drake.skill.oracle_pendulum import OraclePendulum, Rest, oracle_pendulum
 from np_drake.training_data.sampled_flight import SampledFlight, sampled_flight
 from np_drake.vehicle import Vehicle
 
+PAYLOAD = campaign_of("payload")
 DAMPING = 0.13  # of the payload's logged path, driven by the vehicle's motion; middle of 0.09 to 0.17 [1/s]
 DAMPINGS = (0.09, 0.17)  # [1/s]
 
@@ -52,14 +53,14 @@ class PayloadFlight:
 
 def true_payload() -> Payload:
     """Return the payload of the campaign, hung from the origin of the vehicle."""
-    known = TRUTHS["payload"].parameters
+    known = PAYLOAD.truth.parameters
     return Payload(known["mass"].value, known["length"].value, (0.0, 0.0, 0.0), DAMPING)
 
 
 def true_estimate() -> PayloadEstimate:
     """Return the payload of the campaign as an estimate without a doubt."""
     payload = true_payload()
-    values = (payload.length, payload.mass / vehicle_of("payload").mass, payload.damping)
+    values = (payload.length, payload.mass / PAYLOAD.nominal.mass, payload.damping)
     return PayloadEstimate(*(Estimate(value, value, value) for value in values))
 
 
@@ -70,15 +71,15 @@ def open_campaign(folder: Path) -> list[PayloadFlight]:
     """
     if not folder.is_dir():
         raise ValueError(f"{folder}: must be a folder of real flights; it is not there.")
-    blocks = numbered_blocks(files_of(folder / PAYLOAD))
+    blocks = numbered_blocks(PAYLOAD.files(folder))
     if len(blocks) < 2:
         raise ValueError(
-            f"{folder / PAYLOAD}: must hold flights of two manoeuvres (runs of numbers); got {len(blocks)}."
+            f"{folder / PAYLOAD.patterns[0]}: must be flights of two manoeuvres (runs of numbers); got {len(blocks)}."
         )
-    vehicle, found = vehicle_of("payload"), []
+    vehicle, found = PAYLOAD.nominal, []
     for block in blocks:
         for path in block:
-            for log in open_flights(path, vehicle):
+            for log in open_flights(path, PAYLOAD):
                 found.append(PayloadFlight(log, vehicle, block_name(block), *logged_payload(path, log)))
     return found
 
