@@ -28,7 +28,7 @@ RealFlights = Annotated[
         metavar="DIR",
         envvar="NP_DRAKE_REAL",
         show_envvar=False,
-        help="Folder with imrc/bare, imrc/payload and neural_fly; or NP_DRAKE_REAL.",
+        help="Folder of the campaigns (imrc, idsia, neural_fly, …); or NP_DRAKE_REAL.",
     ),
 ]
 Duration = Annotated[float, Option(min=10.0, max=3600.0, help="Of a flight, after the ramp [s].")]

@@ -6,21 +6,21 @@ from pathlib import Path
 
 from diagrams.challenge.real.campaigns import Campaign, campaign_of
 from diagrams.challenge.real.rules import in_circle
-from diagrams.challenge.real.truth import healthy
+from diagrams.challenge.real.truth import Truth
 from np_drake.flight_log import FlightLog
 from np_drake.logs.importing.log_map import load_map_file
 from np_drake.logs.opening import read_as_logged, with_vehicle
 from np_drake.vehicle_estimate import Measured, estimate
 
 BENCHMARK = "idsia"  # has a benchmark of open-loop prediction
-# A quadrotor of three-inch propellers; neither wheelbase nor mass is stated with the logs: a guess, and all is told over
-# the mass. What acts on these flights is not known, so that they give no case of the diagnosis.
+# A quadrotor of three-inch propellers; neither wheelbase nor mass is stated with the logs: a guess, and all is told
+# over the mass. What acts on these flights is not known either, so that they give no case of the diagnosis.
 INDIFLIGHT = Campaign(
     "indiflight",
     "indiflight",
     ("indiflight/LOG002*.BFL",),
     estimate(Measured(0.2, 0.16, 0.076, 0.5, order="betaflight"), "estimate"),
-    healthy("Indiflight"),
+    Truth("Indiflight: what acts is not known.", ()),
     in_circle(),
 )
 SETS = {

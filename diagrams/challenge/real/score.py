@@ -108,7 +108,7 @@ PREDICTORS = {"open": open_loop, "observed": observed}  # of the payload's posit
 
 @dc.dataclass(frozen=True)
 class Scoring:
-    """Work of a case -> {"group", "case", "methods", "answer"}: the score of every method.
+    """Work of a case -> {"group", "vehicle", "case", "methods", "answer"}: the score of every method.
 
     answers: folder of answers to score; None: the case is diagnosed, and "answer" holds what was said.
     beside: further folders of answers, by name.   A case that a folder does not answer lacks that method.
@@ -122,18 +122,19 @@ class Scoring:
 
         Raises: LogError, OSError: if a flight cannot be used; ValueError: if an answer is none.
         """
-        vehicle, train, held_out = open_case(case)
-        truth, flights = campaign_of(case.group).truth, [make_flight_residuals(log, vehicle) for log in train]
-        record: dict[str, Any] = {"group": case.group, "case": case.name, "methods": {}}
+        campaign, (vehicle, train, held_out) = campaign_of(case.group), open_case(case)
+        flights, truth = [make_flight_residuals(log, vehicle) for log in train], campaign.truth
+        record: dict[str, Any] = {"group": case.group, "vehicle": campaign.vehicle, "case": case.name}
+        record |= {"wind": case.speed} if case.speed else {}
+        folders = {THIS: self.answers, **self.beside}
+        said = {name: read_answer(folder, case) for name, folder in folders.items() if folder is not None}
         if self.answers is None:
             found = diagnose(vehicle, train, held_out, adaptive_split=case.second)
-            record["answer"] = brief(found.as_json())
-        folders = {THIS: self.answers, **self.beside}
-        read = {name: read_answer(folder, case) for name, folder in folders.items() if folder is not None}
-        given = {THIS: record.get("answer"), **read}
-        said = {name: answer for name, answer in given.items() if answer is not None}
-        methods = record["methods"] = {name: scored(answer, truth, train) for name, answer in said.items()}
-        effects = {name: effects_of(answer, methods[name]["causes"]) for name, answer in said.items()}
+            record["answer"] = said[THIS] = brief(found.as_json())
+        methods: dict[str, Any] = {
+            name: scored(answer, truth, train) for name, answer in said.items() if answer is not None
+        }
+        effects = {name: effects_of(said[name] or {}, own["causes"]) for name, own in methods.items()}
         columns = [*library_columns(flights), *payload_columns(flights, LENGTHS), wind_columns(flights)]
         methods[BIC] = {**verdict(select_by_bic(flights, columns), truth), "parameters": {}}
         if PAYLOAD in truth.present:
@@ -141,20 +142,17 @@ class Scoring:
             effects[TOLD] = [SuspendedPayload(own["mass"]["value"], own["length"]["value"], 0.0, 0.0, 0.0, DAMPING)]
             methods[TOLD] = {"causes": {}, "parameters": {PAYLOAD: own}}
             for name, acting in effects.items():
-                errors = position_errors(case.held_out, held_out, vehicle, acting, PREDICTORS)
-                methods[name]["position"] = errors
+                methods[name]["position"] = position_errors(case.held_out, held_out, vehicle, acting, PREDICTORS)
         if GROUND in truth.present:
             methods[TOLD] = {"causes": {}, "parameters": {GROUND: told_ground(flights)}}
         if case.still:
-            measured = measured_wind_force(case, train)
-            drag, wind, force = told_wind(flights)
-            fans = (train, vehicle, measured, case.speed)
+            record["force"] = measured_wind_force(case, train).tolist()
+            fans = (train, vehicle, np.array(record["force"]), case.speed)
             for name, acting in effects.items():
                 methods[name]["wind"] = wind_figures(acting, *fans)
-            told = wind_figures([drag, wind], *fans, force)
-            methods[TOLD] = {"causes": {}, "parameters": {}, "wind": told}
-            record |= {"wind": case.speed, "force": measured.tolist()}
-        return record
+            drag, wind, force = told_wind(flights)
+            methods[TOLD] = {"causes": {}, "parameters": {}, "wind": wind_figures([drag, wind], *fans, force)}
+        return record | {"methods": methods}
 
 
 def scored(answer: Mapping[str, Any], truth: Truth, train: Sequence[FlightLog] = ()) -> dict[str, Any]:

@@ -87,7 +87,6 @@ def _group_table(records: Sequence[Record]) -> Table:
 
     columns = (
         ("group", lambda line: line[0].group),
-        ("vehicle", lambda line: line[0].vehicle),
         ("by", lambda line: line[1]),
         ("n", lambda line: len(line[2])),
         ("right", count(lambda a: a["right"])),

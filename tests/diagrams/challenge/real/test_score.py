@@ -5,10 +5,10 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
+from diagrams.challenge.real.campaigns import campaign_of
 from diagrams.challenge.real.cases import make_cases
 from diagrams.challenge.real.flights import open_case
-from diagrams.challenge.real.score import angle, held_out_cut, says_new_condition, score_case, scored, wind_figures
-from diagrams.challenge.real.truth import TRUTHS
+from diagrams.challenge.real.score import Scoring, angle, held_out_cut, says_new_condition, scored, wind_figures
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.effects.constant_wind import ConstantWind
 from np_drake.effects.linear_drag import LinearDrag
@@ -34,7 +34,9 @@ def test_held_out_figures_are_of_the_norm_and_absent_for_unknown_torque():
 
 
 def test_names_are_judged_against_the_truth_of_their_flights():
-    dut = scored(answer(cause("suspended_payload", 0.95, mass=0.0047), cause("constant_wind", 0.6)), TRUTHS["payload"])
+    dut = scored(
+        answer(cause("suspended_payload", 0.95, mass=0.0047), cause("constant_wind", 0.6)), campaign_of("payload").truth
+    )
     assert dut["wrong"] == ["constant_wind"]
     assert not dut["right"]
     assert dut["parameters"]["suspended_payload"]["mass"]["value"] == 0.0047
@@ -46,10 +48,10 @@ def test_a_wind_of_the_held_out_flight_alone_is_not_wrong():
         name: str
 
     said = answer(cause("constant_wind", 0.9, absent_from=("a", "b")))
-    dut = scored(said, TRUTHS["new-wind"], [Log("a"), Log("b")])  # type: ignore[list-item]
+    dut = scored(said, campaign_of("new-wind").truth, [Log("a"), Log("b")])  # type: ignore[list-item]
     assert dut["new_condition"]
     assert dut["right"]
-    assert not scored(said, TRUTHS["new-wind"], [Log("a"), Log("c")])["right"]  # type: ignore[list-item]
+    assert not scored(said, campaign_of("new-wind").truth, [Log("a"), Log("c")])["right"]  # type: ignore[list-item]
 
 
 def test_a_wind_of_the_second_answer_alone_counts_as_said():
@@ -83,8 +85,32 @@ def test_a_real_bare_flight_is_scored(real_flights):
     case = next(case for case in make_cases(real_flights, only=["bare"]) if case.name.startswith("22-26 ->"))
     vehicle, train, held_out = open_case(case)
     direct = diagnose(vehicle, train, held_out, adaptive_split=False)
-    methods = score_case(case)["methods"]
+    methods = Scoring()(case)["methods"]
     assert list(methods) == ["this", "BIC"]
     assert methods["this"]["causes"] == {c.identifier: c.probability for c in direct.causes}
     assert methods["this"]["cut"]["lateral"] > 0
     assert methods["this"]["seconds"] > 0
+
+
+def test_only_what_is_scored_of_an_answer_must_be_there():
+    said = {"causes": [{"effect": "linear_drag", "probability": 0.9}]}
+    dut = scored(said, campaign_of("bare").truth)
+    assert dut["right"]
+    assert (dut["fraction"], dut["seconds"], dut["unknown"]) == (None, None, 0.0)
+    assert dut["cut"] == {"lateral": None, "vertical": None, "torque": None}
+
+
+def test_a_cause_that_begins_in_a_healthy_flight_is_wrong():
+    early = {"effect": "thrust_scale", "probability": 0.9, "onset": {"a": None, "b": None}, "absent_from": ["b"]}
+    late = {**early, "onset": {"a": None, "b": 3.2}}
+    assert scored({"causes": [early]}, campaign_of("bare").truth)["right"]
+    assert scored({"causes": [late]}, campaign_of("bare").truth)["wrong"] == ["thrust_scale"]
+    assert scored({"causes": [late]}, campaign_of("swarm-downwash").truth)["wrong"] == []
+
+
+def test_the_unknown_counts_where_it_is_the_truth_and_where_a_place_pulls():
+    said = {"causes": [], "unknown_probability": 0.8, "remains": [{"name": "place"}]}
+    assert scored({"causes": [], "unknown_probability": 0.8}, campaign_of("swarm-downwash").truth)["right"]
+    assert not scored({"causes": []}, campaign_of("swarm-downwash").truth)["right"]
+    assert scored(said, campaign_of("bare").truth)["wrong"] == ["place"]
+    assert scored({**said, "remains": []}, campaign_of("bare").truth)["right"]
