@@ -63,132 +63,47 @@ SMALL = _preset("crazyflie", 0.033, "normalised")
 LARGE = dc.replace(
     estimate(Measured(0.067, 0.125, 0.066, 0.6, curve="linear", order="crazyflie"), "parrot_frame"), input="normalised"
 )
+FANS = ("neural_fly/*.csv*",)
 FAR, NEAR = (0.5, float("inf")), (0.0, 0.15)  # heights at which the ground does not, and does, add a per cent of thrust
 
+# fmt: off
 CAMPAIGNS = (
-    Campaign(
-        "payload",
-        "imrc brushless",
-        ("imrc/payload/*",),
-        _preset("crazyflie_brushless", 0.0397, "rotor_speed"),
-        dc.replace(truth.IMRC_PAYLOAD, false=(*truth.IMRC_PAYLOAD.false, "command_delay")),
-        rules.by_blocks,
-        most=8,
-    ),
-    Campaign(
-        "payload-command",
-        "imrc brushless",
-        ("imrc/payload/*",),
-        _preset("crazyflie_brushless", 0.0397),
-        truth.IMRC_PAYLOAD,  # commands do act later
-        rules.across_blocks,
-        most=3,
-    ),
-    Campaign(
-        "bare",
-        "imrc brushless",
-        ("imrc/bare/*",),
-        _preset("crazyflie_brushless", 0.037, "rotor_speed"),
-        truth.healthy(truth.IMRC, "command_delay"),
-        rules.by_blocks,
-    ),
-    Campaign(
-        "idsia",
-        "idsia",
-        ("idsia/*.parquet",),
-        _preset("crazyflie_brushless", 0.045, "rotor_speed"),
-        truth.healthy("IDSIA nanodrone-sysid-benchmark", "command_delay"),
-        rules.by_manoeuvre(r"([^_]+)_"),
-        map="idsia",
-    ),
-    Campaign(
-        "nanobench",
-        "nanobench",
-        ("nanobench/dataset_*.csv.gz",),
-        _preset("crazyflie", 0.027, "normalised"),
-        truth.healthy("NanoBench"),
-        rules.by_manoeuvre(r"dataset_([^_]+)_"),
-        map="nanobench",
-    ),
-    Campaign(
-        "crazyswarm2-standard",
-        "crazyswarm2 standard",
-        ("crazyswarm2/standard/log*",),
-        _preset("crazyflie", 0.032),
-        truth.healthy(truth.CRAZYSWARM2),
-        rules.in_circle(),
-    ),
-    Campaign(
-        "crazyswarm2-upgraded",
-        "crazyswarm2 upgraded",
-        ("crazyswarm2/upgraded/log*",),
-        _preset("crazyflie", 0.0375),
-        truth.healthy(truth.CRAZYSWARM2),
-        rules.in_circle(),
-        most=3,
-    ),
-    Campaign(
-        "crazyswarm2-payload",
-        "crazyswarm2 standard",
-        ("crazyswarm2/payload/log*",),
-        _preset("crazyflie", 0.0369),  # 41.9 g with the payload
-        truth.CRAZYSWARM2_PAYLOAD,
-        rules.in_circle(),
-        most=3,
-    ),
-    Campaign(
-        "wind", "neural_fly", ("neural_fly/*.csv*",), NEURAL_FLY, truth.WIND, rules.in_wind, most=6
-    ),
-    Campaign(
-        "still", "neural_fly", ("neural_fly/*.csv*",), NEURAL_FLY, truth.STILL_AIR, rules.in_still_air, most=3
-    ),
-    Campaign(
-        "new-wind", "neural_fly", ("neural_fly/*.csv*",), NEURAL_FLY, truth.NEW_WIND, rules.into_wind, most=6
-    ),
-    *(
-        campaign
-        for size, key, numbers, vehicle in (("small", "cf5x", "cf5?", SMALL), ("large", "cf10x", "cf10?", LARGE))
-        for campaign in (
-            Campaign(
-                f"swarm-single-{size}",
-                f"neural_swarm {size} ({key})",
-                (f"neural_swarm/single/*{numbers}_*",),
-                vehicle,
-                truth.healthy(truth.NEURAL_SWARM),
-                rules.in_circle(),
-                most=3,
-                height=FAR,
-            ),
-            Campaign(
-                f"swarm-ground-{size}",
-                f"neural_swarm {size} ({key})",
-                (f"neural_swarm/ground/*{numbers}_*", f"neural_swarm/single/*{numbers}_*"),
-                vehicle,
-                truth.near_ground(truth.NEURAL_SWARM, vehicle),
-                rules.in_circle(),
-                most=3,
-                height=NEAR,
-            ),
-        )
-    ),
-    Campaign(
-        "swarm-downwash",
-        "neural_swarm small (cf5x)",
-        ("neural_swarm/downwash/cf5?_*",),
-        SMALL,
-        truth.DOWNWASH,
-        rules.by_vehicle(r"(cf\d+)_"),
-    ),
-    Campaign(
-        "neurobem",
-        "neurobem",
-        tuple(f"csv/merged_{name}.csv" for name in AGILE),
-        published_vehicle(),
-        truth.healthy("NeuroBEM"),
-        rules.in_circle(3),
-        of_neurobem=True,
-    ),
-)  # fmt: skip
+    Campaign("payload", "imrc brushless", ("imrc/payload/*",), _preset("crazyflie_brushless", 0.0397, "rotor_speed"),
+             dc.replace(truth.IMRC_PAYLOAD, false=(*truth.IMRC_PAYLOAD.false, "command_delay")), rules.by_blocks,
+             most=8),
+    Campaign("payload-command", "imrc brushless", ("imrc/payload/*",), _preset("crazyflie_brushless", 0.0397),
+             truth.IMRC_PAYLOAD, rules.across_blocks, most=3),  # commands do act later
+    Campaign("bare", "imrc brushless", ("imrc/bare/*",), _preset("crazyflie_brushless", 0.037, "rotor_speed"),
+             truth.healthy(truth.IMRC, "command_delay"), rules.by_blocks),
+    Campaign("idsia", "idsia", ("idsia/*.parquet",), _preset("crazyflie_brushless", 0.045, "rotor_speed"),
+             truth.healthy("IDSIA nanodrone-sysid-benchmark", "command_delay"), rules.by_manoeuvre(r"([^_]+)_"),
+             map="idsia"),
+    Campaign("nanobench", "nanobench", ("nanobench/dataset_*.csv.gz",), _preset("crazyflie", 0.027, "normalised"),
+             truth.healthy("NanoBench"), rules.by_manoeuvre(r"dataset_([^_]+)_"), map="nanobench"),
+    Campaign("crazyswarm2-standard", "crazyswarm2 standard", ("crazyswarm2/standard/log*",),
+             _preset("crazyflie", 0.032), truth.healthy(truth.CRAZYSWARM2), rules.in_circle()),
+    Campaign("crazyswarm2-upgraded", "crazyswarm2 upgraded", ("crazyswarm2/upgraded/log*",),
+             _preset("crazyflie", 0.0375), truth.healthy(truth.CRAZYSWARM2), rules.in_circle(), most=3),
+    Campaign("crazyswarm2-payload", "crazyswarm2 standard", ("crazyswarm2/payload/log*",),
+             _preset("crazyflie", 0.0369), truth.CRAZYSWARM2_PAYLOAD, rules.in_circle(), most=3),  # 41.9 g with it
+    Campaign("wind", "neural_fly", FANS, NEURAL_FLY, truth.WIND, rules.in_wind, most=6),
+    Campaign("still", "neural_fly", FANS, NEURAL_FLY, truth.STILL_AIR, rules.in_still_air, most=3),
+    Campaign("new-wind", "neural_fly", FANS, NEURAL_FLY, truth.NEW_WIND, rules.into_wind, most=6),
+    Campaign("swarm-single-small", "neural_swarm small", ("neural_swarm/single/*cf5?_*",), SMALL,
+             truth.healthy(truth.NEURAL_SWARM), rules.in_circle(), most=3, height=FAR),
+    Campaign("swarm-single-large", "neural_swarm large", ("neural_swarm/single/*cf10?_*",), LARGE,
+             truth.healthy(truth.NEURAL_SWARM), rules.in_circle(), most=3, height=FAR),
+    Campaign("swarm-ground-small", "neural_swarm small", ("neural_swarm/ground/*cf5?_*", "neural_swarm/single/*cf5?_*"),
+             SMALL, truth.near_ground(truth.NEURAL_SWARM, SMALL), rules.in_circle(), most=3, height=NEAR),
+    Campaign("swarm-ground-large", "neural_swarm large",
+             ("neural_swarm/ground/*cf10?_*", "neural_swarm/single/*cf10?_*"), LARGE,
+             truth.near_ground(truth.NEURAL_SWARM, LARGE), rules.in_circle(), most=3, height=NEAR),
+    Campaign("swarm-downwash", "neural_swarm small", ("neural_swarm/downwash/cf5?_*",), SMALL, truth.DOWNWASH,
+             rules.by_vehicle(r"(cf\d+)_")),
+    Campaign("neurobem", "neurobem", tuple(f"csv/merged_{name}.csv" for name in AGILE), published_vehicle(),
+             truth.healthy("NeuroBEM"), rules.in_circle(3), of_neurobem=True),
+)
+# fmt: on
 GROUPS = tuple(campaign.group for campaign in CAMPAIGNS)
 _BY_GROUP = dict(zip(GROUPS, CAMPAIGNS, strict=True))
 

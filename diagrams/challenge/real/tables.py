@@ -121,21 +121,23 @@ def _parameter_table(records: Sequence[Record]) -> Table:
         found = [100 * (value / true - 1) for value, true in known]
         return f"{np.median(found):+.0f} / {max(found, key=abs):+.0f}" if found else NOTHING
 
-    def known(line: tuple) -> str:
+    def asked(line: tuple) -> str:
         own = line[0].truth.parameters[line[1]]
-        return f"{own.value:.3g} [{own.low:.3g}, {own.high:.3g}]"
+        return f"{own.low:.2g} to {own.high:.2g}"
 
     columns = (
         ("group", lambda line: line[0].group),
         ("parameter", lambda line: line[1]),
-        ("truth and asked range", known),
+        ("asked", asked),
         ("by", lambda line: line[2]),
         ("told", lambda line: len(line[3])),
         ("in range", lambda line: sum(is_within(line[1], a) for a in line[3])),
-        ("in interval", lambda line: sum(is_covered(line[1], a) for a in line[3])),
+        ("covered", lambda line: sum(is_covered(line[1], a) for a in line[3])),
         ("error [%]", errors),
     )
-    return tabulate("parameters of known causes [SI]; error: median / largest", lines, columns)
+    return tabulate(
+        "parameters of known causes [SI]; covered: by the 95 % interval; error: median / largest", lines, columns
+    )
 
 
 def _payload_table(records: Sequence[Record]) -> Table:
