@@ -28,6 +28,7 @@ from np_drake.effects.linear_drag import LinearDrag
 ROUNDS = 3  # of closing in on a length
 TRIED = 4  # effects a step that are fitted in full, the best at the weights so far
 MOST_RADII = 12.0  # of a rotor, up to which a ground effect is searched [1]
+GRID = 25  # radii that are tried first
 MOST = 10  # names that are chosen
 
 
@@ -177,8 +178,10 @@ def told_ground(flights: Sequence[FlightResiduals]) -> dict[str, dict[str, Any]]
             total += float(np.sum((rest - np.polyval(np.polyfit(e.t, rest, 2), e.t)) ** 2))
         return total
 
-    most = MOST_RADII * flights[0].vehicle.rotor_radius
-    value = float(minimize_scalar(left, bounds=(0.0, most), method="bounded").x)
+    # The law is held below a height, beyond which no radius shows: a grid finds the valley.
+    radii = flights[0].vehicle.rotor_radius * np.linspace(0.0, MOST_RADII, GRID)
+    near, step = min(radii, key=left), radii[1]
+    value = float(minimize_scalar(left, bounds=(max(near - step, 0.0), near + step), method="bounded").x)
     return {"effective_radius": _estimate(value, math.nan, "m")}
 
 

@@ -1,5 +1,7 @@
 """Laws of the opponents: a planted effect is found and measured, and BIC is sure of it."""
 
+import dataclasses as dc
+
 import numpy as np
 import pytest
 
@@ -13,8 +15,10 @@ from diagrams.challenge.real.effect_columns import (
     stacked,
     wind_columns,
 )
-from diagrams.challenge.real.least_squares import fit, probability, select_by_bic, told_payload, told_wind
+from diagrams.challenge.real.least_squares import fit, probability, select_by_bic, told_ground, told_payload, told_wind
+from diagrams.challenge.real.payload_position import wrench_of
 from np_drake.diagnosis.residuals.make_flight_residuals import make_flight_residuals
+from np_drake.effects.ground_effect import GroundEffect
 from np_drake.effects.pendulum import hanging, swing_many
 from np_drake.vehicle import Vehicle
 
@@ -79,3 +83,15 @@ def test_told_a_payload_gives_its_mass_and_length(make_flight):
     assert found["length"]["value"] == pytest.approx(length, rel=0.02)
     names = select_by_bic(flights, [*library_columns(flights), *payload_columns(flights, LENGTHS)])
     assert names.get("suspended_payload", 0.0) > 0.99
+
+
+@pytest.mark.parametrize("radius", [0.2, 0.45])
+def test_told_a_ground_effect_its_radius_is_that_planted_beside_a_drift(make_flight, radius):
+    vehicle = Vehicle()
+    log = make_flight(3, lambda t, p, v, a: 0 * v)
+    log = dc.replace(log, p=log.p + [0.0, 0.0, 0.3])
+    e = make_flight_residuals(log, vehicle)
+    planted = wrench_of(log, vehicle, [GroundEffect(radius)], e.t)
+    planted[:, 2] += 0.02 * e.t  # thrust that drifts [N]
+    dut = told_ground([dc.replace(e, y=e.y + np.pad(planted, ((0, 0), (0, e.y.shape[1] - planted.shape[1]))))])
+    assert dut["effective_radius"]["value"] == pytest.approx(radius, rel=0.03)  # of noise and the residual's grid

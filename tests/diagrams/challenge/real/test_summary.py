@@ -71,8 +71,9 @@ def test_a_name_that_makes_the_held_out_flight_worse_counts():
         said_of("bare", "a", {"linear_drag": 1.0}, fraction=-0.1),
         said_of("bare", "b", {"linear_drag": 0.4}, fraction=-0.1),
         said_of("bare", "c", {"linear_drag": 1.0}, fraction=None),
+        said_of("bare", "d", {"linear_drag": 1.0}, fraction=0.3),
     ]
-    assert lines(records)["all: named, and held out worse"][THIS] == "1 of 2"
+    assert lines(records)["all: named, and held out worse"][THIS] == "1 of 3"
 
 
 @pytest.mark.parametrize("over, right", [(1.0, "1 of 1"), (1.3, "1 of 1"), (1.5, "0 of 1"), (0.6, "0 of 1")])
