@@ -39,7 +39,7 @@ def gather(recording: Recording, log_map: LogMap) -> tuple[Signals, list[str]]:
         if name == "rotor_speed" and len(signal.t) > 1:
             signal, zeros = without_zeros(signal)
             if zeros:
-                notes.append(f"rotor_speed: {zeros} single readings of zero left out")
+                notes.append(f"rotor_speed: {zeros} readings that no rotor has left out")
         if name in SENSORS and len(signal.t) >= LEAST_ROWS:
             signal, drawn = without_lines(signal)
             if drawn:

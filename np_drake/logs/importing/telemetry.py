@@ -10,6 +10,7 @@ from np_drake.logs.importing.log_map import LogMap
 from np_drake.logs.windows import stretches
 
 LONGEST_ZERO = 0.1  # time for which a rotor that turns before and after cannot have stood [s]; own choice
+GLITCH = 4.0  # speed over the median beyond which a reading is none: sixteen times its thrust [1]; own choice
 FINE = 0.75  # tick over the usual interval above which it is that interval [1]; own choice
 RESOLUTION = 1e-6  # in which ticks are looked for: usual clocks count microseconds [s]
 LONGEST = 1e6  # interval, beyond which the clock was set [s]
@@ -19,14 +20,15 @@ COARSE = 5e-4  # shorter ticks are lost in what is known of commands [s]; own ch
 
 
 def without_zeros(own: Signal) -> tuple[Signal, int]:
-    """Return rotor speeds whose single readings of zero are interpolated, and how many they are.
+    """Return rotor speeds without readings that no rotor has, which are interpolated, and how many they are.
 
-    A rotor does not stop and start again within `LONGEST_ZERO`.
+    A rotor does not stop, or turn `GLITCH` times as fast as it usually does, and turn again within `LONGEST_ZERO`.
     """
     values, count = own.values.copy(), 0
     for column in values.T:
         bad = np.zeros(len(column), bool)
-        for start, stop in stretches(column == 0):
+        usual = float(np.median(column[column > 0])) if (column > 0).any() else np.inf
+        for start, stop in stretches((column == 0) | (column > GLITCH * usual)):
             inside = start > 0 and stop < len(column)
             bad[start:stop] = inside and own.t[min(stop, len(own.t) - 1)] - own.t[start - 1] <= max(
                 LONGEST_ZERO, 2.5 * own.step

@@ -76,7 +76,15 @@ def test_single_readings_of_zero_are_left_out_and_said(flown, autopilots, tmp_pa
     broken[100, 0] = broken[300:302, 2] = broken[500] = 0.0
     found = import_log(tmp_path / "a.csv", table(tmp_path / "a.csv", quantities(flown, broken), flown.t))
     assert np.abs(found.flights[0].rotor - speed).max() < 60.0
-    assert "rotor_speed: 7 single readings of zero left out" in found.sheet.content["notes"]
+    assert "rotor_speed: 7 readings that no rotor has left out" in found.sheet.content["notes"]
+
+
+def test_single_readings_far_beyond_the_usual_speed_are_left_out(flown, autopilots, tmp_path):
+    speed = 900.0 * autopilots.throttle(flown)
+    broken = speed.copy()
+    broken[300:303, 2] *= 19.0  # seen in a public log
+    found = import_log(tmp_path / "a.csv", table(tmp_path / "a.csv", quantities(flown, broken), flown.t))
+    assert np.abs(found.flights[0].rotor - speed).max() < 60.0
 
 
 def test_rotors_that_stop_are_not_mended(flown, autopilots, tmp_path):
