@@ -164,6 +164,15 @@ class Vehicle:
             f"{known.rotor_inertia:g}. Is it in kg·m²?",
         )
 
+    @property
+    def described(self) -> bool:
+        """Whether the file describes the vehicle that flies, as that of a simulator or a test stand does.
+
+        Such a file states that commands act as they are logged (`command_timing: held`). Other vehicles differ from
+        their file as healthy vehicles do.
+        """
+        return self.command_timing == "held"
+
     @cached_property
     def J(self) -> np.ndarray:
         """Inertia about the centre of mass in body axes, (3, 3) [kg·m²]."""

@@ -126,6 +126,7 @@ def run_demo(
     """
     models = {LEARNED.kind: folder / "predictor.safetensors", FILTER.kind: folder / "payload_filter.safetensors"}
     practice = training_config(TRAINING, solver=solver)
+    vehicle = dc.replace(practice.vehicle, command_timing="held")  # as a simulator logs them
     nominal = practice.reality.nominal()
     tracked = {
         (track, row.kind): Trip(configure(track, row, solver=solver, model=str(models.get(row.kind, ""))), seed + 1)
@@ -143,7 +144,7 @@ def run_demo(
     train = [diagnosed(training), diagnosed(done[TRACKS[0], NOMINAL.kind])]
     held_out = [diagnosed(done[HELD_OUT, NOMINAL.kind])]
     learned = {key: trip for key, trip in tracked.items() if key not in unlearned}
-    look = partial(_diagnose, practice.vehicle, train, held_out, in_simulator)
+    look = partial(_diagnose, vehicle, train, held_out, in_simulator)
     uncorrected = {("nominal", row.kind): in_simulator(nominal, row.kind) for row in FORETOLD}
     done |= steps.run("diagnosis and flights", {"diagnosis": look, **learned, **uncorrected})
     diagnosis, beside, corrected = done.pop("diagnosis")

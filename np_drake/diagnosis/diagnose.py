@@ -14,11 +14,13 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from np_drake.diagnosis.calibration.columns import calibration_effects
 from np_drake.diagnosis.decision.causes import joint_posterior, without_late_onsets
 from np_drake.diagnosis.decision.explanations import explanations_of
 from np_drake.diagnosis.decision.infer import Inference, infer
 from np_drake.diagnosis.decision.second_answer import novelty, second_answer, without_onsets_in
 from np_drake.diagnosis.doctor.doubts import as_lines, doubts
+from np_drake.diagnosis.forward_model import predicted_residual
 from np_drake.diagnosis.gap.gap_reduction import measure_gap_reduction
 from np_drake.diagnosis.localisation.identifiability import (
     assess_identifiability,
@@ -132,10 +134,13 @@ def _answer(found: Inference, names: dict[str, Any], replay: Replay | None) -> D
     found = dc.replace(found, causes=causes, below_threshold=[*found.below_threshold, *late])
     noise, held = found.ranking.noise, found.held
     checked = assess_identifiability(found.flights, found.held_out, found.ranking.problem.candidates, noise)
-    located = localise(found.held_out, held.residual, noise, held.rows)
+    named = {c.identifier for c in found.causes}
+    left = {e.name: e.y - predicted_residual(e, held.kept(e.name, named)) for e in found.held_out}
+    located = localise(found.held_out, left, noise, held.rows)
     flyable = all(e.knows_torque and not e.log.lacks for e in found.held_out)
     told = () if flyable or replay is None else (NO_REPLAY,)
-    reduction = measure_gap_reduction(found.causes, noise, held, replay if flyable else None)
+    calibration = calibration_effects(found.ranking.best, found.flights[0], found.options.tolerance)
+    reduction = measure_gap_reduction(found.causes, noise, held, replay if flyable else None, calibration)
     return Diagnosis(
         **names,
         judged_as=found.options.tolerance.name,

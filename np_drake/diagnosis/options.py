@@ -27,6 +27,8 @@ class Tolerance:
     mounting: float = 0.0  # axes of an autopilot against those of the rotors [rad]
     latency: float = 0.0  # of an estimator's attitude against its velocity [s]
     throttle_drift: float = 0.0  # rate of thrust over throttle as the battery falls [1/s]
+    # Whether the vehicle that flew was never measured: it is as healthy vehicles differ from their files.
+    unmeasured: bool = False
 
     @property
     def name(self) -> str:

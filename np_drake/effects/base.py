@@ -39,6 +39,7 @@ class Effect:
     # Its mathematics.
     linear: ClassVar[bool] = True  # in all parameters
     begins: ClassVar[bool] = True  # may begin in mid-flight
+    sudden: ClassVar[bool] = False  # what happens to a healthy vehicle in flight: a load, a broken rotor, a wind
     needs: ClassVar[tuple[str, ...]] = ()  # it acts through one of these (wind through a drag)
     # Prior correlation of its continuous parameters; (): none [1].
     prior_correlation: ClassVar[tuple[tuple[float, ...], ...]] = ()

@@ -20,6 +20,8 @@ class ConstantWind(WrenchEffect):
 
     identifier = "constant_wind"
     requires = ("velocity",)
+    sudden = True
+    widens = False
     named = "a constant wind"
     drawn = (0.5, 7.0)
     rise = 0.1

@@ -19,6 +19,7 @@ class MassError(MassEffect):
     delta_mass: float = 0.1  # [kg]
 
     identifier = "mass_error"
+    sudden = True
     named = "a mass error"
     bench_check = "weigh the vehicle with its battery"
     excited_by = "steep climbs and descents with roll and pitch doublets (torque tells thrust from mass)"

@@ -38,6 +38,7 @@ class SuspendedPayload(WrenchEffect):
     damping: float = 0.0  # drag over mass and velocity [1/s]
 
     identifier = "suspended_payload"
+    sudden = True
     named = "a suspended payload"
     phrase = "a {mass} payload on {length}"
     bench_check = "weigh what hangs below, and measure its tether"

@@ -20,6 +20,7 @@ class WeakRotor(ActuatorEffect):
     efficiency: float = 0.85  # [1]
 
     identifier = "weak_rotor"
+    sudden = True
     named = "a weak rotor"
     phrase = "rotor {rotor} at {efficiency} of nominal"
     shares = True

@@ -5,12 +5,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from np_drake.diagnosis.calibration.columns import flight_errors
 from np_drake.diagnosis.fitting import Free, scaled_jacobian
 from np_drake.diagnosis.fitting.parameters import free_parameters
 from np_drake.diagnosis.forward_model import Term, predicted_residual
 from np_drake.diagnosis.numerics import Readings
 from np_drake.diagnosis.options import Options
-from np_drake.diagnosis.regressors import sensor_drift
 from np_drake.diagnosis.residuals import FlightResiduals, make_flight_residuals
 from np_drake.effects.explanation import CALIBRATION, Explanation
 from np_drake.flight_design.information import Information, square_root
@@ -91,8 +91,8 @@ def predict(flight: FlightResiduals, explanations: Sequence[Explanation], readin
     """
     options = Options.for_sensors(readings.tolerance.real, readings.tolerance)
     expected = [expected_residual(flight, explanation, options) for explanation in explanations]
-    drift = sensor_drift([flight], readings.tolerance)
-    drifting = np.zeros((*flight.y.shape, 0)) if drift is None else drift.columns[flight.name]
+    drift = flight_errors([flight], readings.tolerance)
+    drifting = np.zeros((*flight.y.shape, 0)) if not drift else drift[0].columns[flight.name]
     columns = [*(e.mean[..., None] for e in expected), *(e.spread for e in expected), drifting]
     # Inner products of the whitened columns; the last row and column are those of the readings.
     gram = readings.noise.products([flight.bridged(X) for X in (*columns, flight.y[..., None])], flight.name)

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from np_drake.diagnosis.calibration.columns import flight_errors
 from np_drake.diagnosis.forward_model import NEVER, StageCache, Term, predicted_residual
 from np_drake.diagnosis.numerics import NoiseModel
 from np_drake.diagnosis.options import Priors, Tolerance
@@ -14,7 +15,6 @@ from np_drake.diagnosis.regressors import (
     calibration,
     library_candidates,
     payload_candidates,
-    sensor_drift,
     wind_candidates,
 )
 from np_drake.diagnosis.residuals import FlightResiduals
@@ -44,9 +44,9 @@ class Collinearity:
             tolerance: of mass, thrust and sensors.
         """
         self._flights, self._noise = flights, noise
-        files, drifting = calibration(flights, tolerance), sensor_drift(flights, tolerance)
+        files, drifting = calibration(flights, tolerance), flight_errors(flights, tolerance)
         self._files = self._columns(files)
-        self._tolerated = self._columns([*files, drifting]) if drifting else self._files
+        self._tolerated = self._columns([*files, *drifting])
 
     def contribution(self, terms: Sequence[Term], i: int) -> Trace:
         """Return what the predicted residual with terms[i] has over that without it.

@@ -10,7 +10,7 @@ import numpy as np
 from np_drake.diagnosis.fitting import prior_whitening, scaled_jacobian
 from np_drake.diagnosis.forward_model import predicted_residual
 from np_drake.diagnosis.numerics import Gram
-from np_drake.diagnosis.regressors import Candidate, generic_candidates, prior_of
+from np_drake.diagnosis.regressors import LINEAR, Candidate, generic_candidates, prior_of
 from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.diagnosis.selection import Ranking
 
@@ -25,7 +25,7 @@ class LinearModel:
     def __init__(self, ranking: Ranking):
         self.flights, self.fit, self._priors = ranking.problem.flights, ranking.best, ranking.options.priors
         self.structure = generic_candidates(self.flights, self._priors)
-        drifting = [c for c in ranking.problem.nuisance if c.variant == "sensor drift"]
+        drifting = [c for c in ranking.problem.nuisance if c.variant == LINEAR]
         now, free = self.fit.everything, self.fit.free
         self._root = np.linalg.inv(prior_whitening(now, free))
         total = reduce(add, (self._gram(e, ranking, drifting) for e in self.flights))

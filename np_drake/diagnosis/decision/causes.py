@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from np_drake.diagnosis.adequacy import LinearModel
+from np_drake.diagnosis.cross_validation import support_of
 from np_drake.diagnosis.decision.explanations import equivalents
 from np_drake.diagnosis.decision.term_assessment import TermAssessment, assess_term
 from np_drake.diagnosis.fitting import Fit, interval
@@ -37,9 +38,11 @@ def causes_of(
     fit, flights, options = ranking.best, ranking.problem.flights, ranking.options
     same = _same(ranking)
     causes, minor = [], []
+    supports = support_of(fit, flights, held.flights, held.whole_flight_terms, ranking.noise, options)
     for i, term in enumerate(fit.terms):
         identifier = term.effect.identifier
-        found = assess_term(ranking, linear, structure, i, same.get(identifier, ()), held, gusts=gusts)
+        others = same.get(identifier, ())
+        found = assess_term(ranking, linear, structure, i, others, held, support=supports[i], gusts=gusts)
         every = [*flights, *held.flights]
         begins = {e.name: held.terms.get(e.name, fit.everything)[i].begins(e.name) for e in every}
         cause = Cause(

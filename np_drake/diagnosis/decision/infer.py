@@ -20,7 +20,7 @@ import numpy as np
 from np_drake.diagnosis.adequacy import LinearModel, Unexplained, find_unexplained
 from np_drake.diagnosis.decision.causes import causes_of
 from np_drake.diagnosis.forward_model import Term, predicted_residual
-from np_drake.diagnosis.held_out import HeldOut, mark_outliers, on_held_out
+from np_drake.diagnosis.held_out import HeldOut, mark_outliers, on_held_out, with_calibration
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors import DRAG, GUSTY
 from np_drake.diagnosis.residuals import FlightResiduals
@@ -87,6 +87,7 @@ def conclude(found: SearchResult, held_out: Sequence[FlightResiduals]) -> Infere
     """
     ranking = rank_models(found)
     flights, priors, noise = ranking.problem.flights, ranking.options.priors, ranking.noise
+    held_out = [with_calibration(ranking.best, e, noise, ranking.options) for e in held_out]
     held_out = [mark_outliers(ranking.best.everything, e, noise, priors) for e in held_out]
     held = on_held_out(ranking.best, held_out, noise, priors)
     linear = LinearModel(ranking)
@@ -95,7 +96,8 @@ def conclude(found: SearchResult, held_out: Sequence[FlightResiduals]) -> Infere
     probability = max(unexplained.probability, unexplained.slow_probability)
     if unexplained.slow_probability > 0.5:
         position_dependent = _depends_on_position(ranking, held)
-        found_gusts = None if position_dependent else _in_gusts(ranking, linear, structure, held, unexplained)
+        told = not (position_dependent or ranking.options.tolerance.unmeasured)
+        found_gusts = None if not told else _in_gusts(ranking, linear, structure, held, unexplained)
         if found_gusts is not None:
             ranking, held, causes, minor = found_gusts
             return Inference(flights, ranking, held, unexplained, causes, minor, unexplained.probability)

@@ -8,6 +8,8 @@ from scipy import special
 
 from np_drake import attitude
 from np_drake.diagnosis.adequacy import LinearModel
+from np_drake.diagnosis.calibration.spread import of_flight, of_vehicle
+from np_drake.diagnosis.cross_validation import Support
 from np_drake.diagnosis.fitting import Fit, impossible, scaled_jacobian
 from np_drake.diagnosis.forward_model import Term, predicted_residual
 from np_drake.diagnosis.held_out import HeldOut
@@ -16,8 +18,9 @@ from np_drake.diagnosis.options import Materiality, Options, Size, Tolerance
 from np_drake.diagnosis.regressors import DRAG
 from np_drake.diagnosis.residuals import FORCE, TORQUE, WRENCH, FlightResiduals
 from np_drake.diagnosis.selection import Ranking
-from np_drake.files.number_text import probability
+from np_drake.files.number_text import number, probability
 
+UNHEALTHY = 2.5  # deviations of healthy vehicles beyond which a size is a cause: one vehicle in a hundred [1]
 DRAWS = 400  # of the posterior
 SEED = 1
 
@@ -26,6 +29,7 @@ SEED = 1
 class TermAssessment:
     """What is known of a term of the best model.
 
+    support: its gain in prediction; None: not asked.
     in_model: probability that it acts, against other effects and generic structure in its place [1].
     material: probability that it is larger than what is practically none, given that it acts [1].
     size: at the fit.   stands_for: why its parameters are not physical; empty where they are.
@@ -35,17 +39,27 @@ class TermAssessment:
     material: float
     size: Size
     stands_for: str
+    support: Support | None = None
 
     @property
     def probability(self) -> float:
-        """Probability of a cause [1]."""
-        return 0.0 if self.stands_for else self.in_model * self.material
+        """Probability of a cause [1]; what held-out flights contradict is never more probable than not."""
+        if self.stands_for:
+            return 0.0
+        predicts = 1.0 if self.support is None else self.support.probability
+        share = 0.5 if self.support is not None and self.support.contradicted else 1.0
+        return self.in_model * self.material * predicts * share
 
     @property
     def reason(self) -> str:
         """Why it is below the threshold of a cause."""
         if self.stands_for:
             return self.stands_for
+        if self.support is not None and self.support.contradicted:
+            return "held-out flights are predicted better without it"
+        if self.support is not None and self.support.probability < min(self.material, self.in_model):
+            gain, error = number(self.support.total, 2), number(self.support.error, 2)
+            return f"it does not predict: {gain} ± {error} nat in time that did not fit it"
         return "immaterial" if self.material < self.in_model else f"not sure, {probability(self.in_model)}"
 
 
@@ -57,6 +71,7 @@ def assess_term(
     same: Sequence[str],
     held: HeldOut,
     *,
+    support: Support | None = None,
     gusts: bool = False,
 ) -> TermAssessment:
     """Assess term i of the best model.
@@ -68,6 +83,7 @@ def assess_term(
         i: position of the term.
         same: effects that cannot be told from term i, whose probability is added.
         held: the best fit on held-out flights.
+        support: gain of the term in prediction.
         gusts: whether the slow force is that of gusts. The drag through which they act is material and stands for
             nothing else; its prior is that of gusts against structure that is no effect.
     """
@@ -98,7 +114,33 @@ def assess_term(
         material = 0.0
     if through_drag:
         return TermAssessment(in_model, 1.0, size, "")
-    return TermAssessment(in_model, material, size, impossible(fit, i, flights[0].vehicle))
+    material *= beyond_spread(fit, i, flights[0], tolerance)
+    return TermAssessment(in_model, material, size, impossible(fit, i, flights[0].vehicle), support)
+
+
+def beyond_spread(fit: Fit, i: int, e: FlightResiduals, tolerance: Tolerance) -> float:
+    """Return the posterior probability that term i is larger than healthy vehicles differ by; 1 where these do not.
+
+    Args:
+        fit: of the model.
+        i: position of the term.
+        e: a flight.
+        tolerance: of vehicle file and sensors.
+    """
+    effect = fit.terms[i].effect
+    spread = {
+        name: deviation
+        for d in (*of_vehicle(e, tolerance), *(of_flight(e, tolerance) if tolerance.unmeasured else []))
+        if d.effect is type(effect) and not d.at_value
+        for name, deviation in d.deviation.items()
+    }
+    own = [k for k, f in enumerate(fit.free) if f.term == i and not f.flight and f.name in spread]
+    if not own:
+        return 1.0
+    away = np.array([fit.values[k] - fit.free[k].neutral for k in own])
+    draws = np.random.default_rng(SEED).multivariate_normal(away, fit.covariance[np.ix_(own, own)], DRAWS)
+    least = np.array([UNHEALTHY * spread[fit.free[k].name] for k in own])
+    return float(np.mean(np.any(np.abs(draws) > least, axis=1)))
 
 
 def size_of(

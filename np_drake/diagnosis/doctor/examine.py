@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from np_drake.diagnosis.calibration.columns import nuisance_of
 from np_drake.diagnosis.doctor.doubts import as_lines, doubts, law_doubts
 from np_drake.diagnosis.doctor.flight_facts import flight_facts
 from np_drake.diagnosis.doctor.log_report import NEVER, NO, YES, Answer, FlightFacts, LogReport
@@ -15,7 +16,7 @@ from np_drake.diagnosis.doctor.swing_test import swing_test
 from np_drake.diagnosis.doctor.traces import GUSTS, explain, nearest_usual, payload_traces, traces
 from np_drake.diagnosis.localisation.identifiability import excitation, excited, manoeuvre, tells_apart
 from np_drake.diagnosis.options import Options
-from np_drake.diagnosis.regressors import DRAG, PAYLOAD, WIND, hidden_from, nuisance_of, tolerance_of, with_input
+from np_drake.diagnosis.regressors import DRAG, PAYLOAD, WIND, hidden_from, tolerance_of, with_input
 from np_drake.diagnosis.residuals import FORCE, FlightResiduals, make_flight_residuals, natural_step
 from np_drake.effects.library import LIBRARY, effects_for, unobservable
 from np_drake.effects.parameter import usual_size
@@ -93,14 +94,14 @@ def _with_answers(report: LogReport, logs: Sequence[FlightLog], vehicle: Vehicle
     moving = excitation(flights)
     real = any(f.imported for f in report.flights) or tolerance_of(flights).real
     options = with_input(Options.for_sensors(real), flights)
-    nuisance = nuisance_of(flights, options.tolerance)
+    nuisance = nuisance_of(flights, options.tolerance, options.priors)
     tell(0.4, "effects")
     every = traces(flights, options.priors)
     near = [t for t in nearest_usual(every) if t.identifier != PAYLOAD]
     tests = []
     for e in [] if PAYLOAD in hidden_from(flights) else flights:
         tell(0.5, "swing")
-        others = nuisance_of([e], options.tolerance)
+        others = nuisance_of([e], options.tolerance, options.priors)
         own = [dc.replace(t, columns={e.name: t.columns[e.name]}) for t in near]
         tests.append(swing_test(e, [c.columns for c in others] + [t.columns for t in own], options))
     swinging = [test for test in tests if test.swings]

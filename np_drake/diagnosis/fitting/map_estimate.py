@@ -25,7 +25,8 @@ class Fit:
     free, values: free parameters and their values (k,) in physical units; covariance (k, k): of these.
     log_evidence: log evidence of the model on the flights of the fit [nat].
     loss: whitened sum of squares on these flights; samples: number of their rows.
-    sensor_drift: by flight, (m, 15) contribution of sensor errors.
+    sensor_drift: by flight, (m, 15) contribution of linear nuisance: sensor errors and calibration.
+    calibrated: parts of it that all flights share, as columns on any flight with their coefficients.
     onset_prior: log prior of the onsets.
     """
 
@@ -39,6 +40,11 @@ class Fit:
     samples: int
     sensor_drift: dict[str, np.ndarray] = dc.field(default_factory=dict)
     onset_prior: float = 0.0
+    calibrated: tuple[tuple[Callable[[FlightResiduals], np.ndarray], np.ndarray], ...] = ()
+
+    def calibration_on(self, e: FlightResiduals) -> np.ndarray:
+        """Return the channels (m, 15) that the linear calibration of the vehicle gives on any flight."""
+        return sum((columns(e) @ c for columns, c in self.calibrated), start=np.zeros_like(e.y))
 
     def residual(self, e: FlightResiduals) -> np.ndarray:
         """Return the residual (m, 15) of the model on a flight, with outlier rows interpolated.
@@ -99,6 +105,9 @@ def refine(
     J[rows : rows + n, :n] = W
     for c, at in zip(linear, pairwise(np.cumsum([n, *sizes_of]).tolist()), strict=True):
         for e, own in zip(flights, spans, strict=True):
+            if not c.columns[e.name].any():
+                J[own, slice(*at)] = 0.0
+                continue
             columns = e.white(noise, c.columns[e.name]) if white is None else white(e, c)
             np.multiply(columns.reshape(-1, c.size), -root, out=J[own, slice(*at)])
 
@@ -150,6 +159,7 @@ def refine(
         float(np.sum(best.residual[: -(n + k)] ** 2)),
         sum(len(e.t) for e in flights),
         drifted,
+        calibrated=tuple((c.generic, own) for c, own in parts if c.generic),
     )
 
 

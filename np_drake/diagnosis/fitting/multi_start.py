@@ -10,7 +10,7 @@ from np_drake.diagnosis.fitting.map_estimate import Fit, refine
 from np_drake.diagnosis.fitting.swing_fit import fitted_to_whole_flight
 from np_drake.diagnosis.forward_model import Term, predicted_residual
 from np_drake.diagnosis.numerics import NoiseModel, scale_only
-from np_drake.diagnosis.regressors import Model, RegressionProblem, calibration_terms
+from np_drake.diagnosis.regressors import LINEAR, Model, RegressionProblem, calibration_terms
 
 ITERATIONS = 6
 AGAIN = 3  # largest number of restarts of a descent with a hidden swing; own choice
@@ -80,7 +80,7 @@ def restart(problem: RegressionProblem, model: Model, fit: Fit, noise: NoiseMode
 
 
 def _descend(problem: RegressionProblem, model: Model, start: list[Term], noise: NoiseModel, iterations: int) -> Fit:
-    drifting = [c for c in problem.nuisance if c.variant == "sensor drift"]
+    drifting = [c for c in problem.nuisance if c.variant == LINEAR]
     fit = refine(
         start,
         calibration_terms(problem.flights[0].vehicle, problem.options.tolerance),

@@ -10,6 +10,7 @@ from np_drake.diagnosis.held_out import HeldOut, closed_fraction, pooled, remain
 from np_drake.diagnosis.numerics import NoiseModel
 from np_drake.diagnosis.residuals import WRENCH, FlightResiduals
 from np_drake.diagnosis.result import Cause, GapReduction, Replay, ReplayGap, Rung
+from np_drake.effects.base import Effect
 from np_drake.flight_log import FlightLog
 
 BLOCK = 1.0  # length of a bootstrap block [s]
@@ -21,7 +22,7 @@ LEAST_REPLAYED = 3.0  # least time after a cause begins; else all of the flight 
 
 
 def measure_gap_reduction(
-    causes: Sequence[Cause], noise: NoiseModel, held: HeldOut, replay: Replay | None
+    causes: Sequence[Cause], noise: NoiseModel, held: HeldOut, replay: Replay | None, calibration: Sequence[Effect] = ()
 ) -> GapReduction:
     """Return the held-out gap reduction with a block-bootstrap interval, the ladder, and the replay before and after.
 
@@ -30,11 +31,12 @@ def measure_gap_reduction(
         noise: noise model of the channels.
         held: held-out flights under the fit.
         replay: the simulator; None: no replay.
+        calibration: effects of the vehicle's calibration, which the corrected simulator has as well.
     """
     flights = held.flights
-    before = {e.name: e.y[held.rows[e.name]] for e in flights}
+    before = {e.name: e.uncalibrated[held.rows[e.name]] for e in flights}
     named = {c.identifier for c in causes}
-    kept = {n: [t for t in terms if t.effect.identifier in named] for n, terms in held.terms.items()}
+    kept = {name: held.kept(name, named) for name in held.terms}
     after = {e.name: (e.y - predicted_residual(e, kept[e.name]))[held.rows[e.name]] for e in flights}
     floor = 1.0
     ladder = _ladder(causes, noise, held)
@@ -53,6 +55,7 @@ def measure_gap_reduction(
             if c.effect is not None
         ]
         logs = [_judging(e, [onset[e.name] for _, onset in effects]) for e in flights]
+        effects += [(effect, {e.name: None for e in flights}) for effect in calibration]
         replays = (replay(logs, []), _with_effects(replay, logs, effects, warnings))
     return GapReduction(
         pooled(list(before.values()), noise),
@@ -106,7 +109,10 @@ def _order(cause: Cause) -> tuple[bool, float]:
 
 def _ladder(causes: Sequence[Cause], noise: NoiseModel, held: HeldOut) -> tuple[Rung, ...]:
     """Return the residual of the nominal model, with effects added in order of share, and of noise alone."""
-    rungs = [Rung("nominal", remaining_residual([], noise, held))]
+    nominal = pooled([e.uncalibrated[held.rows[e.name]] for e in held.flights], noise)
+    rungs = [Rung("nominal", nominal)]
+    if held.calibrated:
+        rungs.append(Rung("+ calibration", remaining_residual([], noise, held)))
     so_far: list[Cause] = []
     for cause in sorted(causes, key=_order):
         so_far.append(cause)

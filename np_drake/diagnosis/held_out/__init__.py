@@ -8,6 +8,7 @@ from np_drake.diagnosis.held_out.prediction import (
     on_held_out,
     pooled,
     remaining_residual,
+    with_calibration,
 )
 
 __all__ = [
@@ -19,4 +20,5 @@ __all__ = [
     "pooled",
     "remaining_residual",
     "scored_on_fitted_rows",
+    "with_calibration",
 ]

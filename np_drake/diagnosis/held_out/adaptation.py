@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.fitting import SwingFit
+from np_drake.diagnosis.fitting import Fit, SwingFit
 from np_drake.diagnosis.forward_model import MOST_JUMPS, NEVER, STATE, Term, jumps, predicted_residual
 from np_drake.diagnosis.numerics import NoiseModel
 from np_drake.diagnosis.options import Priors
@@ -44,6 +44,19 @@ def adapt(terms: Sequence[Term], flight: FlightResiduals, noise: NoiseModel, pri
         elif type(terms[i].effect).begins:
             terms[i] = _with_onset(terms, i, flight, noise, priors, known=known[i])
     return terms
+
+
+def adapted(fit: Fit, flight: FlightResiduals, noise: NoiseModel, priors: Priors) -> list[Term]:
+    """Return the terms of a fit adapted to a held-out flight, and its calibration, which begins nowhere, as it is.
+
+    Args:
+        fit: of the model.
+        flight: the flight.
+        noise: noise model of the channels.
+        priors: priors of parameters, swings and onsets.
+    """
+    given = predicted_residual(flight, fit.calibration) if fit.calibration else 0.0
+    return [*adapt(fit.terms, dc.replace(flight, y=flight.y - given), noise, priors), *fit.calibration]
 
 
 def predictive_terms(terms: Sequence[Term], flight: FlightResiduals, noise: NoiseModel, priors: Priors) -> list[Term]:

@@ -1,15 +1,16 @@
 """Predicted residual of a fit on held-out flights."""
 
 import dataclasses as dc
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 
+from np_drake.diagnosis.calibration.columns import errors_of
 from np_drake.diagnosis.fitting import Fit, fitted_to_whole_flight
 from np_drake.diagnosis.forward_model import Term, predicted_residual
-from np_drake.diagnosis.held_out.adaptation import adapt, predictive_terms, scored_rows
+from np_drake.diagnosis.held_out.adaptation import adapted, predictive_terms, scored_rows
 from np_drake.diagnosis.numerics import NoiseModel
-from np_drake.diagnosis.options import Priors
+from np_drake.diagnosis.options import Options, Priors
 from np_drake.diagnosis.residuals import WRENCH, FlightResiduals
 from np_drake.diagnosis.result import Cause
 
@@ -28,6 +29,24 @@ class HeldOut:
     residual: dict[str, np.ndarray]
     rows: dict[str, np.ndarray]
     whole_flight_terms: dict[str, list[Term]]
+    effects: int = 0  # number of terms that are effects; those after them are calibration
+
+    @property
+    def calibrated(self) -> bool:
+        """Whether a calibration of the vehicle acts beside the effects."""
+        return any(isinstance(e.calibrated, np.ndarray) for e in self.flights)
+
+    def kept(self, name: str, identifiers: Collection[str]) -> list[Term]:
+        """Return the terms of some effects in a flight, and the calibration of an unmeasured vehicle.
+
+        Args:
+            name: of the flight.
+            identifiers: of the effects.
+        """
+        every = self.terms[name]
+        if not self.calibrated:
+            return [t for t in every if t.effect.identifier in identifiers]
+        return [*(t for t in every[: self.effects] if t.effect.identifier in identifiers), *every[self.effects :]]
 
     def swing_free_residual(self, e: FlightResiduals) -> np.ndarray:
         """Return the residual (m, 15) of a flight with a payload's swing fitted to all of it, outliers interpolated."""
@@ -45,12 +64,33 @@ def on_held_out(fit: Fit, flights: Sequence[FlightResiduals], noise: NoiseModel,
     """
     terms, residual, rows, whole = {}, {}, {}, {}
     for e in flights:
-        known = adapt(fit.everything, e, noise, priors)
+        known = adapted(fit, e, noise, priors)
         terms[e.name] = predictive_terms(known, e, noise, priors)
         residual[e.name] = e.y - predicted_residual(e, terms[e.name])
         rows[e.name] = scored_rows(terms[e.name], e)
         whole[e.name] = fitted_to_whole_flight(known, e, noise, priors)
-    return HeldOut(flights, terms, residual, rows, whole)
+    return HeldOut(flights, terms, residual, rows, whole, len(fit.terms))
+
+
+def with_calibration(fit: Fit, e: FlightResiduals, noise: NoiseModel, options: Options) -> FlightResiduals:
+    """Return a held-out flight without what the calibration of the vehicle gives, and what it differs by itself.
+
+    Args:
+        fit: to training flights.
+        e: the flight.
+        noise: noise model of the training flights.
+        options: tolerances and priors.
+    """
+    if not options.tolerance.unmeasured:
+        return e
+    shared = fit.calibration_on(e)
+    there = dc.replace(e, y=e.y - shared)
+    left = there.y - predicted_residual(there, adapted(fit, there, noise, options.priors))
+    own = errors_of(e, options.tolerance)
+    gram = dc.replace(there, y=left).gram(noise, [own])
+    mean, _ = gram.posterior(np.arange(own.shape[-1]))
+    given = shared + own @ mean
+    return dc.replace(e, y=e.known(e.y - given), calibrated=e.known(given))
 
 
 def misfit(held: HeldOut, noise: NoiseModel) -> np.ndarray:
@@ -100,6 +140,6 @@ def remaining_residual(causes: Sequence[Cause], noise: NoiseModel, held: HeldOut
     names = {c.identifier for c in causes}
     parts = []
     for e in held.flights:
-        terms = [t for t in held.terms[e.name] if t.effect.identifier in names]
+        terms = held.kept(e.name, names)
         parts.append((e.y - predicted_residual(e, terms))[held.rows[e.name]])
     return pooled(parts, noise)

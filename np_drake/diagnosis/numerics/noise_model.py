@@ -227,8 +227,8 @@ class Readings:
             for name in ("phi", "mixing", "rms", "innovation", "step")
         )
         step = float(stored)
-        tolerance = {
-            name: float(stored_numbers(value, f"readings: tolerance of {name}"))
+        tolerance: dict[str, Any] = {
+            name: value if isinstance(value, bool) else float(stored_numbers(value, f"readings: tolerance of {name}"))
             for name, value in content["tolerance"].items()
         }
         c = len(rms) if rms.ndim == 1 else 0

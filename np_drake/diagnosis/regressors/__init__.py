@@ -4,6 +4,7 @@ from np_drake.diagnosis.regressors.generic import PREFIX, generic_candidates
 from np_drake.diagnosis.regressors.library import (
     DRAG,
     GUSTY,
+    LINEAR,
     PAYLOAD,
     WIND,
     Candidate,
@@ -14,14 +15,7 @@ from np_drake.diagnosis.regressors.library import (
     switched,
     wind_candidates,
 )
-from np_drake.diagnosis.regressors.nuisance import (
-    calibration,
-    calibration_terms,
-    nuisance_of,
-    sensor_drift,
-    tolerance_of,
-    with_input,
-)
+from np_drake.diagnosis.regressors.nuisance import calibration, calibration_terms, tolerance_of, with_input
 from np_drake.diagnosis.regressors.payload import AT_REST, SHAPE, WIDEST, Guess, PayloadColumns, heavy_enough
 from np_drake.diagnosis.regressors.payload_grid import payload_about, payload_candidates, payloads_of
 from np_drake.diagnosis.regressors.regression_problem import Model, RegressionProblem, prior_of
@@ -36,6 +30,7 @@ __all__ = [
     "AT_REST",
     "DRAG",
     "GUSTY",
+    "LINEAR",
     "PAYLOAD",
     "PREFIX",
     "SHAPE",
@@ -57,13 +52,11 @@ __all__ = [
     "heavy_enough",
     "hidden_from",
     "library_candidates",
-    "nuisance_of",
     "onset_log_likelihood",
     "payload_about",
     "payload_candidates",
     "payloads_of",
     "prior_of",
-    "sensor_drift",
     "switched",
     "tolerance_of",
     "wind_candidates",

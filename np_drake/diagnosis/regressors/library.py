@@ -23,6 +23,7 @@ WIND = ConstantWind.identifier
 GUSTY = (DRAG, WIND)  # effects that gusts mask in a held-out flight
 PAYLOAD = SuspendedPayload.identifier
 Onset = dict[str, float | None]
+LINEAR = "linear"  # variant of a nuisance whose coefficients stay linear in a fit
 Mended = tuple[np.ndarray, float]  # physical coefficients and their log probability
 
 
@@ -49,6 +50,7 @@ class Candidate:
     )
     figures: dict[str, float] = dc.field(default_factory=dict)
     onset_prior: float = 0.0
+    calibrated: bool = False  # part of every model already, so that it is a member only where it begins in flight
 
     @property
     def size(self) -> int:

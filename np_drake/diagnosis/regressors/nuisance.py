@@ -13,18 +13,13 @@ from np_drake.diagnosis.numerics import fit_noise
 from np_drake.diagnosis.options import IDEAL_SENSORS, Options, Tolerance
 from np_drake.diagnosis.regressors.library import Candidate
 from np_drake.diagnosis.residuals import FlightResiduals
-from np_drake.effects.accelerometer_bias import AccelerometerBias
-from np_drake.effects.attitude_bias import AttitudeBias
 from np_drake.effects.attitude_latency import AttitudeLatency
-from np_drake.effects.base import Effect
 from np_drake.effects.battery_sag import BatterySag
 from np_drake.effects.clock_offset import ClockOffset
-from np_drake.effects.gyro_bias import GyroBias
 from np_drake.effects.imu_mounting import ImuMounting
 from np_drake.effects.mass_error import MassError
 from np_drake.effects.throttle_curve import ThrottleCurve
 from np_drake.effects.thrust_scale import ThrustScale
-from np_drake.effects.velocity_bias import VelocityBias
 from np_drake.vehicle import Vehicle
 
 REAL_ATTITUDE_NOISE = 1e-3  # attitude noise above which sensors are taken as real [rad]
@@ -80,43 +75,6 @@ def calibration(flights: Sequence[FlightResiduals], tolerance: Tolerance) -> lis
     return out
 
 
-def nuisance_of(flights: Sequence[FlightResiduals], tolerance: Tolerance) -> list[Candidate]:
-    """Return errors of the vehicle file and of the sensors within tolerance, as columns with prior N(0, 1).
-
-    Args:
-        flights: the flights.
-        tolerance: standard deviations of the errors.
-    """
-    drift = sensor_drift(flights, tolerance)
-    return [*calibration(flights, tolerance), *([drift] if drift else [])]
-
-
-def sensor_drift(flights: Sequence[FlightResiduals], tolerance: Tolerance) -> Candidate | None:
-    """Return the sensor errors of every flight as one candidate; None for ideal sensors.
-
-    Args:
-        flights: the flights.
-        tolerance: standard deviations of vehicle file and sensors.
-    """
-    if not tolerance.real:
-        return None
-    sensors: tuple[type[Effect], ...] = (AccelerometerBias, AttitudeBias, GyroBias, VelocityBias)
-    units = [
-        (sensor, p.name, tolerance.of(sensor))
-        for sensor in sensors
-        for p in sensor.parameters
-        if not p.choices and not (sensor is AccelerometerBias and flights[0].log.a is None)
-    ]
-    columns = {}
-    for i, e in enumerate(flights):
-        X = np.zeros((*e.y.shape, len(units) * len(flights)))
-        for j, (sensor, name, deviation) in enumerate(units):
-            values = {p.name: deviation if p.name == name else p.neutral for p in sensor.parameters}
-            X[..., i * len(units) + j] = predicted_residual(e, [Term(sensor.of(values))])
-        columns[e.name] = X
-    return Candidate((), "sensor drift", columns, lambda c: [])
-
-
 def tolerance_of(flights: Sequence[FlightResiduals]) -> Tolerance:
     """Return the tolerance for real sensors, or for ideal ones where the logs look like those of a simulator.
 
@@ -150,7 +108,10 @@ def with_input(options: Options, flights: Sequence[FlightResiduals]) -> Options:
             "mounting": max(tolerance.mounting, MOUNTING),
             "latency": max(tolerance.latency, LATENCY),
         }
-    return dc.replace(options, tolerance=dc.replace(tolerance, **open_))
+    return dc.replace(
+        options,
+        tolerance=dc.replace(tolerance, **open_, unmeasured=tolerance.real and not flights[0].vehicle.described),
+    )
 
 
 def command_timing(flights: Sequence[FlightResiduals]) -> float:
@@ -163,7 +124,7 @@ def command_timing(flights: Sequence[FlightResiduals]) -> float:
     if flights[0].measured_rotors:
         return 0.0
     stated = max(e.log.timing for e in flights)
-    if flights[0].vehicle.command_timing == "held":
+    if flights[0].vehicle.described:
         return stated
     half = 0.5 * max(e.log.step for e in flights)
     shift, deviation = _early(flights, 0.5 * half)

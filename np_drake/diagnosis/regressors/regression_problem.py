@@ -154,6 +154,8 @@ class RegressionProblem:
         return total
 
     def fits_together(self, members: Sequence[int]) -> bool:
-        """Return whether no effect occurs twice and at most one is a pure delay: these predict the same."""
+        """Return whether no effect occurs twice, nor is calibrated already, and at most one is a pure delay."""
+        if any(self.candidates[i].calibrated for i in members):
+            return False
         names = [name for i in members for name in self.candidates[i].identifiers]
         return len(names) == len(set(names)) and sum(effect_of(name).pure_delay for name in names) < 2

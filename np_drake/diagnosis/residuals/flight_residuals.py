@@ -43,6 +43,7 @@ class FlightResiduals:
     outliers (m,): outlier rows of the grid, which are interpolated; none until `find_outliers` has been applied.
     joined (m,): rows of a held-out flight that joined the fit (adaptive split).
     goes_on: the flight continues after these rows, so that an effect absent here may begin later.
+    calibrated (m, 15): what a calibration of the vehicle gives, already taken from y; 0: nothing.
     knows_torque: whether the log tells the rotors' torque; without it the torque channels are empty.
     """
 
@@ -62,11 +63,17 @@ class FlightResiduals:
     joined: np.ndarray
     goes_on: bool = False
     knows_torque: bool = True
+    calibrated: np.ndarray | float = 0.0
 
     @property
     def name(self) -> str:
         """Name of the flight."""
         return self.log.name
+
+    @property
+    def uncalibrated(self) -> np.ndarray:
+        """(m, 15) residuals against the vehicle file, calibration of the vehicle included."""
+        return self.y + self.calibrated
 
     @property
     def untold(self) -> list[slice]:
@@ -198,7 +205,8 @@ class FlightResiduals:
             return self
         grid = dc.replace(self.grid, t=self.t[:n], fine=self.grid.fine[: (n - 1) * self.grid.factor + 1])
         parts = {name: getattr(self, name)[:n] for name in ("y", "nominal", "w", "outliers", "joined")}
-        return dc.replace(self, grid=grid, **parts)
+        given = self.calibrated[:n] if isinstance(self.calibrated, np.ndarray) else self.calibrated
+        return dc.replace(self, grid=grid, **parts, calibrated=given)
 
     def begun(self, onset: float | None) -> np.ndarray:
         """Return a step (m, 15) that is one from `onset` [s] on, smeared as the grid's low-pass smears each channel.

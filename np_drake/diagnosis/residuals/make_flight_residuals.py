@@ -16,6 +16,7 @@ from np_drake.vehicle import Vehicle
 
 LEAST_DURATION = 3.0  # least duration of a flight [s]; own choice
 SETTLING = 7.0  # rotor time constants after which commands before the log no longer matter [1]; own choice
+CLEAR = 0.3  # height over the ground up to which take-off and landing reach [m]; own choice
 OFF = 0.4  # initial thrust error over hover thrust, above which rotors had not settled [1]; own choice
 
 
@@ -43,7 +44,8 @@ def make_flight_residuals(
     thrust_rows, thrust_mids = Rotors(log, vehicle).thrust([])
     force, others = _channels(log, vehicle, q, mids, thrust_rows, thrust_mids)
     since = _settled(log, vehicle, force[:, 2:], others[:, :3]) if since is None else since
-    grid = make_grid(log.t[log.t >= since], step)
+    first, last = (log.t[0], log.t[-1]) if vehicle.described else _clear_of_ground(log)
+    grid = make_grid(log.t[(log.t >= max(since, first)) & (log.t <= last)], step)
     from_rows, from_mids = row_resampler(grid, log), Resampler.of_intervals(grid, log.t)
     y = np.concatenate([from_rows(force), from_mids(others)], axis=1)
     u_rows, u_mids = thrust_rows @ vehicle.mixer.T, thrust_mids @ vehicle.mixer.T
@@ -56,6 +58,19 @@ def make_flight_residuals(
         knows_torque=knows_torque,
     )
     return dc.replace(found, y=found.known(y))
+
+
+def _clear_of_ground(log: FlightLog) -> tuple[float, float]:
+    """Return the times between take-off and landing [s]: where the log begins or ends near the ground, those are cut.
+
+    A vehicle that rolls off, bounces or settles has forces of contact, and an estimator that still converges.
+    """
+    z = log.p[:, 2]
+    least = min(CLEAR, 0.5 * float(np.median(z)))
+    above = log.t[z >= least]
+    if "height" in log.lacks or not len(above) or above[-1] - above[0] < LEAST_DURATION:
+        return float(log.t[0]), float(log.t[-1])
+    return float(above[0]), float(above[-1])
 
 
 def _with_torque(log: FlightLog) -> tuple[FlightLog, bool]:

@@ -12,6 +12,7 @@ from np_drake.diagnosis.regressors import Candidate, RegressionProblem, Sums, Sw
 
 COARSE = 5  # rows between instants that are tried at first
 EDGE = 0.7  # from either end of a flight, without onsets [s]
+SETTLING = 3.0  # the same of a vehicle that takes off or lands, which settles; own choice [s]
 SPAN = 0.4  # that holds an onset as likely as possible [s]
 LEAST_GAIN = 1.0  # log evidence, prior included, from which an onset is tried
 
@@ -21,16 +22,17 @@ class TriedOnsets:
 
     Args:
         late: sums of the candidate in the flight.
+        edge: time from either end without onsets [s].
         goes_on: whether the flight continues after its rows.
     """
 
-    def __init__(self, late: SwitchedSums, *, goes_on: bool):
+    def __init__(self, late: SwitchedSums, edge: float, *, goes_on: bool):
         self._late = late
         self.ends = at_rows(late.whole, [0, -1])  # from the start, and never
         self.start, self.never = at_rows(self.ends, [0]), at_rows(self.ends, [1])
         self.now = self.start
         self.onset: float | None = None
-        self._inside, self.goes_on = possible_onsets(late.t), goes_on
+        self._inside, self.goes_on = possible_onsets(late.t, edge), goes_on
         self.rows = self._inside[::COARSE]
         self.sums = late.begun(self.rows)
 
@@ -101,9 +103,14 @@ def at_rows(sums: Sums, rows) -> Sums:
     return XX[rows], XB[rows], Xy[rows]
 
 
-def possible_onsets(t: np.ndarray) -> np.ndarray:
-    """Return rows, of whitened ones at t (m,) [s], that may be onsets."""
-    return np.flatnonzero((t > t[0] + EDGE) & (t < t[-1] - EDGE))
+def possible_onsets(t: np.ndarray, edge: float = EDGE) -> np.ndarray:
+    """Return rows that may be onsets.
+
+    Args:
+        t: (m,) times of whitened rows [s].
+        edge: time from either end without onsets [s].
+    """
+    return np.flatnonzero((t > t[0] + edge) & (t < t[-1] - edge))
 
 
 @dc.dataclass(frozen=True)
@@ -134,6 +141,7 @@ class OnsetScan:
         chosen = [*problem.nuisance, *(problem.candidates[i] for i in members)]
         scale = problem.temperature**-0.5
         self._options = problem.options
+        self._edge = SETTLING if problem.options.tolerance.unmeasured else EDGE
         self._go_on = {e.name for e in problem.flights if e.goes_on}
         self._flights: dict[str, SwitchedRegressors] = {}
         for e in problem.flights:
@@ -168,7 +176,7 @@ class OnsetScan:
         start = {name: at_rows(sums, [0]) for name, sums in whole.items()}
         at = dict(start)
         for name, f in self._flights.items():
-            rows = possible_onsets(f.t)
+            rows = possible_onsets(f.t, self._edge)
             profile = self._evidence(at_rows(whole[name], rows), [at[n] for n in at if n != name])
             now = self._evidence(start[name], [at[n] for n in at if n != name])[0]
             if len(rows) and profile.max() > now:
@@ -187,7 +195,7 @@ class OnsetScan:
             sums: its `sums`, where they are known.
         """
         late = sums or self.sums(candidate)
-        scans = {n: TriedOnsets(of, goes_on=n in self._go_on) for n, of in late.items()}
+        scans = {n: TriedOnsets(of, self._edge, goes_on=n in self._go_on) for n, of in late.items()}
         found = [self._climbed(scans)]
         for scan in scans.values():
             self._settle_alone(scan)

@@ -5,6 +5,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from np_drake.diagnosis.calibration.columns import nuisance_of
+from np_drake.diagnosis.calibration.spread import calibrated_alone
 from np_drake.diagnosis.numerics import NoiseModel, fit_noise, no_worse, scale_only, with_loudness
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors import (
@@ -13,7 +15,6 @@ from np_drake.diagnosis.regressors import (
     RegressionProblem,
     hidden_from,
     library_candidates,
-    nuisance_of,
     wind_candidates,
 )
 from np_drake.diagnosis.residuals import FORCE, FlightResiduals, find_outliers
@@ -41,8 +42,9 @@ def condition(flights: Sequence[FlightResiduals], options: Options, *, still_air
         still_air: whether no wind acts in all flights; one that begins, or that some lack, is tried all the same.
     """
     error, step = options.priors.linear_error, flights[0].grid.step
-    nuisance = nuisance_of(flights, options.tolerance)
-    plain = library_candidates(flights)
+    nuisance = nuisance_of(flights, options.tolerance, options.priors)
+    known = calibrated_alone(flights[0], options.tolerance)
+    plain = [dc.replace(c, calibrated=c.identifiers[0] in known) for c in library_candidates(flights)]
     candidates = [*plain, *([] if still_air else wind_candidates(flights, plain))]
 
     def problem(noise: NoiseModel, some: Sequence[Candidate], temperature: float = 1.0) -> RegressionProblem:

@@ -128,7 +128,8 @@ def test_an_imported_log_is_diagnosed_as_its_original(effect, rate, semantics, t
     original, imported = (diagnosed(folder, vehicle) for folder in folders)
     assert original.verdict == imported.verdict == (effect,)
     for name, estimate in original.causes[0].parameters.items():
-        assert estimate.ci95[0] <= imported.causes[0].parameters[name].value <= estimate.ci95[1], name
+        low, high = imported.causes[0].parameters[name].ci95  # wider: the vehicle of an imported log may differ
+        assert low <= estimate.value <= high, name
 
 
 def test_a_thinned_clean_log_has_no_cause_of_timing(tmp_path):

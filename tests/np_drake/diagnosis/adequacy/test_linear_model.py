@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from np_drake.diagnosis.adequacy.linear_model import LinearModel
+from np_drake.diagnosis.calibration.columns import flight_errors
 from np_drake.diagnosis.fitting.map_estimate import refine, scaled_jacobian
 from np_drake.diagnosis.fitting.parameters import prior_whitening
 from np_drake.diagnosis.forward_model.payload_state import NEVER, Term
@@ -13,7 +14,6 @@ from np_drake.diagnosis.forward_model.prediction import predicted_residual
 from np_drake.diagnosis.numerics import NoiseModel
 from np_drake.diagnosis.options import Options, Tolerance
 from np_drake.diagnosis.regressors.generic import PREFIX
-from np_drake.diagnosis.regressors.nuisance import sensor_drift
 from np_drake.diagnosis.regressors.regression_problem import RegressionProblem
 from np_drake.diagnosis.residuals import TORQUE
 from np_drake.diagnosis.selection.ranking import Ranking
@@ -43,8 +43,7 @@ def model(seen, noise):
 def linear_model(
     flights, noise: NoiseModel, terms: list[Term], *, drifts: bool = False, onset_prior: float = 0.0
 ) -> tuple[LinearModel, Ranking]:
-    drift = sensor_drift(flights, Tolerance()) if drifts else None
-    nuisance = [drift] if drift else []
+    nuisance = flight_errors(flights, Tolerance()) if drifts else []
     temperature = REAL.priors.temperature
     problem = RegressionProblem(flights, noise, nuisance, [], temperature=temperature, options=REAL)
     fit = refine(terms, [], flights, noise, temperature=temperature, linear=nuisance, priors=REAL.priors)

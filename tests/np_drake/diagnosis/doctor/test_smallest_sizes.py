@@ -5,12 +5,12 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
+from np_drake.diagnosis.calibration.columns import nuisance_of
 from np_drake.diagnosis.doctor.smallest_sizes import Information, smallest_gust, smallest_sizes
 from np_drake.diagnosis.doctor.traces import explain, nearest_usual, traces
 from np_drake.diagnosis.numerics import Gram, NoiseModel
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors import tolerance_of
-from np_drake.diagnosis.regressors.nuisance import nuisance_of
 from np_drake.effects.center_of_mass_offset import CenterOfMassOffset
 from np_drake.effects.inertia_error import InertiaError
 from np_drake.effects.linear_drag import LinearDrag
@@ -120,7 +120,7 @@ class Judged:
 
 def _judged(flights) -> Judged:
     options = Options.for_sensors(tolerance_of(flights).real)
-    nuisance = nuisance_of(flights, options.tolerance)
+    nuisance = nuisance_of(flights, options.tolerance, options.priors)
     every = [t for t in traces(flights, options.priors) if t.identifier != "suspended_payload"]
     explained = explain(flights, nuisance, nearest_usual(every), options)
     return Judged(explained.flights, explained.noise, nuisance, every)

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
+from np_drake.diagnosis.calibration.columns import nuisance_of
 from np_drake.diagnosis.doctor.swing_test import evident, swing_test
 from np_drake.diagnosis.doctor.traces import nearest_usual, traces
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors import tolerance_of
-from np_drake.diagnosis.regressors.nuisance import nuisance_of
 from np_drake.effects.accelerometer_bias import AccelerometerBias
 from np_drake.effects.attitude_bias import AttitudeBias
 from np_drake.effects.command_delay import CommandDelay
@@ -37,7 +37,7 @@ EVIDENT = evident(Options.for_sensors(False).priors)
 def judged(flight):
     options = Options.for_sensors(tolerance_of([flight]).real)
     near = [t for t in nearest_usual(traces([flight], options.priors)) if t.identifier != "suspended_payload"]
-    others = [c.columns for c in nuisance_of([flight], options.tolerance)] + [t.columns for t in near]
+    others = [c.columns for c in nuisance_of([flight], options.tolerance, options.priors)] + [t.columns for t in near]
     return swing_test(flight, others, options)
 
 

@@ -10,7 +10,7 @@ from np_drake.diagnosis.fitting.parameters import free_parameters, read, write
 from np_drake.diagnosis.forward_model.payload_state import NEVER, Term
 from np_drake.diagnosis.forward_model.prediction import predicted_residual
 from np_drake.diagnosis.options import Options
-from np_drake.diagnosis.regressors.library import Candidate
+from np_drake.diagnosis.regressors.library import LINEAR, Candidate
 from np_drake.effects.clock_offset import ClockOffset
 from np_drake.effects.command_delay import CommandDelay
 from np_drake.effects.gyro_bias import GyroBias
@@ -134,7 +134,7 @@ def test_wander_takes_what_is_a_flights_own(seen, noise):
     drift = np.zeros((*flight.y.shape, 1))
     drift[:, 2] = 1.0  # [N]
     pushed = dc.replace(flight, y=flight.y + 1.7 * drift[..., 0])
-    sensor_drift = Candidate((), "sensor drift", {"a": drift}, lambda c: [])
+    sensor_drift = Candidate((), LINEAR, {"a": drift}, lambda c: [])
     fit = refine(
         [Term(LinearDrag(0, 0, 0))], [], [pushed], noise, temperature=1.0, linear=[sensor_drift], priors=PRIORS
     )

@@ -85,6 +85,7 @@ def vague(mass: float | None = None, thrust: float | None = None):
 @pytest.mark.parametrize("options", [Options.for_sensors(real) for real in (True, False)])
 def test_the_larger_of_tolerance_and_vehicle_files_statement_counts(fly, options):
     log, own = fly(seed=1, noise=1.0), options.tolerance
+    own = dc.replace(own, unmeasured=own.real)  # no file states that commands are held
     for stated, counts in [((None, None), own), ((1e-4, 1e-4), own)]:
         assert with_input(options, [make_flight_residuals(log, vague(*stated))]).tolerance == counts
     open_ = with_input(options, [make_flight_residuals(log, vague(0.02, 0.03))]).tolerance
@@ -103,6 +104,7 @@ def test_a_vehicle_file_does_not_narrow_the_scale_of_a_throttle(fly):
 def test_an_error_within_what_the_vehicle_file_states_is_no_cause(fly, inferred, effect, stated):
     logs = [fly(effect, name=str(i), seed=i, seconds=7.0, noise=1.0) for i in (1, 2, 3)]
     for vehicle, names in [(VEHICLE, [effect.identifier]), (vague(**stated), [])]:
+        vehicle = dc.replace(vehicle, command_timing="held")
         *train, held_out = [make_flight_residuals(log, vehicle) for log in logs]
         dut = inferred(train, [held_out], Options.for_sensors(True))
         assert [c.identifier for c in dut.causes] == names

@@ -1,0 +1,196 @@
+"""Documented spread of healthy vehicles about their file, and of flights about their vehicle.
+
+Every figure is a standard deviation that is part of each model of an unmeasured vehicle: calibration, and no cause.
+Lengths count in mean arms, moments in weight times arm.
+"""
+
+import dataclasses as dc
+
+import numpy as np
+
+from np_drake.diagnosis.options import Tolerance
+from np_drake.diagnosis.residuals import FlightResiduals
+from np_drake.effects.accelerometer_bias import AccelerometerBias
+from np_drake.effects.attitude_bias import AttitudeBias
+from np_drake.effects.attitude_latency import AttitudeLatency
+from np_drake.effects.base import Effect
+from np_drake.effects.battery_sag import BatterySag
+from np_drake.effects.blade_flapping import BladeFlapping
+from np_drake.effects.center_of_mass_offset import CenterOfMassOffset
+from np_drake.effects.clock_offset import ClockOffset
+from np_drake.effects.command_delay import CommandDelay
+from np_drake.effects.gyro_bias import GyroBias
+from np_drake.effects.imu_mounting import ImuMounting
+from np_drake.effects.inertia_error import InertiaError
+from np_drake.effects.mixer_gain import MixerGain
+from np_drake.effects.motor_lag import MotorLag
+from np_drake.effects.random_sizes import arm
+from np_drake.effects.rotor_gyroscopic import RotorGyroscopic
+from np_drake.effects.thrust_scale import ThrustScale
+from np_drake.effects.translational_lift import TranslationalLift
+from np_drake.effects.velocity_bias import VelocityBias
+from np_drake.effects.weak_rotor import WeakRotor
+from np_drake.published_vehicles import published_priors
+
+ROTORS = (1.0, 2.0, 3.0, 4.0)
+
+
+@dc.dataclass(frozen=True)
+class Spread:
+    """Standard deviations of healthy vehicles and of their flights.
+
+    Source: the priors of the identification (`np_drake.identification.priors`) where a field names none.
+    """
+
+    # Of a vehicle about its file.
+    rotor_gain: float = 0.03  # thrust of one rotor [1]
+    center_of_mass: float = 0.05  # in the plane of the rotors [arm]
+    center_of_mass_height: float = 0.1  # [arm]
+    inertia: float = 0.15  # each moment [1]; source: files give drawings or swings to this
+    # Torque about each axis: rotors trim moments that no model has, sampled commands miss most of it, and arms, torque
+    # over thrust and inertia are known by their ratio [1]; source: the usual size of `mixer_gain`.
+    torque_gain: float = 0.5
+    flapping: float = 0.2  # moment against velocity [arm/s]
+    lift: float = 0.03  # thrust against velocity squared, over mass [1/m]
+    mounting: float = 0.02  # of the IMU against the rotors [rad]
+    accelerometer_offset: float = 0.2  # of any accelerometer [m/s²]; source: data sheet of the BMI088, 20 mg
+    latency: float = 0.01  # of attitude against velocity [s]
+    command_time: float = 0.01  # at which a command acts [s]
+    rotor_speed_time: float = 0.005  # at which measured rotor speed acts [s]
+    lags: tuple[float, ...] = (0.01, 0.03, 0.08)  # of rotors, each of which may act whole or not [s]
+    # Of a flight about its vehicle.
+    tilt: float = 0.015  # of the frame of the motion capture, or of an estimator [rad]
+    gyro: float = 0.02  # bias [rad/s]
+    velocity: float = 0.02  # bias [m/s]
+    accelerometer: float = 0.1  # bias [m/s²]
+    rotor_trim: float = 0.015  # thrust of one rotor, as a battery moves the centre of mass [1]
+    charge: float = 0.03  # thrust over throttle [1]
+    known_charge: float = 0.01  # thrust over rotor speed, or over a command in newtons [1]
+    sag: float = 0.002  # rate of the thrust over throttle [1/s]
+    known_sag: float = 0.0005  # over rotor speed or a command in newtons [1/s]
+    # Slow changes within a flight.
+    drift_time: float = 5.0  # between independent values [s]
+    tilt_drift: float = 0.008  # of the attitude [rad]
+    thrust_drift: float = 0.002  # of thrust [1]
+    torque_drift: float = 0.01  # about roll and pitch [weight times arm]
+    yaw_drift: float = 0.2  # about yaw, over that about roll [1]
+
+
+SPREAD = Spread()
+
+
+@dc.dataclass(frozen=True)
+class Deviation:
+    """Standard deviations of parameters of an effect, by name [SI]; `fixed` ones have a value.
+
+    at_value: the deviation is that of a coefficient of the effect at these values, which is not linear.
+    """
+
+    effect: type[Effect]
+    deviation: dict[str, float]
+    fixed: dict[str, float] = dc.field(default_factory=dict)
+    at_value: bool = False
+
+
+def of_vehicle(e: FlightResiduals, tolerance: Tolerance, spread: Spread = SPREAD) -> list[Deviation]:
+    """Return by what a healthy vehicle differs from its file; nothing where the file describes the vehicle that flew.
+
+    Args:
+        e: one of its flights.
+        tolerance: of vehicle file and sensors.
+        spread: of healthy vehicles.
+    """
+    if not tolerance.unmeasured:
+        return []
+    vehicle, measured = e.vehicle, e.measured_rotors
+    span, mass = arm(vehicle), vehicle.mass
+    moment = spread.flapping * mass * span
+    rotor = published_priors().rotor_inertia.median * mass * span**2
+    found = [
+        *(Deviation(WeakRotor, {"efficiency": spread.rotor_gain}, {"rotor": i}) for i in ROTORS),
+        Deviation(CenterOfMassOffset, _level(spread.center_of_mass * span, spread.center_of_mass_height * span)),
+        Deviation(InertiaError, dict.fromkeys(("scale_xx", "scale_yy", "scale_zz"), spread.inertia)),
+        Deviation(MixerGain, dict.fromkeys(("roll", "pitch", "yaw"), spread.torque_gain)),
+        Deviation(BladeFlapping, {"moment": moment}),
+        Deviation(TranslationalLift, {"lift": spread.lift * mass}),
+        Deviation(RotorGyroscopic, {"rotor_inertia": rotor}),
+        Deviation(ClockOffset, {"offset": spread.rotor_speed_time if measured else spread.command_time}),
+    ]
+    if "attitude" not in e.log.lacks:
+        found += [
+            Deviation(ImuMounting, dict.fromkeys(("roll", "pitch", "yaw"), spread.mounting)),
+            Deviation(AttitudeLatency, {"latency": spread.latency}),
+        ]
+    if e.log.a is not None:
+        found.append(_axes(AccelerometerBias, spread.accelerometer_offset))
+    if not measured:
+        found.append(Deviation(CommandDelay, {"delay": spread.command_time}))
+        found += [Deviation(MotorLag, {"time_constant": lag}, at_value=True) for lag in spread.lags]
+    return found
+
+
+def calibrated_alone(e: FlightResiduals, tolerance: Tolerance) -> set[str]:
+    """Return the effects that are calibration whatever their size: sensors, torque gains and times of the commands.
+
+    Args:
+        e: a flight.
+        tolerance: of vehicle file and sensors.
+    """
+    if not tolerance.unmeasured:
+        return set()
+    every = [*of_vehicle(e, tolerance), *of_flight(e, tolerance)]
+    return {
+        d.effect.identifier
+        for d in every
+        if d.effect.place == "measurement" or d.effect.role == "mixer" or d.effect.shifts_commands
+    }
+
+
+def of_flight(e: FlightResiduals, tolerance: Tolerance, spread: Spread = SPREAD) -> list[Deviation]:
+    """Return by what a flight differs from the others of its vehicle: sensors, and for an unmeasured vehicle trim.
+
+    Args:
+        e: the flight.
+        tolerance: of vehicle file and sensors.
+        spread: of healthy vehicles.
+    """
+    least = spread if tolerance.unmeasured else Spread(tilt=0.0, gyro=0.0, velocity=0.0, accelerometer=0.0)
+    tilt = max(tolerance.attitude, least.tilt)
+    found = [
+        *([] if e.log.a is None else [_axes(AccelerometerBias, max(tolerance.acceleration, least.accelerometer))]),
+        Deviation(AttitudeBias, dict.fromkeys(("roll", "pitch", "yaw"), tilt)),
+        _axes(GyroBias, max(tolerance.rate, least.gyro)),
+        _axes(VelocityBias, max(tolerance.velocity, least.velocity)),
+    ]
+    if not tolerance.unmeasured:
+        return found
+    throttle = e.log.input == "normalised"
+    return [
+        *found,
+        *(Deviation(WeakRotor, {"efficiency": spread.rotor_trim}, {"rotor": i}) for i in ROTORS),
+        Deviation(ThrustScale, {"scale": spread.charge if throttle else spread.known_charge}),
+        Deviation(BatterySag, {"rate": spread.sag if throttle else spread.known_sag}),
+    ]
+
+
+def _axes(effect: type[Effect], deviation: float) -> Deviation:
+    return Deviation(effect, dict.fromkeys("xyz", deviation))
+
+
+def _level(level: float, height: float) -> dict[str, float]:
+    return {"x": level, "y": level, "z": height}
+
+
+def parameter_names(deviations: list[Deviation]) -> list[str]:
+    """Return the names of all parameters of deviations, as `weak_rotor[2].efficiency`."""
+    return [f"{_name(d)}.{name}" for d in deviations for name in d.deviation]
+
+
+def _name(d: Deviation) -> str:
+    fixed = "".join(f"[{value:g}]" for value in d.fixed.values())
+    return f"{d.effect.identifier}{fixed}"
+
+
+def sizes(deviations: list[Deviation]) -> np.ndarray:
+    """Return the standard deviations (k,) of all parameters of deviations [SI]."""
+    return np.array([size for d in deviations for size in d.deviation.values()])

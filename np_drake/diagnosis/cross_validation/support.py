@@ -1,0 +1,182 @@
+"""Support of every term of a fit by prediction: its gain in flights and blocks that did not fit it."""
+
+import dataclasses as dc
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from scipy import special
+
+from np_drake.diagnosis.calibration.columns import errors_of, vehicle_columns
+from np_drake.diagnosis.cross_validation.blocks import Blocks, blocks_of, scores
+from np_drake.diagnosis.fitting import Fit, Free, prior_whitening, scaled_jacobian
+from np_drake.diagnosis.forward_model import STATE, Term, predicted_residual
+from np_drake.diagnosis.numerics import NoiseModel
+from np_drake.diagnosis.options import Options
+from np_drake.diagnosis.residuals import FlightResiduals
+
+LEAST = 3.0  # log score by which a term must predict better, as of a prior of one in twenty [nat]
+
+
+@dc.dataclass(frozen=True)
+class Support:
+    """Gain of a term in log score, block by block: by training flight predicted from the others, and held-out flight.
+
+    total: of all training flights, each predicted from those before it, the first from priors alone [nat].
+    gains: (n,) of the training flights; flights: (n,) their names.   held_out: (m,) of held-out flights; judges: names.
+    """
+
+    total: float
+    gains: np.ndarray
+    flights: tuple[str, ...]
+    held_out: np.ndarray
+    judges: tuple[str, ...]
+
+    @property
+    def error(self) -> float:
+        """Standard error of the gain in prediction, as it varies from block to block [nat]."""
+        return _error(self.gains)
+
+    @property
+    def probability(self) -> float:
+        """Probability that the term predicts by `LEAST` [1]."""
+        return float(special.ndtr((self.total - LEAST) / np.hypot(self.error, LEAST)))
+
+    def by_flight(self) -> dict[str, float]:
+        """Return the gain of every training flight [nat]."""
+        names = np.array(self.flights)
+        return {name: float(self.gains[names == name].sum()) for name in dict.fromkeys(self.flights)}
+
+    @property
+    def contradicted(self) -> bool:
+        """Whether the held-out flights are predicted worse with the term, by `LEAST` and a standard error."""
+        return bool(self.held_out.size and self.held_out.sum() < -LEAST - _error(self.held_out))
+
+
+def _error(gains: np.ndarray) -> float:
+    return float(np.sqrt(len(gains)) * gains.std(ddof=1)) if len(gains) > 1 else float(np.abs(gains).sum())
+
+
+def support_of(
+    fit: Fit,
+    flights: Sequence[FlightResiduals],
+    held_out: Sequence[FlightResiduals],
+    adapted: Mapping[str, Sequence[Term]],
+    noise: NoiseModel,
+    options: Options,
+) -> list[Support]:
+    """Return the support of every term of a fit.
+
+    The model is linear about the fit. Hidden states and what differs from flight to flight are free in every flight.
+
+    Args:
+        fit: of the model.
+        flights: training flights.
+        held_out: held-out flights.
+        adapted: by held-out flight, the terms with onsets and hidden states as they are there.
+        noise: noise model of the channels.
+        options: tolerances and priors.
+    """
+    every = [*flights, *held_out]
+    vehicle = vehicle_columns(flights, options.tolerance, options.priors)
+    shared = [f for f in fit.free if not f.flight]
+    parts, swings = {}, {}
+    for e in every:
+        now = adapted.get(e.name, fit.everything)
+        swings[e.name] = _swings(fit, e, now)
+        columns = [of(e) for of in vehicle]
+        parts[e.name] = _blocks(e, now, (shared, swings[e.name]), noise, columns, errors_of(e, options.tolerance))
+
+    def scored(gone: set[int]) -> tuple[float, np.ndarray, np.ndarray]:
+        """Return the log score of training flights in turn, of each predicted from the others, and of held-out ones."""
+        without = {k for k, f in enumerate(shared) if f.term in gone}
+        index = np.array([k for k in range(parts[every[0].name].shared) if k not in without])
+        own = {}
+        for name, b in parts.items():
+            lost = {k for k, f in enumerate(swings[name]) if f.term in gone}
+            own[name] = np.array([k for k in range(b.own) if k not in lost], int)
+        known = [parts[e.name].of_others(index, own[e.name]) for e in flights]
+        fitted, total = [], 0.0
+        for i, e in enumerate(flights):
+            fitted.append(scores(parts[e.name], [*known[:i], *known[i + 1 :]], index, own[e.name]))
+            last = i == len(flights) - 1
+            total += float(sum(fitted[-1] if last else scores(parts[e.name], known[:i], index, own[e.name])))
+        judged = [scores(parts[e.name], known, index, own[e.name]) for e in held_out]
+        return total, np.concatenate(fitted), np.concatenate(judged) if judged else np.zeros(0)
+
+    whole, found = scored(set()), []
+    names, judges = (tuple(e.name for e in some for _ in parts[e.name].parts) for some in (flights, held_out))
+    for i in range(len(fit.terms)):
+        rest = scored(_with_dependants(fit, i))
+        found.append(Support(whole[0] - rest[0], whole[1] - rest[1], names, whole[2] - rest[2], judges))
+    return found
+
+
+def _with_dependants(fit: Fit, i: int) -> set[int]:
+    """Return term i and the terms that act through it alone, as a wind through a drag."""
+    left = {t.effect.identifier for k, t in enumerate(fit.terms) if k != i}
+    through = {k for k, t in enumerate(fit.terms) if t.effect.needs and not left & {*t.effect.needs}}
+    return {i, *through}
+
+
+def _swings(fit: Fit, e: FlightResiduals, now: Sequence[Term]) -> list[Free]:
+    """Return the free hidden states of a flight, also of one that is not of the fit."""
+    known = [f for f in fit.free if f.flight == e.name]
+    if known or not any(t.has_hidden_state for t in now):
+        return known
+    first = next((f.flight for f in fit.free if f.flight), "")
+    alike = {(f.term, f.entry % STATE): f for f in fit.free if f.flight == first}
+    return [
+        dc.replace(alike[i, k % STATE], flight=e.name, entry=k)
+        for i, t in enumerate(now)
+        if t.has_hidden_state and alike
+        for k in range(len(t.hidden.get(e.name, ())))
+    ]
+
+
+def _blocks(
+    e: FlightResiduals,
+    now: Sequence[Term],
+    free: tuple[Sequence[Free], Sequence[Free]],
+    noise: NoiseModel,
+    vehicle: Sequence[np.ndarray],
+    errors: np.ndarray,
+) -> Blocks:
+    """Return the blocks of a flight, linear about the terms; `free` are parameters of all flights, and of this one."""
+    shared, own = free
+    every = [*shared, *own]
+    J = scaled_jacobian(now, every, e)
+    away = np.array([_value(f, now) for f in every])
+    J = _through_neutral(J, every, away, now, e)
+    target = e.uncalibrated - predicted_residual(e, now) + J @ away
+    root, n = np.linalg.inv(prior_whitening(now, shared)), len(shared)
+    columns = np.concatenate([J[..., :n] @ root, *vehicle], axis=-1)
+    return blocks_of(e, noise, columns, np.concatenate([J[..., n:], errors], axis=-1), target)
+
+
+def _through_neutral(
+    J: np.ndarray, free: Sequence[Free], away: np.ndarray, now: Sequence[Term], e: FlightResiduals
+) -> np.ndarray:
+    """Return the derivatives (m, 15, k), changed so that they lead from each term to its absence.
+
+    A term that is far from neutral is not linear in its parameters: its derivative there would predict something of
+    its absence.   Source: secant update of rank one (Broyden).
+    """
+    J, whole = J.copy(), predicted_residual(e, now)
+    for i in {f.term for f in free}:
+        own = np.array([f.term == i for f in free])
+        distance = np.where(own, away, 0.0)
+        if distance.any():
+            given = whole - predicted_residual(e, [t for k, t in enumerate(now) if k != i])
+            J += (given - J @ distance)[..., None] * (distance / (distance @ distance))
+    return J
+
+
+def _value(f: Free, terms: Sequence[Term]) -> float:
+    """Return the distance of a free parameter from neutral, over its scale [1]."""
+    term = terms[f.term]
+    if f.flight:
+        hidden = np.asarray(term.hidden.get(f.flight, np.zeros(f.entry + 1)))
+        value = float(hidden[f.entry]) if hidden.size > f.entry else 0.0
+    else:
+        value = float(getattr(term.effect, f.name))
+    return (value - f.neutral) / f.scale

@@ -1,0 +1,68 @@
+"""Laws of the log scores of blocks."""
+
+import numpy as np
+import pytest
+
+from np_drake.diagnosis.cross_validation.blocks import DEGREES, Block, Blocks, scores
+
+NONE = np.zeros(0, int)
+
+
+def made(X: np.ndarray, y: np.ndarray, size: int, shared: int) -> Blocks:
+    parts = []
+    for start in range(0, len(y), size):
+        W = np.column_stack([X, y])[start : start + size]
+        parts.append(Block(W.T @ W, size))
+    return Blocks("a", parts, shared)
+
+
+@pytest.fixture
+def data():
+    rng = np.random.default_rng(1)
+    X = rng.normal(size=(60, 3))
+    return X, X @ [0.5, -1.0, 0.3] + rng.normal(size=60)
+
+
+def gaussian(X, y, before: int, upto: int) -> tuple[float, float]:
+    """Return squared misfit and log determinant of rows before..upto predicted from those before."""
+    A = X[:before].T @ X[:before] + np.eye(X.shape[1])
+    mean, covariance = np.linalg.solve(A, X[:before].T @ y[:before]), np.linalg.inv(A)
+    S = np.eye(upto - before) + X[before:upto] @ covariance @ X[before:upto].T
+    r = y[before:upto] - X[before:upto] @ mean
+    return float(r @ np.linalg.solve(S, r)), float(np.linalg.slogdet(S)[1])
+
+
+def test_a_score_is_that_of_the_prediction_from_all_before(data):
+    X, y = data
+    found = scores(made(X, y, 20, 3), [], np.arange(3), NONE)
+    for k, score in enumerate(found):
+        square, logdet = gaussian(X, y, 20 * k, 20 * k + 20)
+        expected = -0.5 * logdet - 0.5 * (DEGREES + 20) * np.log1p(square / DEGREES)
+        assert score == pytest.approx(expected, abs=1e-9)
+
+
+def test_other_flights_are_known_before(data):
+    X, y = data
+    first, second = made(X[:40], y[:40], 20, 3), made(X[40:], y[40:], 20, 3)
+    (found,) = scores(second, [first.of_others(np.arange(3), NONE)], np.arange(3), NONE)
+    assert found == pytest.approx(scores(made(X, y, 20, 3), [], np.arange(3), NONE)[2], abs=1e-9)
+
+
+def test_what_is_of_another_flight_alone_tells_nothing_of_this_one(data):
+    X, y = data
+    dut = made(X, y, 20, 2)  # the third column is its own
+    told = dut.of_others(np.arange(2), np.arange(1))
+    A = X.T @ X + np.diag([0.0, 0.0, 1.0])
+    expected = np.linalg.inv(np.linalg.inv(A)[:2, :2])  # information of the first two, the third integrated out
+    np.testing.assert_allclose(told[:2, :2], expected, atol=1e-9)
+
+
+def test_a_block_that_no_model_explains_counts_little(data):
+    X, y = data
+    spoilt = y.copy()
+    spoilt[20:40] += 50.0 * np.random.default_rng(2).normal(size=20)
+    gains = []
+    for target in (y, spoilt):
+        dut = made(X, target, 20, 3)
+        gains.append(scores(dut, [], np.arange(3), NONE)[1] - scores(dut, [], np.arange(1), NONE)[1])
+    assert abs(gains[1]) < abs(gains[0])
