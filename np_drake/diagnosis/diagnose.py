@@ -33,7 +33,13 @@ from np_drake.diagnosis.numerics import Readings
 from np_drake.diagnosis.options import Options, Tolerance
 from np_drake.diagnosis.report import headline as headline  # which every `Diagnosis` says
 from np_drake.diagnosis.report.coverage import coverage
-from np_drake.diagnosis.residuals import FlightResiduals, make_flight_residuals, natural_step, require_flights
+from np_drake.diagnosis.residuals import (
+    FlightResiduals,
+    long_enough,
+    make_flight_residuals,
+    natural_step,
+    require_flights,
+)
 from np_drake.diagnosis.result import UNKNOWN, Diagnosis, Replay
 from np_drake.flight_log import FlightLog
 from np_drake.logs.gaps import said_of_bridged
@@ -82,6 +88,7 @@ def diagnose(
 
     # 1. Residuals of all flights on one grid, the coarsest of theirs.
     require_flights(train, held_out)
+    (train, short), (held_out, brief) = long_enough(train), long_enough(held_out)
     train, held_out = with_one_exponent(vehicle, train, held_out)
     file, (vehicle, train, held_out) = vehicle, with_hover_thrust(vehicle, train, held_out)
     if vehicle is not file:
@@ -110,7 +117,8 @@ def diagnose(
     answer = _answer(first, names, replay)
     filled = said_of_bridged([*train, *held_out])
     wall = time.perf_counter() - start
-    answer = dc.replace(answer, new_on_held_out=novel, warnings=(*answer.warnings, *filled), wall=wall)
+    warnings = (*answer.warnings, *filled, *short, *brief)
+    answer = dc.replace(answer, new_on_held_out=novel, warnings=warnings, wall=wall)
     if not (novel and adaptive_split):
         return answer
 

@@ -11,7 +11,7 @@ from np_drake.diagnosis.residuals.flight_residuals import (
     WRENCH,
     FlightResiduals,
 )
-from np_drake.diagnosis.residuals.make_flight_residuals import make_flight_residuals, require_flights
+from np_drake.diagnosis.residuals.make_flight_residuals import long_enough, make_flight_residuals, require_flights
 from np_drake.diagnosis.residuals.outliers import (
     LONGEST_BOUNCE,
     LONGEST_OUTLIER,
@@ -41,6 +41,7 @@ __all__ = [
     "bridge",
     "find_outliers",
     "flight_state",
+    "long_enough",
     "low_pass",
     "make_flight_residuals",
     "natural_step",

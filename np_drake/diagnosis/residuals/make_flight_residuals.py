@@ -132,6 +132,18 @@ def _channels(
     return force, np.concatenate([torque, e_v, e_a, turn - w], axis=1)
 
 
+def long_enough(logs: Sequence[FlightLog]) -> tuple[list[FlightLog], tuple[str, ...]]:
+    """Return the flights that are long enough for residuals, and a line on each that is left out.
+
+    All are returned where none is, so that the first is refused by its name.
+    """
+    kept = [log for log in logs if log.t[-1] - log.t[0] >= LEAST_DURATION]
+    if not kept:
+        return list(logs), ()
+    short = (log for log in logs if log.t[-1] - log.t[0] < LEAST_DURATION)
+    return kept, tuple(f"{log.name}: {log.t[-1] - log.t[0]:.2g} s is too short and left out." for log in short)
+
+
 def require_flights(train: Sequence[FlightLog], held_out: Sequence[FlightLog]) -> None:
     """Check names, inputs and accelerations of the flights, and that no held-out flight is a training flight.
 
