@@ -117,8 +117,8 @@ def test_measures_in_another_unit_are_refused(bad):
         estimate(Measured(*bad))
 
 
-def test_the_preset_paper_is_the_default_vehicle():
-    assert load_vehicle("paper") == Vehicle()
+def test_the_preset_paper_is_the_default_vehicle_in_a_simulator():
+    assert load_vehicle("paper") == dc.replace(Vehicle(), command_timing="held")
 
 
 def test_the_preset_neurobem_is_the_published_vehicle():
