@@ -58,8 +58,8 @@ def _preset(name: str, mass: float, input: str = "command") -> Vehicle:
 
 NEURAL_FLY = dc.replace(Vehicle(), name="neural_fly", mass=2.53, max_rotor_thrust=15.0, input="normalised").check()
 SMALL = _preset("crazyflie", 0.033, "normalised")
-# Of the frame only its name, Parrot, and the mass are stated. Parrot's minidrones have 62 mm from the centre to a rotor
-# and propellers of 66 mm; the hover throttle is that of the logs' PWM. Thrust over throttle is a guess of the estimate.
+# Of the frame only its name, Parrot, and the mass are stated; wheelbase and propeller are a guess, 125 and 66 mm. The
+# hover throttle is that of the logs' PWM, and thrust over throttle a guess of the estimate.
 LARGE = dc.replace(
     estimate(Measured(0.067, 0.125, 0.066, 0.6, curve="linear", order="crazyflie"), "parrot_frame"), input="normalised"
 )

@@ -98,9 +98,7 @@ def block_by_block(group: str, files: Sequence[Path]) -> Iterator[Case]:
         group: of the cases.
         files: logs, numbered.
     """
-    blocks = numbered_blocks(files)
-    for i, block in enumerate(blocks if len(blocks) > 1 else ()):
-        (other,) = following(blocks, i, 1)
+    for block, (other,) in _before_others(files, 1):
         if len(block) > 1:
             yield Case(group, f"{block_name(block)} -> {block_name(other)}", tuple(block[:2]), other[0])
 
@@ -112,11 +110,16 @@ def across_blocks(group: str, files: Sequence[Path]) -> Iterator[Case]:
         group: of the cases.
         files: logs, numbered.
     """
-    blocks = numbered_blocks(files)
-    for i, block in enumerate(blocks if len(blocks) > 2 else ()):
-        others = following(blocks, i, 2)
+    for block, others in _before_others(files, 2):
         name = f"{' + '.join(block_name(b) for b in others)} -> {block_name(block)}"
         yield Case(group, name, tuple(b[-1] for b in others), block[-1])
+
+
+def _before_others(files: Sequence[Path], count: int) -> Iterator[tuple[list[Path], list[list[Path]]]]:
+    """Yield every block of numbers with the `count` blocks after it; none where there are no more."""
+    blocks = numbered_blocks(files)
+    for i, block in enumerate(blocks if len(blocks) > count else ()):
+        yield block, list(following(blocks, i, count))
 
 
 def by_blocks(group: str, files: Sequence[Path]) -> Iterator[Case]:

@@ -4,8 +4,6 @@ import dataclasses as dc
 import math
 from collections.abc import Collection, Mapping
 
-import numpy as np
-
 from np_drake.diagnosis.result import UNKNOWN
 from np_drake.vehicle import Vehicle
 
@@ -137,15 +135,13 @@ def near_ground(source: str, vehicle: Vehicle) -> Truth:
 
     The law adds s / (1 - s) of the thrust, s = (R / 4h)². Near h = 2 R and above, s is below 2 % and the addition goes
     with R²: half to twice of it is a radius between 1 / sqrt(2) and sqrt(2) times the true one. The law is that of one
-    rotor, whose images in the ground are as far apart as it is wide. Four rotors whose distance is no larger than the
-    height act as one that encloses them all: R is the arm plus the radius of a rotor, three times the latter in these
-    vehicles. Alone, one rotor of them would add a ninth.
+    rotor; four act as one of the same area, R = 2 rotor radii, which is the prior of the effect as well.
 
     Args:
         source: of the flights.
         vehicle: that flew.
     """
-    radius = float(np.linalg.norm(vehicle.rotor_positions, axis=1).max()) + vehicle.rotor_radius
+    radius = 2.0 * vehicle.rotor_radius
     known = Known(radius, radius / math.sqrt(2), radius * math.sqrt(2))
     return Truth(source, (PAYLOAD, *WINDS), (GROUND,), {"effective_radius": known})
 

@@ -178,7 +178,8 @@ def drift_columns(e: FlightResiduals, spread: Spread = SPREAD) -> np.ndarray:
     knots = np.linspace(e.t[0], e.t[-1], count)
     hats = np.stack([np.interp(e.t, knots, unit) for unit in np.eye(count)], axis=1)
     moment = spread.torque_drift * e.weight * arm(e.vehicle)
-    level, thrust = spread.tilt_drift * e.weight, spread.thrust_drift * e.weight
+    level = spread.tilt_drift * e.weight
+    thrust = spread.known_sag * spread.drift_time * e.weight  # as much as a battery sags from knot to knot
     size = (level, level, thrust, moment, moment, spread.yaw_drift * moment)
     out = np.zeros((*e.y.shape, 6 * count))
     for channel in range(6):

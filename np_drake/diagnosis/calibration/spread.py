@@ -52,14 +52,14 @@ class Spread:
     torque_gain: float = 0.5
     flapping: float = 0.2  # moment against velocity [arm/s]
     lift: float = 0.03  # thrust against velocity squared, over mass [1/m]
-    mounting: float = 0.02  # of the IMU against the rotors [rad]
+    mounting: float = 0.02  # of the IMU against the rotors [rad]; source: one degree
     accelerometer_offset: float = 0.2  # of any accelerometer [m/s²]; source: data sheet of the BMI088, 20 mg
     latency: float = 0.01  # of attitude against velocity [s]
     command_time: float = 0.01  # at which a command acts [s]
     rotor_speed_time: float = 0.005  # at which measured rotor speed acts [s]
     lags: tuple[float, ...] = (0.01, 0.03, 0.08)  # of rotors, each of which may act whole or not [s]
     # Of a flight about its vehicle.
-    tilt: float = 0.015  # of the frame of the motion capture, or of an estimator [rad]
+    tilt: float = 0.02  # of the frame of the motion capture, or of an estimator [rad]; source: one degree
     gyro: float = 0.02  # bias [rad/s]
     velocity: float = 0.02  # bias [m/s]
     accelerometer: float = 0.1  # bias [m/s²]
@@ -71,7 +71,6 @@ class Spread:
     # Slow changes within a flight.
     drift_time: float = 5.0  # between independent values [s]
     tilt_drift: float = 0.008  # of the attitude [rad]
-    thrust_drift: float = 0.002  # of thrust [1]
     torque_drift: float = 0.01  # about roll and pitch [weight times arm]
     yaw_drift: float = 0.2  # about yaw, over that about roll [1]
 

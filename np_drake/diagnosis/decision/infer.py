@@ -88,7 +88,8 @@ def conclude(found: SearchResult, held_out: Sequence[FlightResiduals]) -> Infere
     ranking = rank_models(found)
     flights, priors, noise = ranking.problem.flights, ranking.options.priors, ranking.noise
     held_out = [with_calibration(ranking.best, e, noise, ranking.options) for e in held_out]
-    held_out = [mark_outliers(ranking.best.everything, e, noise, priors) for e in held_out]
+    best = ranking.best
+    held_out = [mark_outliers(best.terms, e, noise, priors, best.calibration) for e in held_out]
     held = on_held_out(ranking.best, held_out, noise, priors)
     linear = LinearModel(ranking)
     _, structure = linear.select_structure()

@@ -17,7 +17,7 @@ from np_drake.diagnosis.doctor.traces import GUSTS, explain, nearest_usual, payl
 from np_drake.diagnosis.localisation.identifiability import excitation, excited, manoeuvre, tells_apart
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors import DRAG, PAYLOAD, WIND, hidden_from, tolerance_of, with_input
-from np_drake.diagnosis.residuals import FORCE, FlightResiduals, make_flight_residuals, natural_step
+from np_drake.diagnosis.residuals import FORCE, LEAST_DURATION, FlightResiduals, make_flight_residuals, natural_step
 from np_drake.effects.library import LIBRARY, effects_for, unobservable
 from np_drake.effects.parameter import usual_size
 from np_drake.files.number_text import number
@@ -27,7 +27,6 @@ from np_drake.logs.importing.crash import FITS
 from np_drake.vehicle import Vehicle
 
 Progress = Callable[[float, str], None]
-LEAST_DURATION = 3.0  # of a flight that can be diagnosed [s]; as of the residuals
 MOST_SECONDS = 120.0  # of a flight from which effects are answered for [s]; own choice: memory
 MOST_GAPS = 0.1  # share of rows put into gaps from which a log is limited [1]; own choice
 MOST_SATURATED = 0.05  # share of rows with a rotor at a limit from which a log is limited [1]; own choice

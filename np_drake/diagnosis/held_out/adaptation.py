@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.fitting import Fit, SwingFit
+from np_drake.diagnosis.fitting import SwingFit
 from np_drake.diagnosis.forward_model import MOST_JUMPS, NEVER, STATE, Term, jumps, predicted_residual
 from np_drake.diagnosis.numerics import NoiseModel
 from np_drake.diagnosis.options import Priors
@@ -23,15 +23,20 @@ HIDDEN_SPAN = 2.0  # over which a hidden start is fitted; these rows are not sco
 JUMP_SPAN = 1.5  # after an outlier, over which a swing is fitted anew; not scored either [s]
 
 
-def adapt(terms: Sequence[Term], flight: FlightResiduals, noise: NoiseModel, priors: Priors) -> list[Term]:
-    """Return the terms with onset and initial swing adapted to a held-out flight, parameters kept.
+def adapt(
+    terms: Sequence[Term], flight: FlightResiduals, noise: NoiseModel, priors: Priors, calibration: Sequence[Term] = ()
+) -> list[Term]:
+    """Return the terms with onset and initial swing adapted to a held-out flight, parameters kept, and the calibration.
 
     Args:
         terms: terms of a model, with their onsets and hidden states.
         flight: the flight.
         noise: noise model of the channels.
         priors: priors of parameters, swings and onsets.
+        calibration: terms that act as well and begin nowhere.
     """
+    if calibration:
+        flight = dc.replace(flight, y=flight.y - predicted_residual(flight, calibration))
     known = [any(begin is not None for begin in t.onset.values()) for t in terms]
     fitted = list(terms)
     terms = [dc.replace(t, onset={}, hidden={}) for t in terms]
@@ -43,20 +48,7 @@ def adapt(terms: Sequence[Term], flight: FlightResiduals, noise: NoiseModel, pri
             terms[i] = dc.replace(terms[i], onset=terms[j].onset)
         elif type(terms[i].effect).begins:
             terms[i] = _with_onset(terms, i, flight, noise, priors, known=known[i])
-    return terms
-
-
-def adapted(fit: Fit, flight: FlightResiduals, noise: NoiseModel, priors: Priors) -> list[Term]:
-    """Return the terms of a fit adapted to a held-out flight, and its calibration, which begins nowhere, as it is.
-
-    Args:
-        fit: of the model.
-        flight: the flight.
-        noise: noise model of the channels.
-        priors: priors of parameters, swings and onsets.
-    """
-    given = predicted_residual(flight, fit.calibration) if fit.calibration else 0.0
-    return [*adapt(fit.terms, dc.replace(flight, y=flight.y - given), noise, priors), *fit.calibration]
+    return [*terms, *calibration]
 
 
 def predictive_terms(terms: Sequence[Term], flight: FlightResiduals, noise: NoiseModel, priors: Priors) -> list[Term]:
@@ -90,7 +82,9 @@ def _drag_of(terms: Sequence[Term], i: int) -> int | None:
     return next(together, None)
 
 
-def mark_outliers(terms: Sequence[Term], flight: FlightResiduals, noise: NoiseModel, priors: Priors) -> FlightResiduals:
+def mark_outliers(
+    terms: Sequence[Term], flight: FlightResiduals, noise: NoiseModel, priors: Priors, calibration: Sequence[Term] = ()
+) -> FlightResiduals:
     """Return the flight with its outliers marked, as the residual of the terms shows them.
 
     A swing is lost at an outlier, and what it misses from there on looks like more of them: they are taken in turn.
@@ -100,14 +94,17 @@ def mark_outliers(terms: Sequence[Term], flight: FlightResiduals, noise: NoiseMo
         flight: the flight.
         noise: noise model of the channels.
         priors: priors of parameters, swings and onsets.
+        calibration: terms that act as well and begin nowhere.
     """
+    given = predicted_residual(flight, calibration) if calibration else 0.0
+    marked, flight = flight, dc.replace(flight, y=flight.y - given)
     for _ in range(MOST_JUMPS if any(t.has_hidden_state for t in terms) else 0):
         found = _outliers(terms, flight, noise, priors, most=1.0)  # where a swing is lost it misses ever more
         first = _first_run(found & (flight.t > _end_of(flight.t, flight.outliers) + OUTLIERS_APART))
         if not first.any():
-            return flight
+            return dc.replace(marked, outliers=flight.outliers)
         flight = dc.replace(flight, outliers=flight.outliers | first)
-    return dc.replace(flight, outliers=flight.outliers | _outliers(terms, flight, noise, priors))
+    return dc.replace(marked, outliers=flight.outliers | _outliers(terms, flight, noise, priors))
 
 
 def _outliers(

@@ -8,7 +8,7 @@ import numpy as np
 from np_drake.diagnosis.calibration.columns import errors_of
 from np_drake.diagnosis.fitting import Fit, fitted_to_whole_flight
 from np_drake.diagnosis.forward_model import Term, predicted_residual
-from np_drake.diagnosis.held_out.adaptation import adapted, predictive_terms, scored_rows
+from np_drake.diagnosis.held_out.adaptation import adapt, predictive_terms, scored_rows
 from np_drake.diagnosis.numerics import NoiseModel
 from np_drake.diagnosis.options import Options, Priors
 from np_drake.diagnosis.residuals import WRENCH, FlightResiduals
@@ -64,7 +64,7 @@ def on_held_out(fit: Fit, flights: Sequence[FlightResiduals], noise: NoiseModel,
     """
     terms, residual, rows, whole = {}, {}, {}, {}
     for e in flights:
-        known = adapted(fit, e, noise, priors)
+        known = adapt(fit.terms, e, noise, priors, fit.calibration)
         terms[e.name] = predictive_terms(known, e, noise, priors)
         residual[e.name] = e.y - predicted_residual(e, terms[e.name])
         rows[e.name] = scored_rows(terms[e.name], e)
@@ -85,7 +85,7 @@ def with_calibration(fit: Fit, e: FlightResiduals, noise: NoiseModel, options: O
         return e
     shared = fit.calibration_on(e)
     there = dc.replace(e, y=e.y - shared)
-    left = there.y - predicted_residual(there, adapted(fit, there, noise, options.priors))
+    left = there.y - predicted_residual(there, adapt(fit.terms, there, noise, options.priors, fit.calibration))
     own = errors_of(e, options.tolerance)
     gram = dc.replace(there, y=left).gram(noise, [own])
     mean, _ = gram.posterior(np.arange(own.shape[-1]))

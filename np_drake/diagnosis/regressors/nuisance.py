@@ -95,23 +95,20 @@ def with_input(options: Options, flights: Sequence[FlightResiduals]) -> Options:
         options: with the tolerance of the sensors.
         flights: the flights.
     """
-    tolerance = options.tolerance.with_vehicle(flights[0].vehicle)
-    timing = command_timing(flights)
-    open_ = {"timing": max(tolerance.timing, timing)}
+    vehicle, log_input = flights[0].vehicle, flights[0].log.input
+    tolerance = options.tolerance.with_vehicle(vehicle)
+    unmeasured = tolerance.real and not vehicle.described
+    open_ = {"timing": max(tolerance.timing, command_timing(flights))}
     if flights[0].measured_rotors:
         open_["thrust"] = max(tolerance.thrust, ROTOR_SPEED_SCALE)
-    if flights[0].log.input == "normalised":
-        open_ |= {
-            "thrust": max(tolerance.thrust, THROTTLE_SCALE),
-            "throttle_curve": max(tolerance.throttle_curve, THROTTLE_CURVE),
-            "throttle_drift": max(tolerance.throttle_drift, THROTTLE_DRIFT),
-            "mounting": max(tolerance.mounting, MOUNTING),
-            "latency": max(tolerance.latency, LATENCY),
-        }
-    return dc.replace(
-        options,
-        tolerance=dc.replace(tolerance, **open_, unmeasured=tolerance.real and not flights[0].vehicle.described),
-    )
+    if log_input == "normalised":
+        open_["thrust"] = max(tolerance.thrust, THROTTLE_SCALE)
+        open_["throttle_curve"] = max(tolerance.throttle_curve, THROTTLE_CURVE)
+    if log_input == "normalised" and not unmeasured:  # the calibration of an unmeasured vehicle holds these
+        open_["throttle_drift"] = max(tolerance.throttle_drift, THROTTLE_DRIFT)
+        open_["mounting"] = max(tolerance.mounting, MOUNTING)
+        open_["latency"] = max(tolerance.latency, LATENCY)
+    return dc.replace(options, tolerance=dc.replace(tolerance, **open_, unmeasured=unmeasured))
 
 
 def command_timing(flights: Sequence[FlightResiduals]) -> float:

@@ -11,7 +11,12 @@ from np_drake.diagnosis.residuals.flight_residuals import (
     WRENCH,
     FlightResiduals,
 )
-from np_drake.diagnosis.residuals.make_flight_residuals import long_enough, make_flight_residuals, require_flights
+from np_drake.diagnosis.residuals.make_flight_residuals import (
+    LEAST_DURATION,
+    long_enough,
+    make_flight_residuals,
+    require_flights,
+)
 from np_drake.diagnosis.residuals.outliers import (
     LONGEST_BOUNCE,
     LONGEST_OUTLIER,
@@ -25,6 +30,7 @@ from np_drake.diagnosis.residuals.resampling import Resampler, natural_step
 
 __all__ = [
     "FORCE",
+    "LEAST_DURATION",
     "LONGEST_BOUNCE",
     "LONGEST_OUTLIER",
     "MOST_OUTLIERS",

@@ -9,10 +9,10 @@ import numpy as np
 
 from np_drake.diagnosis.forward_model import NEVER
 from np_drake.diagnosis.regressors import Candidate, RegressionProblem, Sums, SwitchedRegressors, SwitchedSums
+from np_drake.diagnosis.residuals import LEAST_DURATION
 
 COARSE = 5  # rows between instants that are tried at first
 EDGE = 0.7  # from either end of a flight, without onsets [s]
-SETTLING = 3.0  # the same of a vehicle that takes off or lands, which settles; own choice [s]
 SPAN = 0.4  # that holds an onset as likely as possible [s]
 LEAST_GAIN = 1.0  # log evidence, prior included, from which an onset is tried
 
@@ -141,7 +141,8 @@ class OnsetScan:
         chosen = [*problem.nuisance, *(problem.candidates[i] for i in members)]
         scale = problem.temperature**-0.5
         self._options = problem.options
-        self._edge = SETTLING if problem.options.tolerance.unmeasured else EDGE
+        # Either side of what begins is then as long as a flight that can be diagnosed.
+        self._edge = LEAST_DURATION if problem.options.tolerance.unmeasured else EDGE
         self._go_on = {e.name for e in problem.flights if e.goes_on}
         self._flights: dict[str, SwitchedRegressors] = {}
         for e in problem.flights:

@@ -73,7 +73,7 @@ def test_a_parameter_is_in_its_range_or_not_told():
 def test_the_asked_radii_halve_and_double_the_ground_effect():
     vehicle = load_vehicle("crazyflie")
     known = near_ground("here", vehicle).parameters["effective_radius"]
-    assert known.value == pytest.approx(3 * vehicle.rotor_radius, rel=0.01)  # arm and rotor
+    assert known.value == 2 * vehicle.rotor_radius  # four rotors have the area of one twice as wide
 
     def thrust(radius: float) -> float:
         x = np.zeros(13)

@@ -69,7 +69,7 @@ def test_an_airframe_has_no_drag_of_its_own_beside_the_effect(flight):
 def test_slow_drift_adds_up_to_a_constant(flight):
     X = drift_columns(flight)
     total = X[:, 2].sum(axis=1)
-    np.testing.assert_allclose(total, SPREAD.thrust_drift * flight.weight, rtol=1e-12)
+    np.testing.assert_allclose(total, SPREAD.known_sag * SPREAD.drift_time * flight.weight, rtol=1e-12)
 
 
 def test_sensors_and_times_are_calibration_whatever_their_size(flight):

@@ -51,7 +51,8 @@ def test_logs_that_miss_one_of_a_simulators_marks_are_of_real_sensors(flights, c
 
 
 def test_a_throttle_opens_the_mounting_and_the_latency_of_its_autopilot(flights):
-    flying = [dc.replace(e, log=dc.replace(e.log, input="normalised")) for e in flights]
+    held = dc.replace(Vehicle(), command_timing="held")  # other vehicles have both in their calibration
+    flying = [dc.replace(e, vehicle=held, log=dc.replace(e.log, input="normalised")) for e in flights]
     open_ = with_input(Options.for_sensors(True), flying).tolerance
     found = {t.effect.identifier: d for t, d in calibration_terms(Vehicle(), open_)}
     assert (found["imu_mounting"], found["attitude_latency"]) == (MOUNTING, LATENCY)
