@@ -1,0 +1,66 @@
+"""Laws of the diagnosis of a vehicle that nobody measured: healthy differences are calibration, larger ones causes."""
+
+import dataclasses as dc
+
+import numpy as np
+import pytest
+
+from np_drake.diagnosis.calibration.columns import calibration_effects
+from np_drake.diagnosis.calibration.spread import SPREAD
+from np_drake.diagnosis.gap.gap_reduction import measure_gap_reduction
+from np_drake.diagnosis.options import Options
+from np_drake.diagnosis.residuals.make_flight_residuals import CLEAR, make_flight_residuals
+from np_drake.effects.blade_flapping import BladeFlapping
+from np_drake.effects.weak_rotor import WeakRotor
+from np_drake.vehicle import Vehicle
+
+REAL = Options.for_sensors(True)
+HEALTHY = (WeakRotor(1.0, 1 - SPREAD.rotor_gain), BladeFlapping(0.05))
+SENSORS = {"noise": 1.0, "attitude_noise": 0.005, "seconds": 8.0}
+
+
+def flown(seen, *effects):
+    return [seen(*effects, name=n, seed=i, **SENSORS) for i, n in enumerate("abc", start=1)]
+
+
+@pytest.fixture(scope="module")
+def healthy(seen, inferred):
+    *train, held_out = flown(seen, *HEALTHY)
+    return inferred(train, [held_out], REAL)
+
+
+def test_a_healthy_vehicle_has_no_cause(healthy):
+    assert healthy.causes == []
+
+
+def test_calibration_closes_the_gap_of_a_flight_that_it_has_not_seen(healthy):
+    found = measure_gap_reduction(healthy.causes, healthy.ranking.noise, healthy.held, None)
+    assert found.before > 2.0
+    assert found.fraction > 0.9
+    assert [rung.name for rung in found.ladder] == ["nominal", "+ calibration", "noise floor"]
+
+
+def test_calibration_is_in_the_corrected_simulator(healthy):
+    effects = calibration_effects(healthy.ranking.best, healthy.flights[0], healthy.options.tolerance)
+    gains = {e.rotor: e.efficiency for e in effects if isinstance(e, WeakRotor)}
+    assert len(gains) == 4
+    assert gains[1.0] < min(gains[i] for i in (2.0, 3.0, 4.0))  # the only one that is weak
+    assert not any(e.place == "measurement" or e.shifts_commands for e in effects)
+
+
+def test_a_rotor_that_no_healthy_vehicle_has_is_a_cause(seen, inferred):
+    *train, held_out = flown(seen, WeakRotor(1.0, 0.8))
+    found = inferred(train, [held_out], REAL)
+    assert [c.identifier for c in found.causes] == ["weak_rotor"]
+    assert found.causes[0].effect is not None
+    assert found.causes[0].effect.values["rotor"] == 1.0
+
+
+@pytest.mark.parametrize("timing, cut", [("unknown", True), ("held", False)])
+def test_take_off_is_cut_where_there_can_be_contact(fly, timing, cut):
+    log = fly(name="a", seed=1, seconds=8.0)
+    rising = np.minimum(0.05 + 0.4 * (log.t - log.t[0]), 1.2)
+    log = dc.replace(log, p=np.column_stack([log.p[:, :2], rising]))
+    dut = make_flight_residuals(log, dc.replace(Vehicle(), command_timing=timing))
+    first = log.t[rising >= CLEAR][0]
+    assert bool(dut.t[0] >= first) is cut
