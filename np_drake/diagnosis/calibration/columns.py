@@ -84,11 +84,12 @@ def vehicle_columns(
         return []
     groups = [c for c in generic_candidates(flights, priors) if c.identifiers[0].removeprefix(PREFIX) in SMOOTH]
 
-    # A force along its own velocity is a drag, which is an effect.
+    # A force in proportion to the velocity along the same axis is linear drag, an effect; unless it does not grow with
+    # rotor speed as that does.
     drags = [np.zeros(c.size, bool) for c in groups]
     for c, own in zip(groups, drags, strict=True):
         if c.identifiers == (f"{PREFIX}velocity",):
-            own[[6 * axis + k + axis for axis in range(3) for k in (0, 3)]] = True
+            own[[7 * axis for axis in range(3)]] = True
     own_axis = np.concatenate(drags)
     # Beyond the usual motion a function of it stays within its prior, so that it does not grow with speed cubed.
     weight, span = flights[0].weight, arm(flights[0].vehicle)
@@ -100,9 +101,24 @@ def vehicle_columns(
         return columns_of(e, shared)
 
     def of_air(e: FlightResiduals) -> np.ndarray:
-        return _smooth(groups, e)[..., ~own_axis] / most[~own_axis]
+        columns = _smooth(groups, e) / most
+        slower = 1.0 - np.sqrt(np.maximum(e.nominal[:, 2], 0.0) / e.weight)
+        columns[..., own_axis] *= slower[:, None, None]
+        return np.concatenate([columns, thrust_axis_columns(e)], axis=-1)
 
     return [of_body, of_air]
+
+
+def thrust_axis_columns(e: FlightResiduals, spread: Spread = SPREAD) -> np.ndarray:
+    """Return columns (m, 15, 2) of thrust that leans to x and y in the axes of the accelerometer.
+
+    Args:
+        e: the flight.
+        spread: of healthy vehicles.
+    """
+    out = np.zeros((*e.y.shape, 2))
+    out[:, 0, 0] = out[:, 1, 1] = spread.mounting * e.nominal[:, 2]
+    return out
 
 
 def _smooth(groups: Sequence[Candidate], e: FlightResiduals) -> np.ndarray:

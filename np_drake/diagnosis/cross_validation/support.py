@@ -7,9 +7,10 @@ import numpy as np
 from scipy import special
 
 from np_drake.diagnosis.calibration.columns import errors_of, vehicle_columns
+from np_drake.diagnosis.calibration.spread import of_flight, of_vehicle
 from np_drake.diagnosis.cross_validation.blocks import Blocks, blocks_of, scores
 from np_drake.diagnosis.fitting import Fit, Free, prior_whitening, scaled_jacobian
-from np_drake.diagnosis.forward_model import STATE, Term, predicted_residual
+from np_drake.diagnosis.forward_model import NEVER, STATE, Term, predicted_residual
 from np_drake.diagnosis.numerics import NoiseModel
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.residuals import FlightResiduals
@@ -21,7 +22,8 @@ LEAST = 3.0  # log score by which a term must predict better, as of a prior of o
 class Support:
     """Gain of a term in log score, block by block: by training flight predicted from the others, and held-out flight.
 
-    total: of all training flights, each predicted from those before it, the first from priors alone [nat].
+    total: of all training flights [nat]: each predicted from the others; of an effect that the calibration can take,
+        whose size is improbable for a healthy vehicle, from those before it, the first from priors alone.
     gains: (n,) of the training flights; flights: (n,) their names.   held_out: (m,) of held-out flights; judges: names.
     """
 
@@ -78,37 +80,69 @@ def support_of(
     """
     every = [*flights, *held_out]
     vehicle = vehicle_columns(flights, options.tolerance, options.priors)
-    shared = [f for f in fit.free if not f.flight]
-    parts, swings = {}, {}
-    for e in every:
-        now = adapted.get(e.name, fit.everything)
-        swings[e.name] = _swings(fit, e, now)
-        columns = [of(e) for of in vehicle]
-        parts[e.name] = _blocks(e, now, (shared, swings[e.name]), noise, columns, errors_of(e, options.tolerance))
+    columns = {e.name: ([of(e) for of in vehicle], errors_of(e, options.tolerance)) for e in every}
 
-    def scored(gone: set[int]) -> tuple[float, np.ndarray, np.ndarray]:
-        """Return the log score of training flights in turn, of each predicted from the others, and of held-out ones."""
-        without = {k for k, f in enumerate(shared) if f.term in gone}
-        index = np.array([k for k in range(parts[every[0].name].shared) if k not in without])
-        own = {}
-        for name, b in parts.items():
-            lost = {k for k, f in enumerate(swings[name]) if f.term in gone}
-            own[name] = np.array([k for k in range(b.own) if k not in lost], int)
-        known = [parts[e.name].of_others(index, own[e.name]) for e in flights]
-        fitted, total = [], 0.0
-        for i, e in enumerate(flights):
-            fitted.append(scores(parts[e.name], [*known[:i], *known[i + 1 :]], index, own[e.name]))
-            last = i == len(flights) - 1
-            total += float(sum(fitted[-1] if last else scores(parts[e.name], known[:i], index, own[e.name])))
-        judged = [scores(parts[e.name], known, index, own[e.name]) for e in held_out]
-        return total, np.concatenate(fitted), np.concatenate(judged) if judged else np.zeros(0)
+    def linear_without(gone: set[int]) -> _Linear:
+        """Return all flights, linear about the fit without some terms."""
+        blocks, owners = {}, {}
+        shared = [f for f in fit.free if not f.flight and f.term not in gone]
+        for e in every:
+            now = list(adapted.get(e.name, fit.everything))
+            swings = [f for f in _swings(fit, e, now) if f.term not in gone]
+            left = [dc.replace(t, onset={e.name: NEVER}) if k in gone else t for k, t in enumerate(now)]
+            blocks[e.name] = _blocks(e, left, (shared, swings), noise, *columns[e.name])
+            owners[e.name] = [f.term for f in swings]
+        return _Linear(flights, held_out, blocks, [f.term for f in shared], owners)
 
-    whole, found = scored(set()), []
-    names, judges = (tuple(e.name for e in some for _ in parts[e.name].parts) for some in (flights, held_out))
-    for i in range(len(fit.terms)):
-        rest = scored(_with_dependants(fit, i))
-        found.append(Support(whole[0] - rest[0], whole[1] - rest[1], names, whole[2] - rest[2], judges))
+    whole = linear_without(set())
+    best, found = whole.scores(set()), []
+    names, judges = (tuple(e.name for e in some for _ in whole.blocks[e.name].parts) for some in (flights, held_out))
+    calibrated = {t.effect.identifier for t in fit.calibration}
+    calibrated |= {d.effect.identifier for of in (of_vehicle, of_flight) for d in of(flights[0], options.tolerance)}
+    for i, term in enumerate(fit.terms):
+        gone = _with_dependants(fit, i)
+        # A wind is in the derivatives of the drag through which it acts.
+        rest = linear_without(gone).scores(set()) if term.effect.needs else whole.scores(gone)
+        gains = best[1] - rest[1]
+        total = best[0] - rest[0] if term.effect.identifier in calibrated else float(gains.sum())
+        found.append(Support(total, gains, names, best[2] - rest[2], judges))
     return found
+
+
+@dc.dataclass(frozen=True)
+class _Linear:
+    """Flights, linear about a fit, with the term that each column of a parameter belongs to.
+
+    blocks: by flight.   shared: terms of the first columns of all flights.   own: by flight, of its first own columns.
+    """
+
+    flights: Sequence[FlightResiduals]
+    held_out: Sequence[FlightResiduals]
+    blocks: Mapping[str, Blocks]
+    shared: Sequence[int]
+    own: Mapping[str, Sequence[int]]
+
+    def scores(self, gone: set[int]) -> tuple[float, np.ndarray, np.ndarray]:
+        """Return log scores [nat]: of all training flights in turn, of each block from the other flights, of held-out.
+
+        gone: terms without their columns.
+        """
+        first = self.blocks[self.flights[0].name]
+        index = _left(first.shared, self.shared, gone)
+        own = {name: _left(b.own, self.own[name], gone) for name, b in self.blocks.items()}
+        training = [self.blocks[e.name] for e in self.flights]
+        known = [b.of_others(index, own[b.flight]) for b in training]
+        turns, others = [], []
+        for i, b in enumerate(training):
+            turns.append(scores(b, known[:i], index, own[b.flight]))
+            others.append(scores(b, [*known[:i], *known[i + 1 :]], index, own[b.flight]))
+        judged = [scores(self.blocks[e.name], known, index, own[e.name]) for e in self.held_out]
+        return float(sum(map(np.sum, turns))), np.concatenate(others), np.concatenate(judged or [np.zeros(0)])
+
+
+def _left(size: int, owners: Sequence[int], gone: set[int]) -> np.ndarray:
+    """Return the indices of `size` columns, of which the first belong to terms, without those of some terms."""
+    return np.array([k for k in range(size) if not (k < len(owners) and owners[k] in gone)], int)
 
 
 def _with_dependants(fit: Fit, i: int) -> set[int]:

@@ -96,9 +96,11 @@ def conclude(found: SearchResult, held_out: Sequence[FlightResiduals]) -> Infere
     unexplained = find_unexplained(ranking, linear, structure, held)
     probability = max(unexplained.probability, unexplained.slow_probability)
     if unexplained.slow_probability > 0.5:
-        position_dependent = _depends_on_position(ranking, held)
-        told = not (position_dependent or ranking.options.tolerance.unmeasured)
-        found_gusts = None if not told else _in_gusts(ranking, linear, structure, held, unexplained)
+        # The drift of an estimator that nobody measured is neither told from gusts nor from a force tied to a place.
+        told = not ranking.options.tolerance.unmeasured
+        position_dependent = told and _depends_on_position(ranking, held)
+        ask_gusts = told and not position_dependent
+        found_gusts = _in_gusts(ranking, linear, structure, held, unexplained) if ask_gusts else None
         if found_gusts is not None:
             ranking, held, causes, minor = found_gusts
             return Inference(flights, ranking, held, unexplained, causes, minor, unexplained.probability)

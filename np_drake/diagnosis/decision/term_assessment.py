@@ -8,7 +8,7 @@ from scipy import special
 
 from np_drake import attitude
 from np_drake.diagnosis.adequacy import LinearModel
-from np_drake.diagnosis.calibration.spread import of_flight, of_vehicle
+from np_drake.diagnosis.calibration.spread import SPREAD, of_flight, of_vehicle
 from np_drake.diagnosis.cross_validation import Support
 from np_drake.diagnosis.fitting import Fit, impossible, scaled_jacobian
 from np_drake.diagnosis.forward_model import Term, predicted_residual
@@ -107,7 +107,8 @@ def assess_term(
         calibration=within_calibration(fit.terms[i], options),
         sensor=tolerance.of(effect) > 0,
     )
-    largest_error = materiality.sensor * tolerance.attitude_error
+    error = float(np.hypot(SPREAD.tilt, SPREAD.mounting)) if tolerance.unmeasured else tolerance.attitude_error
+    largest_error = materiality.sensor * error
     material *= wind_share(fit, i, flights, materiality.still_air, largest_error)
     shift = abs(effect.time_shift(flights[0].vehicle))
     if 0 < shift < materiality.sensor * tolerance.timing:

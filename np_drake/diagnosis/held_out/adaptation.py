@@ -24,7 +24,13 @@ JUMP_SPAN = 1.5  # after an outlier, over which a swing is fitted anew; not scor
 
 
 def adapt(
-    terms: Sequence[Term], flight: FlightResiduals, noise: NoiseModel, priors: Priors, calibration: Sequence[Term] = ()
+    terms: Sequence[Term],
+    flight: FlightResiduals,
+    noise: NoiseModel,
+    priors: Priors,
+    calibration: Sequence[Term] = (),
+    *,
+    unmeasured: bool = False,
 ) -> list[Term]:
     """Return the terms with onset and initial swing adapted to a held-out flight, parameters kept, and the calibration.
 
@@ -34,6 +40,7 @@ def adapt(
         noise: noise model of the channels.
         priors: priors of parameters, swings and onsets.
         calibration: terms that act as well and begin nowhere.
+        unmeasured: whether the vehicle is, so that what is not known to begin does not, unless it is sudden.
     """
     if calibration:
         flight = dc.replace(flight, y=flight.y - predicted_residual(flight, calibration))
@@ -46,7 +53,7 @@ def adapt(
         j = drag_of[i]
         if j is not None:
             terms[i] = dc.replace(terms[i], onset=terms[j].onset)
-        elif type(terms[i].effect).begins:
+        elif known[i] or (type(terms[i].effect).begins and (terms[i].effect.sudden or not unmeasured)):
             terms[i] = _with_onset(terms, i, flight, noise, priors, known=known[i])
     return [*terms, *calibration]
 

@@ -64,7 +64,7 @@ def on_held_out(fit: Fit, flights: Sequence[FlightResiduals], noise: NoiseModel,
     """
     terms, residual, rows, whole = {}, {}, {}, {}
     for e in flights:
-        known = adapt(fit.terms, e, noise, priors, fit.calibration)
+        known = adapt(fit.terms, e, noise, priors, fit.calibration, unmeasured=bool(fit.calibrated))
         terms[e.name] = predictive_terms(known, e, noise, priors)
         residual[e.name] = e.y - predicted_residual(e, terms[e.name])
         rows[e.name] = scored_rows(terms[e.name], e)
@@ -85,7 +85,8 @@ def with_calibration(fit: Fit, e: FlightResiduals, noise: NoiseModel, options: O
         return e
     shared = fit.calibration_on(e)
     there = dc.replace(e, y=e.y - shared)
-    left = there.y - predicted_residual(there, adapt(fit.terms, there, noise, options.priors, fit.calibration))
+    terms = adapt(fit.terms, there, noise, options.priors, fit.calibration, unmeasured=True)
+    left = there.y - predicted_residual(there, terms)
     own = errors_of(e, options.tolerance)
     gram = dc.replace(there, y=left).gram(noise, [own])
     mean, _ = gram.posterior(np.arange(own.shape[-1]))

@@ -59,7 +59,7 @@ def _that_begin(problem: RegressionProblem) -> dict[tuple[str, ...], list[Candid
     for c in problem.candidates:
         scanned = c.size <= MOST_COLUMNS and not c.onset
         if problem.options.tolerance.unmeasured:
-            scanned = scanned and any(library[name].sudden for name in c.identifiers)
+            scanned = scanned and all(library[name].sudden for name in c.identifiers)
         if scanned and all(library[name].begins for name in c.identifiers):
             found.setdefault(c.identifiers, []).append(c)
     return found
