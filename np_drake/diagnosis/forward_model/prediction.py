@@ -189,8 +189,10 @@ def _wrench(
 ) -> np.ndarray:
     """Return the wrench (m, 6) of one effect in B on the grid [N, N·m]."""
 
+    beside = effect.beside(flight.log.neighbours)
+
     def at(motion: Motion) -> np.ndarray:
-        return effect.wrench(flight.vehicle, motion) * gate(motion.t, begin)  # type: ignore[arg-type]
+        return beside.wrench(flight.vehicle, motion) * gate(motion.t, begin)  # type: ignore[arg-type]
 
     out = np.zeros((len(flight.t), 6))
     if effect.pushes:

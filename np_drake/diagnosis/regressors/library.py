@@ -99,7 +99,8 @@ def library_candidates(flights: Sequence[FlightResiduals], onset: Onset | None =
     found: list[Candidate] = []
     stages = {e.name: StageCache() for e in flights}
     hidden = hidden_from(flights)
-    for identifier, effect in effects_for(flights[0].log.input).items():
+    beside = any(e.log.neighbours for e in flights)
+    for identifier, effect in effects_for(flights[0].log.input, neighbours=beside).items():
         if effect.needs or effect.has_hidden_state or (onset and not effect.begins):
             continue
         if identifier in hidden:
