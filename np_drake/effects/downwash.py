@@ -43,6 +43,8 @@ class Downwash(WrenchEffect):
     identifier = "downwash"
     role = "neighbour"
     named = "the downwash of a neighbour"
+    phrase = "a neighbour's downwash of {strength} of theory"
+    shares = True
     bench_check = "fly the same path without the neighbour"
     excited_by = "hover one to ten rotor diameters below the neighbour, and pass through its axis"
     feels_rotor_rate = False
