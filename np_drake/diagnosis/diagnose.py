@@ -15,13 +15,14 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from np_drake.diagnosis.calibration.columns import calibration_effects
+from np_drake.diagnosis.calibration.differences import differences
 from np_drake.diagnosis.decision.causes import joint_posterior, without_late_onsets
 from np_drake.diagnosis.decision.explanations import explanations_of
 from np_drake.diagnosis.decision.infer import Inference, infer
 from np_drake.diagnosis.decision.second_answer import novelty, second_answer, without_onsets_in
 from np_drake.diagnosis.doctor.doubts import as_lines, doubts
 from np_drake.diagnosis.forward_model import predicted_residual
-from np_drake.diagnosis.gap.gap_reduction import measure_gap_reduction
+from np_drake.diagnosis.gap.gap_reduction import held_out_gains, measure_gap_reduction
 from np_drake.diagnosis.localisation.identifiability import (
     assess_identifiability,
     excitation,
@@ -148,6 +149,8 @@ def _answer(found: Inference, names: dict[str, Any], replay: Replay | None) -> D
     causes, late = without_late_onsets(found.causes, ends)
     found = dc.replace(found, causes=causes, below_threshold=[*found.below_threshold, *late])
     noise, held = found.ranking.noise, found.held
+    gains = held_out_gains(causes, noise, held)
+    found = dc.replace(found, causes=[dc.replace(c, held_out_gain=g) for c, g in zip(causes, gains, strict=True)])
     checked = assess_identifiability(found.flights, found.held_out, found.ranking.problem.candidates, noise)
     named = {c.identifier for c in found.causes}
     left = {e.name: e.y - predicted_residual(e, held.kept(e.name, named)) for e in found.held_out}
@@ -161,6 +164,7 @@ def _answer(found: Inference, names: dict[str, Any], replay: Replay | None) -> D
         judged_as=found.options.tolerance.name,
         verdict=tuple(c.identifier for c in found.causes) + ((UNKNOWN,) if found.unknown else ()),
         causes=tuple(found.causes),
+        calibration=differences(found.ranking.best, found.flights, found.options.tolerance),
         identifiability=checked,
         localisation=located,
         gap_reduction=reduction,

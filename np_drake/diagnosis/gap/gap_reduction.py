@@ -7,6 +7,7 @@ import numpy as np
 
 from np_drake.diagnosis.forward_model import Term, predicted_residual
 from np_drake.diagnosis.held_out import HeldOut, closed_fraction, pooled, remaining_residual, scored_on_fitted_rows
+from np_drake.diagnosis.held_out.prediction import LEAST_GAP
 from np_drake.diagnosis.numerics import NoiseModel
 from np_drake.diagnosis.residuals import WRENCH, FlightResiduals
 from np_drake.diagnosis.result import Cause, GapReduction, Replay, ReplayGap, Rung
@@ -67,6 +68,22 @@ def measure_gap_reduction(
         *replays,
         tuple(warnings),
     )
+
+
+def held_out_gains(causes: Sequence[Cause], noise: NoiseModel, held: HeldOut) -> list[float]:
+    """Return the share of the held-out gap above the noise that comes back without each cause [1].
+
+    Args:
+        causes: that act together.
+        noise: noise model of the channels.
+        held: held-out flights under the fit.
+    Returns: NaN where there is no gap.
+    """
+    nominal = pooled([e.uncalibrated[held.rows[e.name]] for e in held.flights], noise)
+    every = remaining_residual(causes, noise, held)
+    without = [remaining_residual([c for c in causes if c is not one], noise, held) for one in causes]
+    gap = nominal**2 - 1.0
+    return [(rest**2 - every**2) / gap if gap > LEAST_GAP else np.nan for rest in without]
 
 
 def _judging(flight: FlightResiduals, onsets: Sequence[float | None]) -> FlightLog:
