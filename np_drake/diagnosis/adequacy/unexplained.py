@@ -79,7 +79,7 @@ def indication(linear: LinearModel, structure: Sequence[int], g: int, materialit
     figures = {"force": force, "torque": torque, **candidate.figures}
     name = candidate.identifiers[0].removeprefix(PREFIX)
     weight = flights[0].weight
-    finding = Finding(name, candidate.variant, force / weight, figures)
+    finding = Finding(name, candidate.variant, force / weight, figures, candidate.measurement)
     return there if force >= least_force or torque >= least_torque else 0.0, finding
 
 
@@ -98,7 +98,7 @@ def burst_test(flights: Sequence[FlightResiduals], residual: dict[str, np.ndarra
     text = f"a {axis} that comes now and then, as in {burst.flight} at {burst.time:.1f} s, {measure(burst.size, 'N')}"
     large = burst.size > least_structure(flights, options.materiality)[0]
     probability = _above(burst.prominence, limit) if large else 0.0
-    return probability, Finding("burst", text, burst.prominence, figures)
+    return probability, Finding("burst", text, burst.prominence, figures, "the same trajectory twice more")
 
 
 def line_test(
@@ -123,7 +123,8 @@ def line_test(
     text = f"a line in {CHANNELS[line.channel]} at {line.frequency:.2f} Hz"
     figures = {"frequency": line.frequency, "rms": line.rms}
     probability = _above(line.prominence, thresholds.line_ratio) if loud and again else 0.0
-    return probability, Finding("line", text, line.prominence, figures)
+    measurement = "hover at two thrusts with rotor speed logged: an imbalance turns with the rotors"
+    return probability, Finding("line", text, line.prominence, figures, measurement)
 
 
 def slow_torque_test(
@@ -151,7 +152,8 @@ def slow_torque_test(
     large = large and (share > thresholds.held_out_share or not hidden)
     again = slow_torque(held_out, residual)[0] > thresholds.held_out_share * limit
     probability = _above(ratio, limit) if large and again else 0.0
-    return probability, Finding("slow torque", "a torque that comes and goes", ratio, {"ratio": ratio})
+    figures, measurement = {"ratio": ratio}, "hover for a minute with rotor speed logged"
+    return probability, Finding("slow torque", "a torque that comes and goes", ratio, figures, measurement)
 
 
 def _above(ratio: float, threshold: float) -> float:

@@ -49,6 +49,7 @@ class Candidate:
         None  # columns on any flight; None for effects of the library
     )
     figures: dict[str, float] = dc.field(default_factory=dict)
+    measurement: str = ""  # that would end what is generic
     onset_prior: float = 0.0
     calibrated: bool = False  # part of every model already, so that it is a member only where it begins in flight
 
