@@ -37,7 +37,8 @@ def sizes_left(localisation: Localisation) -> str:
     """Return the force and torque above the noise that the causes leave, as in '1.5 mN and 20 µN·m'; empty: none."""
     total: dict[str, float] = {}
     for part in gap_kinds(localisation.channels):
-        total[part.unit] = math.hypot(total.get(part.unit, 0.0), part.above_noise)
+        if part.grows or not math.isnan(part.left):
+            total[part.unit] = math.hypot(total.get(part.unit, 0.0), part.above_noise)
     return " and ".join(measure(size, unit) for unit, size in total.items() if size > 0)
 
 

@@ -21,6 +21,11 @@ def test_nothing_is_left_where_the_causes_reach_the_noise(diagnosis):
     assert remains(with_channels(diagnosis, *closed)).startswith("Nothing above the noise is left")
 
 
+def test_a_kind_that_had_no_gap_has_none_left(diagnosis):
+    quiet = (dc.replace(c, rms=c.noise_floor) if c.unit == "N·m" else c for c in diagnosis.localisation.channels)
+    assert "left: 44\u00a0mN above the noise" in remains(with_channels(diagnosis, *quiet))
+
+
 def test_small_vehicles_have_small_units(diagnosis):
     row, _ = gap_rows(with_channels(diagnosis, ChannelGap("force z", "N", 0.034, 0.0038, 0.0066, 0.97)))
     assert row[:4] == ("vertical force [mN]", "34", "6.6", "3.8")
