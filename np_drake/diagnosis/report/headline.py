@@ -109,7 +109,7 @@ def lead(diagnosis: Diagnosis) -> str:
     if UNKNOWN in diagnosis.verdict:
         traces = diagnosis.unexplained
         said.append(
-            f"what would end it: {main_remainder(traces).measurement}" if traces else "it has no trace of its own"
+            f"to find what remains: {main_remainder(traces).measurement}" if traces else "it has no trace of its own"
         )
     if diagnosis.new_on_held_out:
         said.append(f"new on {_judges(diagnosis)}: {diagnosis.new_on_held_out[0].text.rstrip('.')}")

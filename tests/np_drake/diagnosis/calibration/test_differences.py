@@ -8,6 +8,7 @@ from np_drake.diagnosis.calibration.differences import differences
 from np_drake.diagnosis.calibration.spread import of_flight, of_vehicle, parameter_names
 from np_drake.diagnosis.options import IDEAL_SENSORS, Options, Tolerance
 from np_drake.effects.attitude_bias import AttitudeBias
+from np_drake.effects.library import NUISANCES
 from np_drake.effects.weak_rotor import WeakRotor
 
 REAL = Options.for_sensors(True)
@@ -53,7 +54,11 @@ def test_all_that_is_calibrated_has_words(found, dut):
     known = {d.name for d in dut}
     named = {*parameter_names(of_vehicle(e, tolerance)), *parameter_names(of_flight(e, tolerance))}
     assert named <= known
-    assert all(d.text and "{" not in d.text for d in dut)
+    assert not [d.name for d in dut if not d.text.split(" in ")[0] or "{" in d.text]
+
+
+def test_every_error_of_file_and_input_has_words():
+    assert not [name for name, effect in NUISANCES.items() if not all(p.departure for p in effect.parameters)]
 
 
 def test_a_vehicle_that_its_file_describes_does_not_differ(found):

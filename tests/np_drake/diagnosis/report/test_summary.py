@@ -58,7 +58,7 @@ def unexplained(diagnosis):
     return reduced(clean(diagnosis), before=7.4, after=7.4)
 
 
-REMAINS = "what would end it: hover for a minute."
+REMAINS = "to find what remains: hover for a minute."
 PAYLOAD = "A 260 g payload on 0.81 m and calibration explain 41 % of the gap on the held-out flights"
 CASES = {  # how the diagnosis is changed: headline, and the sentence below it
     clean: (
@@ -80,7 +80,7 @@ CASES = {  # how the diagnosis is changed: headline, and the sentence below it
     ),
     unknown: (
         "No effect explains what is left (97 %): 44 mN and 2.4 mN·m, 7.4 times the noise on the held-out flights",
-        "What would end it: hover at two thrusts.",
+        "To find what remains: hover at two thrusts.",
     ),
     part: (
         f"{PAYLOAD}; 59 % remains unexplained: 44 mN and 2.4 mN·m (probability 97 %)",
