@@ -16,6 +16,7 @@ from typing import Any
 
 from np_drake.diagnosis.calibration.columns import calibration_effects
 from np_drake.diagnosis.calibration.differences import differences
+from np_drake.diagnosis.calibration.torque_gain import torque_gain, with_torque_gain
 from np_drake.diagnosis.decision.causes import joint_posterior, without_late_onsets
 from np_drake.diagnosis.decision.explanations import explanations_of
 from np_drake.diagnosis.decision.infer import Inference, infer
@@ -32,6 +33,7 @@ from np_drake.diagnosis.localisation.identifiability import (
 from np_drake.diagnosis.localisation.localisation import localise
 from np_drake.diagnosis.numerics import Readings
 from np_drake.diagnosis.options import Options, Tolerance
+from np_drake.diagnosis.regressors import tolerance_of, with_input
 from np_drake.diagnosis.report import headline as headline  # which every `Diagnosis` says
 from np_drake.diagnosis.report.coverage import coverage
 from np_drake.diagnosis.residuals import (
@@ -113,6 +115,10 @@ def diagnose(
     }
     names["nominal"] = vehicle
     names["doubts"] = as_lines(doubt for e in (*fitted, *judging) for doubt in doubts(e))
+    sensors = options or Options.for_sensors(tolerance_of(fitted).real)
+    if with_input(sensors, fitted).tolerance.unmeasured and all(e.knows_torque for e in (*fitted, *judging)):
+        gain = torque_gain(fitted)
+        fitted, judging = with_torque_gain(fitted, gain), with_torque_gain(judging, gain)
     if not excited(excitation(fitted)):
         nothing = unexcited_diagnosis(fitted, judging)
         return Diagnosis(**names, **nothing, cannot_tell=True, wall=time.perf_counter() - start)

@@ -80,6 +80,15 @@ class Effect:
         """Return the time by which commands act later on the state, beyond what the vehicle file says [s]."""
         return 0.0
 
+    def possible(self, vehicle: Vehicle, height: float) -> bool:
+        """Return whether a vehicle can have these parameters.
+
+        Args:
+            vehicle: the nominal vehicle.
+            height: largest above the ground that it flies at; infinite: not known [m].
+        """
+        return True
+
     def lacking(self) -> str:
         """Return what the effect lacks to act in a simulation, with the remedy; empty: nothing."""
         return ""
@@ -288,6 +297,15 @@ class MassEffect(Effect):
     def properties(self, nominal: MassProperties) -> MassProperties:
         """Return `nominal` changed by the effect."""
         raise NotImplementedError
+
+    def possible(self, vehicle: Vehicle, height: float) -> bool:
+        """Return whether it is a rigid body with these parameters.
+
+        Args:
+            vehicle: the nominal vehicle.
+            height: not used.
+        """
+        return self.properties(MassProperties.of(vehicle)).rigid
 
 
 @dc.dataclass(frozen=True)

@@ -9,6 +9,7 @@ from np_drake.effects.base import Motion, Parameter, WrenchEffect
 from np_drake.effects.random_sizes import log_uniform
 from np_drake.vehicle import Vehicle
 
+_LARGEST_RADIUS = 6.0  # of rotor radii: a disc twice as wide as the whole vehicle
 _LARGEST_SHARE = 1 / 3  # of (R / 4h)²: thrust at most 1.5 times; the formula diverges at h = R / 4
 
 
@@ -35,12 +36,21 @@ class GroundEffect(WrenchEffect):
     @classmethod
     def draw(cls, rng: np.random.Generator, vehicle: Vehicle, seconds: float) -> dict[str, float]:
         """Return random parameters of a simulated case."""
-        return {"effective_radius": float(vehicle.rotor_radius * log_uniform(rng, 1.0, 6.0))}
+        return {"effective_radius": float(vehicle.rotor_radius * log_uniform(rng, 1.0, _LARGEST_RADIUS))}
 
     @classmethod
     def grid(cls, vehicle: Vehicle) -> list[dict[str, float]]:
         """Return the radii at which a search linearises it."""
         return [{"effective_radius": v * vehicle.rotor_radius} for v in (1.0, 1.6, 2.4, 3.5, 5.0)]
+
+    def possible(self, vehicle: Vehicle, height: float) -> bool:
+        """Return whether a vehicle of this size can have the radius.
+
+        Args:
+            vehicle: the nominal vehicle.
+            height: not used.
+        """
+        return self.effective_radius <= _LARGEST_RADIUS * vehicle.rotor_radius
 
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
         """Return chi of the additional thrust and torque, (..., 6) [N, N·m]."""

@@ -65,6 +65,15 @@ class SuspendedPayload(WrenchEffect):
             "hook_z": -arm(vehicle) * rng.uniform(0.05, 0.3),
         }
 
+    def possible(self, vehicle: Vehicle, height: float) -> bool:
+        """Return whether the payload is ever clear of the ground.
+
+        Args:
+            vehicle: not used.
+            height: largest above the ground; infinite: not known [m].
+        """
+        return self.length <= height
+
     @property
     def payload(self) -> Payload:
         """Payload in the form that the functions of `pendulum` take."""

@@ -19,6 +19,8 @@ from np_drake.files.number_text import measure
 
 # Slope of a probability's logit in the logarithm of a ratio: no verdict depends on it; own choice.
 STEEPNESS = 6.0
+ALONG_PATH = "a force that goes with the path: with the place, or with the motion there"
+OTHER_SPEED = "the same places at another speed"
 Indication = tuple[float, Finding]  # probability of a structure, and what it is
 
 
@@ -50,7 +52,7 @@ def find_unexplained(ranking: Ranking, linear: LinearModel, structure: Sequence[
     swung = {e.name: held.swing_free_residual(e) for e in held_out}
     hidden = any(t.has_hidden_state for t in best.terms)
     slowly = gust_probability(flights, residual, held_out, swung, options, hidden=hidden)
-    said: list[Indication] = [indication(linear, structure, g, options.materiality) for g in structure]
+    said: list[Indication] = [indication(linear, structure, g, options) for g in structure]
     if not (hidden or slowly > 0.5):
         said.append(burst_test([*flights, *held_out], residual | swung, options))
     line = strongest_line(flights, residual, least_lines(flights, options.materiality))
@@ -61,25 +63,27 @@ def find_unexplained(ranking: Ranking, linear: LinearModel, structure: Sequence[
     return Unexplained(probability, tuple(f for p, f in said if p > 0.5), slowly)
 
 
-def indication(linear: LinearModel, structure: Sequence[int], g: int, materiality) -> Indication:
+def indication(linear: LinearModel, structure: Sequence[int], g: int, options: Options) -> Indication:
     """Return structure g beside the best model as a finding, with the probability that it is there and material.
 
     Args:
         linear: the best model, linear about its fit.
         structure: positions of the generic structure beside the effects.
         g: position of the structure.
-        materiality: bounds of what matters.
+        options: bounds of what matters; of a vehicle that nobody measured a place is not told from the motion there.
     """
     flights, candidate = linear.flights, linear.structure[g]
     rest = tuple(k for k in structure if k != g)
     there = float(special.expit(linear.evidence((), structure) - linear.evidence((), rest)))
     part = np.concatenate([linear.part(structure, g, e) for e in flights])
     force, torque = (float(np.sqrt(np.mean(np.sum(part[:, c] ** 2, axis=1)))) for c in (FORCE, TORQUE))
-    least_force, least_torque = least_structure(flights, materiality)
+    least_force, least_torque = least_structure(flights, options.materiality)
     figures = {"force": force, "torque": torque, **candidate.figures}
     name = candidate.identifiers[0].removeprefix(PREFIX)
     weight = flights[0].weight
     finding = Finding(name, candidate.variant, force / weight, figures, candidate.measurement)
+    if name == "place" and options.tolerance.unmeasured:
+        finding = dc.replace(finding, name="path", text=ALONG_PATH, measurement=OTHER_SPEED)
     return there if force >= least_force or torque >= least_torque else 0.0, finding
 
 

@@ -35,13 +35,15 @@ class Support:
 
     @property
     def error(self) -> float:
-        """Standard error of the gain in prediction, as it varies from block to block [nat]."""
-        return _error(self.gains)
+        """Standard error of the gain, as it varies from block to block, or between flights that disagree [nat]."""
+        flights = np.array([*self.by_flight().values()])
+        return max(_error(self.gains), _error(flights) if len(flights) > 1 and flights.min() < 0 else 0.0)
 
     @property
     def probability(self) -> float:
-        """Probability that the term predicts by `LEAST` [1]."""
-        return float(special.ndtr((self.total - LEAST) / np.hypot(self.error, LEAST)))
+        """Probability that the term gains by `LEAST`, and that flights do not contradict one another [1]."""
+        gain, others = self.total - LEAST, float(self.gains.sum()) + LEAST
+        return float(special.ndtr(min(gain, others) / np.hypot(self.error, LEAST)))
 
     def by_flight(self) -> dict[str, float]:
         """Return the gain of every training flight [nat]."""
@@ -105,6 +107,7 @@ def support_of(
         rest = linear_without(gone).scores(set()) if term.effect.needs else whole.scores(gone)
         gains = best[1] - rest[1]
         total = best[0] - rest[0] if term.effect.identifier in calibrated else float(gains.sum())
+        total += fit.onset_prior_of(i)  # an onset is of the flight itself that it predicts
         found.append(Support(total, gains, names, best[2] - rest[2], judges))
     return found
 

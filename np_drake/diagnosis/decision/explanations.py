@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from np_drake.diagnosis.decision.term_assessment import size_of, within_calibration
-from np_drake.diagnosis.fitting import Fit, impossible, refit
+from np_drake.diagnosis.fitting import Fit, greatest_height, is_possible, refit
 from np_drake.diagnosis.held_out import HeldOut
 from np_drake.diagnosis.regressors import Model, RegressionProblem
 from np_drake.diagnosis.selection import Ranking, names_of, names_of_fit, score_of
@@ -37,8 +37,8 @@ def explanations_of(ranking: Ranking, held: HeldOut) -> tuple[Explanation, ...]:
         known[names_of_fit(fit)] = fit
         fits.append(fit)
     score = {id(fit): score_of(fit, priors) for fit in fits}
-    vehicle = problem.flights[0].vehicle
-    possible = [f for f in fits if f is fits[0] or not any(impossible(f, i, vehicle) for i in range(len(f.terms)))]
+    vehicle, height = problem.flights[0].vehicle, greatest_height(problem.flights)
+    possible = [f for f in fits if f is fits[0] or is_possible(f, vehicle, height)]
     least = max(score.values()) - math.log(STANDS)
     standing = [f for f in possible if score[id(f)] >= least or names_of_fit(f) in swapped]
     standing = standing or [ranking.best]

@@ -1,6 +1,7 @@
 """Assessment of one term of the best model: its size, how probable it is, and how probably material."""
 
 import dataclasses as dc
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -8,9 +9,9 @@ from scipy import special
 
 from np_drake import attitude
 from np_drake.diagnosis.adequacy import LinearModel
-from np_drake.diagnosis.calibration.spread import SPREAD, of_flight, of_vehicle
+from np_drake.diagnosis.calibration.spread import ROTORS, SPREAD, of_flight, of_vehicle
 from np_drake.diagnosis.cross_validation import Support
-from np_drake.diagnosis.fitting import Fit, impossible, scaled_jacobian
+from np_drake.diagnosis.fitting import Fit, greatest_height, impossible, scaled_jacobian
 from np_drake.diagnosis.forward_model import Term, predicted_residual
 from np_drake.diagnosis.held_out import HeldOut
 from np_drake.diagnosis.numerics import NoiseModel
@@ -116,7 +117,8 @@ def assess_term(
     if through_drag:
         return TermAssessment(in_model, 1.0, size, "")
     material *= beyond_spread(fit, i, flights[0], tolerance)
-    return TermAssessment(in_model, material, size, impossible(fit, i, flights[0].vehicle), support)
+    stands_for = impossible(fit, i, flights[0].vehicle, greatest_height(flights))
+    return TermAssessment(in_model, material, size, stands_for, support)
 
 
 def beyond_spread(fit: Fit, i: int, e: FlightResiduals, tolerance: Tolerance) -> float:
@@ -129,12 +131,12 @@ def beyond_spread(fit: Fit, i: int, e: FlightResiduals, tolerance: Tolerance) ->
         tolerance: of vehicle file and sensors.
     """
     effect = fit.terms[i].effect
-    spread = {
-        name: deviation
-        for d in (*of_vehicle(e, tolerance), *(of_flight(e, tolerance) if tolerance.unmeasured else []))
-        if d.effect is type(effect) and not d.at_value
-        for name, deviation in d.deviation.items()
-    }
+    spread = dict[str, float]()
+    for d in (*of_vehicle(e, tolerance), *(of_flight(e, tolerance) if tolerance.unmeasured else [])):
+        # Those of one rotor are those of every rotor.
+        if d.effect is type(effect) and not d.at_value and set(d.fixed.values()) <= {ROTORS[0]}:
+            for name, deviation in d.deviation.items():
+                spread[name] = math.hypot(spread.get(name, 0.0), deviation)
     own = [k for k, f in enumerate(fit.free) if f.term == i and not f.flight and f.name in spread]
     if not own:
         return 1.0

@@ -71,6 +71,11 @@ class Fit:
         residual = e.y - predicted_residual(e, self.everything)
         return e.bridged(residual - self.sensor_drift[e.name] if e.name in self.sensor_drift else residual)
 
+    def onset_prior_of(self, i: int) -> float:
+        """Return the part of the log prior of all onsets that is that of term i; 0 if it acts from the start."""
+        begin = [t for t in self.terms if t.onset]
+        return self.onset_prior / len(begin) if self.terms[i].onset else 0.0
+
     @property
     def everything(self) -> list[Term]:
         """Terms and calibration, which together predict the channels."""

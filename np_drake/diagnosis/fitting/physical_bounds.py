@@ -1,12 +1,14 @@
 """Physical bounds of fitted parameters, and fits that violate them."""
 
-import dataclasses as dc
+from collections.abc import Sequence
 from itertools import product
 
 import numpy as np
 
 from np_drake.diagnosis.fitting.map_estimate import Fit
-from np_drake.effects.base import Effect, MassEffect, MassProperties
+from np_drake.diagnosis.residuals import FlightResiduals
+from np_drake.effects.base import Effect
+from np_drake.rigid_body import P
 from np_drake.vehicle import Vehicle
 
 EDGE = 1e-3  # share of a parameter's range within which it is at its bound [1]; own choice
@@ -27,6 +29,13 @@ def interval(fit: Fit, i: int, name: str) -> tuple[float, float]:
     return value - half, value + half
 
 
+def greatest_height(flights: Sequence[FlightResiduals]) -> float:
+    """Return the largest height of flights above the ground [m]; infinite where logs do not tell it."""
+    if any("height" in e.log.lacks for e in flights):
+        return np.inf
+    return max(float(e.rows.x[:, P][:, 2].max()) for e in flights)
+
+
 def at_its_bound(effect: Effect) -> bool:
     """Return whether a parameter lies at a physical bound that is not its neutral value.
 
@@ -40,23 +49,32 @@ def at_its_bound(effect: Effect) -> bool:
     return False
 
 
-def impossible(fit: Fit, i: int, vehicle: Vehicle) -> str:
+def impossible(fit: Fit, i: int, vehicle: Vehicle, height: float) -> str:
     """Return why the effect of term i must stand in for another, or "" where it need not.
 
-    A parameter is at its bound, or no rigid body has such parameters within their 95 % intervals.
+    A parameter is at its bound, or no vehicle can have such parameters within their 95 % intervals.
 
     Args:
         fit: the fitted model.
         i: position of the term.
         vehicle: the nominal vehicle.
+        height: largest above the ground that it flies at; infinite: not known [m].
     """
     effect = fit.terms[i].effect
     if at_its_bound(effect):
         return "a figure at its bound is none"
-    if not isinstance(effect, MassEffect):
-        return ""
     tried = [np.linspace(*interval(fit, i, p.name), STEPS).tolist() for p in effect.parameters]
     figures = (dict(zip(effect.values, some, strict=True)) for some in product(*tried))
-    nominal = MassProperties.of(vehicle)
-    bodies = (dc.replace(effect, **some).properties(nominal) for some in figures)  # type: ignore[type-var]
-    return "" if any(body.rigid for body in bodies) else "no rigid body has such figures"
+    possible = (effect.of({**effect.values, **some}).possible(vehicle, height) for some in figures)
+    return "" if any(possible) else "no vehicle can have such figures"
+
+
+def is_possible(fit: Fit, vehicle: Vehicle, height: float) -> bool:
+    """Return whether no effect of a fit need stand in for another.
+
+    Args:
+        fit: the fitted model.
+        vehicle: the nominal vehicle.
+        height: largest above the ground that it flies at; infinite: not known [m].
+    """
+    return not any(impossible(fit, i, vehicle, height) for i in range(len(fit.terms)))

@@ -35,7 +35,7 @@ def measure_gap_reduction(
         calibration: effects of the vehicle's calibration, which the corrected simulator has as well.
     """
     flights = held.flights
-    before = {e.name: e.uncalibrated[held.rows[e.name]] for e in flights}
+    before = {e.name: e.against_file[held.rows[e.name]] for e in flights}
     named = {c.identifier for c in causes}
     kept = {name: held.kept(name, named) for name in held.terms}
     after = {e.name: (e.y - predicted_residual(e, kept[e.name]))[held.rows[e.name]] for e in flights}
@@ -79,7 +79,7 @@ def held_out_gains(causes: Sequence[Cause], noise: NoiseModel, held: HeldOut) ->
         held: held-out flights under the fit.
     Returns: NaN where there is no gap.
     """
-    nominal = pooled([e.uncalibrated[held.rows[e.name]] for e in held.flights], noise)
+    nominal = pooled([e.against_file[held.rows[e.name]] for e in held.flights], noise)
     every = remaining_residual(causes, noise, held)
     without = [remaining_residual([c for c in causes if c is not one], noise, held) for one in causes]
     gap = nominal**2 - 1.0
@@ -126,7 +126,7 @@ def _order(cause: Cause) -> tuple[bool, float]:
 
 def _ladder(causes: Sequence[Cause], noise: NoiseModel, held: HeldOut) -> tuple[Rung, ...]:
     """Return the residual of the nominal model, with effects added in order of share, and of noise alone."""
-    nominal = pooled([e.uncalibrated[held.rows[e.name]] for e in held.flights], noise)
+    nominal = pooled([e.against_file[held.rows[e.name]] for e in held.flights], noise)
     rungs = [Rung("nominal", nominal)]
     if held.calibrated:
         rungs.append(Rung("+ calibration", remaining_residual([], noise, held)))

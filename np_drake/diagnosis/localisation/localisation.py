@@ -32,7 +32,7 @@ def localise(
         noise: noise model of the channels.
         rows: by flight, (m,) bool, the rows that count.
     """
-    before = {e.name: e.uncalibrated[:, WRENCH] for e in flights}
+    before = {e.name: e.against_file[:, WRENCH] for e in flights}
     residual = {e.name: after[e.name][:, WRENCH] for e in flights}
     return Localisation(
         channels=channel_gaps(before, residual, noise, rows),
@@ -76,7 +76,7 @@ def segments(flight: FlightResiduals, noise: NoiseModel) -> list[Segment]:
     Source: exact segmentation by dynamic programming, PELT (Killick et al. 2012), as in ruptures; the penalty is own
         choice.
     """
-    scaled = flight.uncalibrated[:, WRENCH] / np.maximum(noise.rms[WRENCH], 1e-12)
+    scaled = flight.against_file[:, WRENCH] / np.maximum(noise.rms[WRENCH], 1e-12)
     bin_ = max(1, round(COARSE / flight.grid.step))
     n = len(scaled) // bin_
     coarse = scaled[: n * bin_].reshape(n, bin_, 6).mean(axis=1)
@@ -119,7 +119,7 @@ def regimes(flights: Sequence[FlightResiduals], after: dict[str, np.ndarray], no
         noise: noise model of the channels.
     """
     all_of = [quantities(e) for e in flights]
-    before = np.concatenate([e.uncalibrated[:, WRENCH] for e in flights]) / np.maximum(noise.rms[WRENCH], 1e-12)
+    before = np.concatenate([e.against_file[:, WRENCH] for e in flights]) / np.maximum(noise.rms[WRENCH], 1e-12)
     residual = np.concatenate([after[e.name] for e in flights]) / np.maximum(noise.rms[WRENCH], 1e-12)
     out = []
     for name in all_of[0]:
@@ -163,7 +163,7 @@ def bands(flights: Sequence[FlightResiduals], after: dict[str, np.ndarray], nois
         found = [signal.welch(p, rate, nperseg=length, axis=0, detrend=False) for p in parts]
         return found[0][0], np.mean([s for _, s in found], axis=0)
 
-    frequency, b = spectrum([e.uncalibrated[:, WRENCH] for e in flights])
+    frequency, b = spectrum([e.against_file[:, WRENCH] for e in flights])
     _, a = spectrum([after[e.name] for e in flights])
     model = noise.spectrum(frequency)
     return tuple(Band(name, frequency, b[:, c], a[:, c], model[c]) for c, name in enumerate(CHANNELS))

@@ -44,6 +44,7 @@ class FlightResiduals:
     joined (m,): rows of a held-out flight that joined the fit (adaptive split).
     goes_on: the flight continues after these rows, so that an effect absent here may begin later.
     calibrated (m, 15): what a calibration of the vehicle gives, already taken from y; 0: nothing.
+    gained (m, 15): likewise what a gain of the rotors' torque gives; that torque is in log and nominal wrench.
     knows_torque: whether the log tells the rotors' torque; without it the torque channels are empty.
     """
 
@@ -64,6 +65,7 @@ class FlightResiduals:
     goes_on: bool = False
     knows_torque: bool = True
     calibrated: np.ndarray | float = 0.0
+    gained: np.ndarray | float = 0.0
 
     @property
     def name(self) -> str:
@@ -72,8 +74,13 @@ class FlightResiduals:
 
     @property
     def uncalibrated(self) -> np.ndarray:
-        """(m, 15) residuals against the vehicle file, calibration of the vehicle included."""
+        """(m, 15) residuals without the calibration of the vehicle by a fit."""
         return self.y + self.calibrated
+
+    @property
+    def against_file(self) -> np.ndarray:
+        """(m, 15) residuals against the vehicle file, without any calibration."""
+        return self.uncalibrated + self.gained
 
     @property
     def untold(self) -> list[slice]:
@@ -205,8 +212,9 @@ class FlightResiduals:
             return self
         grid = dc.replace(self.grid, t=self.t[:n], fine=self.grid.fine[: (n - 1) * self.grid.factor + 1])
         parts = {name: getattr(self, name)[:n] for name in ("y", "nominal", "w", "outliers", "joined")}
-        given = self.calibrated[:n] if isinstance(self.calibrated, np.ndarray) else self.calibrated
-        return dc.replace(self, grid=grid, **parts, calibrated=given)
+        taken = (("calibrated", self.calibrated), ("gained", self.gained))
+        parts |= {name: part[:n] for name, part in taken if isinstance(part, np.ndarray)}
+        return dc.replace(self, grid=grid, **parts)
 
     def begun(self, onset: float | None) -> np.ndarray:
         """Return a step (m, 15) that is one from `onset` [s] on, smeared as the grid's low-pass smears each channel.

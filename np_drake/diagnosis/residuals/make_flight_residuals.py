@@ -9,7 +9,7 @@ from np_drake import attitude
 from np_drake.diagnosis.residuals.accelerations import Instants, make_instants
 from np_drake.diagnosis.residuals.attitude_smoothing import smooth_attitude
 from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals, after_rows, row_resampler
-from np_drake.diagnosis.residuals.resampling import STEP, Resampler, make_grid
+from np_drake.diagnosis.residuals.resampling import STEP, Grid, Resampler, make_grid
 from np_drake.diagnosis.residuals.rotor_thrust import Rotors
 from np_drake.flight_log import FlightLog
 from np_drake.vehicle import Vehicle
@@ -17,6 +17,8 @@ from np_drake.vehicle import Vehicle
 LEAST_DURATION = 3.0  # least duration of a flight [s]; own choice
 SETTLING = 7.0  # rotor time constants after which commands before the log no longer matter [1]; own choice
 CLEAR = 0.3  # height over the ground up to which take-off and landing reach [m]; own choice
+CARRIED, SLOW = 0.5, 0.2  # thrust over its median [1] and speed [m/s] below which the ground carries; own choice
+TOUCH = 0.5  # time about standing in which the ground still pushes [s]; own choice
 OFF = 0.4  # initial thrust error over hover thrust, above which rotors had not settled [1]; own choice
 
 
@@ -53,8 +55,9 @@ def make_flight_residuals(
     nominal = np.concatenate([np.zeros((len(grid), 2)), from_rows(f), from_mids(u_mids[:, 1:])], axis=1)
     w = from_mids(mids.x[:, 10:13])
     none = np.zeros(len(grid), bool)
+    rest = none if vehicle.described else _at_rest(log, grid, thrust_rows @ vehicle.mixer[0])
     found = FlightResiduals(
-        *(log, vehicle, grid, y, rows, mids, thrust_rows, thrust_mids, nominal, w, noise, turned, none, none),
+        *(log, vehicle, grid, y, rows, mids, thrust_rows, thrust_mids, nominal, w, noise, turned, rest, none),
         knows_torque=knows_torque,
     )
     return dc.replace(found, y=found.known(y))
@@ -71,6 +74,25 @@ def _clear_of_ground(log: FlightLog) -> tuple[float, float]:
     if "height" in log.lacks or not len(above) or above[-1] - above[0] < LEAST_DURATION:
         return float(log.t[0]), float(log.t[-1])
     return float(above[0]), float(above[-1])
+
+
+def _at_rest(log: FlightLog, grid: Grid, f: np.ndarray) -> np.ndarray:
+    """Return rows (m,) of the grid about times at which the vehicle stands on the ground: slow, with little thrust.
+
+    Args:
+        log: the flight.
+        grid: of its residuals.
+        f: (n,) nominal thrust at the rows [N].
+    """
+    if "velocity" in log.lacks:
+        return np.zeros(len(grid), bool)
+    stands = (f < CARRIED * np.median(f)) & (np.linalg.norm(log.v, axis=1) < SLOW)
+    t = log.t[stands]
+    if not len(t):
+        return np.zeros(len(grid), bool)
+    after = np.clip(np.searchsorted(t, grid.t), 0, len(t) - 1)
+    near = np.minimum(np.abs(t[after] - grid.t), np.abs(t[np.maximum(after - 1, 0)] - grid.t))
+    return near < TOUCH
 
 
 def _with_torque(log: FlightLog) -> tuple[FlightLog, bool]:

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.fitting import Fit, impossible, refit, restart
+from np_drake.diagnosis.fitting import Fit, greatest_height, is_possible, refit, restart
 from np_drake.diagnosis.forward_model import predicted_residual
 from np_drake.diagnosis.numerics import NoiseModel
 from np_drake.diagnosis.options import Options, Priors
@@ -40,8 +40,8 @@ def rank_models(found: SearchResult) -> Ranking:
     problem = found.problem
     refined = _refined(problem, found.models, found.best, found.noise)
     models = [*found.models, *(m for m in refined if m not in found.models)]
-    vehicle = problem.flights[0].vehicle
-    possible = [f for f in refined.values() if not any(impossible(f, i, vehicle) for i in range(len(f.terms)))]
+    vehicle, height = problem.flights[0].vehicle, greatest_height(problem.flights)
+    possible = [f for f in refined.values() if is_possible(f, vehicle, height)]
     fits = sorted(possible or refined.values(), key=lambda f: -score_of(f, found.options.priors))
     probability = probabilities(problem, models, fits)
     return Ranking(tuple(fits), probability, found.noise, problem, tuple(models), found.options)

@@ -71,11 +71,11 @@ def test_a_torque_that_no_effect_explains_remains_and_says_where_it_lives(ranked
 def test_structure_is_there_by_evidence_and_counts_where_material(ranked, linear, damper):
     case = ranked(damper)
     model, structure = linear(case)
-    probability, finding = indication(model, structure, structure[0], REAL.materiality)
+    probability, finding = indication(model, structure, structure[0], REAL)
     assert probability > 0.99
     assert finding.name == "rates"
     blunt = dc.replace(REAL.materiality, torque=100.0, force=100.0)
-    assert indication(model, structure, structure[0], blunt) == (0.0, finding)
+    assert indication(model, structure, structure[0], dc.replace(REAL, materiality=blunt)) == (0.0, finding)
 
 
 @pytest.mark.parametrize(

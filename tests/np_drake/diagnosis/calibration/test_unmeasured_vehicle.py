@@ -64,3 +64,14 @@ def test_take_off_is_cut_where_there_can_be_contact(fly, timing, cut):
     dut = make_flight_residuals(log, dc.replace(Vehicle(), command_timing=timing))
     first = log.t[rising >= CLEAR][0]
     assert bool(dut.t[0] >= first) is cut
+
+
+@pytest.mark.parametrize("timing, left_out", [("unknown", True), ("held", False)])
+def test_time_on_the_ground_in_mid_flight_is_left_out(fly, timing, left_out):
+    log = fly(name="a", seed=1, seconds=8.0)
+    stands = (log.t > 4.0) & (log.t < 5.0)
+    u, v = log.u.copy(), log.v.copy()
+    u[stands], v[stands] = 0.0, 0.0
+    dut = make_flight_residuals(dc.replace(log, u=u, v=v), dc.replace(Vehicle(), command_timing=timing))
+    assert dut.outliers[(dut.t > 4.1) & (dut.t < 4.9)].all() == left_out
+    assert not dut.outliers[np.abs(dut.t - 4.5) > 1.1].any()

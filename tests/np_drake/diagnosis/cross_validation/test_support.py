@@ -29,6 +29,12 @@ def test_a_gain_of_one_block_alone_is_less_sure_than_a_steady_one():
     assert made(30.0, [30.0] + [0.0] * 9).probability < made(30.0, [3.0] * 10).probability
 
 
+def test_a_gain_in_one_flight_that_costs_another_is_not_sure():
+    gains = np.array([10.0] * 5 + [-8.0] * 5)
+    apart = Support(60.0, gains, ("a",) * 5 + ("b",) * 5, np.zeros(0), ())
+    assert apart.probability < 0.7 < made(60.0, [6.0] * 10).probability
+
+
 def test_held_out_flights_contradict_by_more_than_chance():
     assert not made(50.0, [5.0] * 10, [1.0, -1.5, 0.5]).contradicted
     assert made(50.0, [5.0] * 10, [-20.0, -22.0, -18.0]).contradicted

@@ -1,0 +1,58 @@
+"""Share of the rotors' torque to which the motion responds: calibration that comes before everything else.
+
+Controllers run faster than logs, rotors differ and trim moments that no model has: of logged torque the motion often
+shows a small part. An effect that acts in proportion to torque, as ground effect does, would be judged by the rest.
+"""
+
+import dataclasses as dc
+from collections.abc import Sequence
+
+import numpy as np
+
+from np_drake.diagnosis.residuals import TORQUE, FlightResiduals, make_flight_residuals
+
+LAGS = (0.0, 0.04, 0.08)  # at which motion may answer torque, as rotors do [s]
+LEAST = 0.02  # so that calibration still has a torque to scale [1]
+
+
+def torque_gain(flights: Sequence[FlightResiduals]) -> np.ndarray:
+    """Return (3,) the share of the rotors' torque about each axis to which the motion of all flights responds [1].
+
+    It is the RMS of the torque of the motion that lagged rotor torque predicts, over that of rotor torque.
+    Source: least squares, whose gain is the conditional mean given a noisy regressor.
+    """
+    gain = np.ones(3)
+    for axis in range(3):
+        given, shown = zip(*(_lagged(e, axis) for e in flights), strict=True)
+        X, y = np.concatenate(given), np.concatenate(shown)
+        rms = np.sqrt(np.mean(X[:, 0] ** 2))
+        if rms > 0:
+            answer = X @ np.linalg.lstsq(X, y, rcond=None)[0]
+            gain[axis] = np.clip(np.sqrt(np.mean(answer**2)) / rms, LEAST, 1.0)
+    return gain
+
+
+def _lagged(e: FlightResiduals, axis: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return rotor torque about an axis at all lags (m, k), and the torque of the motion (m,), without means [N·m]."""
+    torque = e.nominal[:, TORQUE][:, axis]
+    shown = torque + e.y[:, TORQUE][:, axis]
+    rows = [round(lag / e.grid.step) for lag in LAGS]
+    X = np.stack([torque[rows[-1] - k : len(torque) - k] for k in rows], axis=1)
+    y = shown[rows[-1] :]
+    return X - X.mean(axis=0), y - y.mean()
+
+
+def with_torque_gain(flights: Sequence[FlightResiduals], gain: np.ndarray) -> list[FlightResiduals]:
+    """Return flights whose rotors have that share of their torque; what it takes from the residual is `gained`.
+
+    Args:
+        flights: as logged.
+        gain: (3,) by `torque_gain` [1].
+    """
+    scale = np.concatenate([[1.0], gain])
+    found = []
+    for e in flights:
+        log = dc.replace(e.log, u=e.log.u * scale)
+        now = make_flight_residuals(log, e.vehicle, e.grid.step)
+        found.append(dc.replace(now, gained=e.y - now.y))
+    return found
