@@ -7,7 +7,6 @@ import pytest
 
 from np_drake.diagnosis.calibration.torque_gain import LEAST, torque_gain, with_torque_gain
 from np_drake.diagnosis.residuals import TORQUE
-from np_drake.effects.ground_effect import GroundEffect
 from np_drake.effects.mixer_gain import MixerGain
 
 SHARE = np.array([0.3, 0.5, 0.8])
