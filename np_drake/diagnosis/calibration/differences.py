@@ -14,6 +14,7 @@ from np_drake.diagnosis.regressors import calibration_terms
 from np_drake.diagnosis.residuals import FORCE, TORQUE, FlightResiduals
 from np_drake.diagnosis.result import Difference
 from np_drake.effects.base import Effect, Parameter
+from np_drake.effects.mixer_gain import MixerGain
 from np_drake.files.number_text import departure_unit, measure, with_sign
 
 AXES = 2  # last columns of the airframe: thrust that leans to x and y
@@ -34,7 +35,7 @@ def differences(fit: Fit, flights: Sequence[FlightResiduals], tolerance: Toleran
     *errors, body, air = fit.linear
     found = [
         *_of_file(fit, flights[0], tolerance),
-        *_of_parameters(body, of_vehicle(flights[0], tolerance)),
+        *_of_parameters(body, of_vehicle(flights[0], tolerance), flights[0].torque_gain),
         *_of_airframe(air, flights),
         *_of_flights(dict(zip((e.name for e in flights), errors, strict=True)), flights, tolerance),
     ]
@@ -52,8 +53,11 @@ def _of_file(fit: Fit, e: FlightResiduals, tolerance: Tolerance) -> Iterator[Dif
             yield _difference(f"{term.effect.identifier}.{p.name}", type(term.effect), p, {}, value, sigma, deviation)
 
 
-def _of_parameters(part: LinearPart, deviations: Sequence[Deviation]) -> list[Difference]:
+def _of_parameters(
+    part: LinearPart, deviations: Sequence[Deviation], torque_gain: tuple[float, ...] = (1.0, 1.0, 1.0)
+) -> list[Difference]:
     """Return the parameters of deviations; the lags of rotors, which each act by a share, as one."""
+    shares = {p.name: gain for p, gain in zip(MixerGain.parameters, torque_gain, strict=True)}
     lags = [d for d in deviations if d.at_value]
     names, found, k = parameter_names(list(deviations)), [], 0
     for d in deviations:
@@ -61,6 +65,8 @@ def _of_parameters(part: LinearPart, deviations: Sequence[Deviation]) -> list[Di
         for name, deviation in d.deviation.items():
             if not d.at_value:
                 value, sigma = part.coefficients[k] * deviation, np.sqrt(part.covariance[k, k]) * deviation
+                if d.effect is MixerGain:  # of the share of torque that the motion shows
+                    value, sigma = shares[name] * (1.0 + value) - 1.0, shares[name] * sigma
                 found.append(_difference(names[k], d.effect, parameters[name], d.fixed, value, sigma, deviation))
             k += 1
     if lags:

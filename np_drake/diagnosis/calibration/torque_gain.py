@@ -54,5 +54,5 @@ def with_torque_gain(flights: Sequence[FlightResiduals], gain: np.ndarray) -> li
     for e in flights:
         log = dc.replace(e.log, u=e.log.u * scale)
         now = make_flight_residuals(log, e.vehicle, e.grid.step)
-        found.append(dc.replace(now, gained=e.y - now.y))
+        found.append(dc.replace(now, gained=e.y - now.y, torque_gain=tuple(gain.tolist())))
     return found

@@ -44,7 +44,7 @@ class FlightResiduals:
     joined (m,): rows of a held-out flight that joined the fit (adaptive split).
     goes_on: the flight continues after these rows, so that an effect absent here may begin later.
     calibrated (m, 15): what a calibration of the vehicle gives, already taken from y; 0: nothing.
-    gained (m, 15): likewise what a gain of the rotors' torque gives; that torque is in log and nominal wrench.
+    gained (m, 15): likewise what `torque_gain` of the rotors' torque gives; log and nominal wrench hold that share.
     knows_torque: whether the log tells the rotors' torque; without it the torque channels are empty.
     """
 
@@ -66,6 +66,7 @@ class FlightResiduals:
     knows_torque: bool = True
     calibrated: np.ndarray | float = 0.0
     gained: np.ndarray | float = 0.0
+    torque_gain: tuple[float, float, float] = (1.0, 1.0, 1.0)
 
     @property
     def name(self) -> str:
