@@ -14,19 +14,3 @@ from np_drake.diagnosis.forward_model.payload_state import (
     swing_wrenches,
 )
 from np_drake.diagnosis.forward_model.prediction import StageCache, predicted_residual
-
-__all__ = [
-    "MOST_JUMPS",
-    "NEVER",
-    "STATE",
-    "StageCache",
-    "Term",
-    "hidden_size",
-    "jumps",
-    "padded",
-    "pendulum_error",
-    "predicted_residual",
-    "specific_pull",
-    "swing_units",
-    "swing_wrenches",
-]

@@ -27,30 +27,3 @@ from np_drake.diagnosis.residuals.outliers import (
 )
 from np_drake.diagnosis.residuals.regressor_signals import FlightState, flight_state
 from np_drake.diagnosis.residuals.resampling import Resampler, natural_step
-
-__all__ = [
-    "FORCE",
-    "LEAST_DURATION",
-    "LONGEST_BOUNCE",
-    "LONGEST_OUTLIER",
-    "MOST_OUTLIERS",
-    "OUTLIERS_APART",
-    "POSITION",
-    "SIZE",
-    "TORQUE",
-    "VELOCITY",
-    "WRENCH",
-    "FlightResiduals",
-    "FlightState",
-    "Instants",
-    "Resampler",
-    "bridge",
-    "find_outliers",
-    "flight_state",
-    "long_enough",
-    "low_pass",
-    "make_flight_residuals",
-    "natural_step",
-    "require_flights",
-    "smooth_attitude",
-]
