@@ -13,7 +13,7 @@ from matplotlib.image import imread
 
 from np_drake.diagnosis.report import page
 from np_drake.diagnosis.report.page import largest, write_report
-from np_drake.diagnosis.result import Finding, as_json
+from np_drake.diagnosis.result import Finding
 
 HOSTILE = '<script>alert("x")</script>&$\\frac{$ 飞.csv'
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
@@ -108,9 +108,9 @@ def test_new_fields_go_through_json(diagnosis, tmp_path, undrawn):
     assert content["novel"] == [
         {"name": "wind", "text": "a slow force along x, 3 N", "size": 3.0, "figures": {"force": 3.0}}
     ]
-    assert set(content["refit"]) == set(as_json(diagnosis)) - {"schema"}
+    assert set(content["refit"]) == set(diagnosis.as_json()) - {"schema"}
     assert (content["refit"]["joined"], content["refit"]["refit"]) == (["heldout_1"], None)
-    assert as_json(diagnosis)["refit"] is None
+    assert diagnosis.as_json()["refit"] is None
 
 
 def test_a_page_without_a_verdict_claims_nothing(diagnosis, tmp_path, undrawn):
