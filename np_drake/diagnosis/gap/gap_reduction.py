@@ -38,9 +38,7 @@ def measure_gap_reduction(
     named = {c.identifier for c in causes}
     kept = {name: held.kept(name, named) for name in held.terms}
     after = {e.name: (e.y - predicted_residual(e, kept[e.name]))[held.rows[e.name]] for e in flights}
-    floor = 1.0
-    ladder = _ladder(causes, noise, held)
-    fraction = closed_fraction(pooled(list(before.values()), noise), pooled(list(after.values()), noise), floor)
+    sizes, floor = [pooled(list(part.values()), noise) for part in (before, after)], 1.0
     interval = _bootstrap(before, after, noise, flights[0].grid.step)
     replays: tuple[ReplayGap | None, ReplayGap | None] = (None, None)
     warnings = [
@@ -57,16 +55,8 @@ def measure_gap_reduction(
         logs = [_judging(e, [onset[e.name] for _, onset in effects]) for e in flights]
         effects += [(effect, {e.name: None for e in flights}) for effect in calibration]
         replays = (replay(logs, []), _with_effects(replay, logs, effects, warnings))
-    return GapReduction(
-        pooled(list(before.values()), noise),
-        pooled(list(after.values()), noise),
-        floor,
-        fraction,
-        interval,
-        ladder,
-        *replays,
-        tuple(warnings),
-    )
+    ladder, fraction = _ladder(causes, noise, held), closed_fraction(*sizes, floor)
+    return GapReduction(*sizes, floor, fraction, interval, ladder, *replays, tuple(warnings))
 
 
 def _judging(flight: FlightResiduals, onsets: Sequence[float | None]) -> FlightLog:
@@ -102,11 +92,6 @@ def _onset_of(terms: Sequence[Term], identifier: str, flight: FlightResiduals) -
     return None if begin is None else begin - float(flight.log.t[0])
 
 
-def _order(cause: Cause) -> tuple[bool, float]:
-    """Return the sort key that puts the largest share first, and a wind after the drag through which it acts."""
-    return bool(cause.effect is not None and type(cause.effect).needs), -float(np.nan_to_num(cause.share))
-
-
 def _ladder(causes: Sequence[Cause], noise: NoiseModel, held: HeldOut) -> tuple[Rung, ...]:
     """Return the residual of the nominal model, with effects added in order of share, and of noise alone."""
     nominal = pooled([e.uncalibrated[held.rows[e.name]] for e in held.flights], noise)
@@ -114,7 +99,8 @@ def _ladder(causes: Sequence[Cause], noise: NoiseModel, held: HeldOut) -> tuple[
     if held.calibrated:
         rungs.append(Rung("+ calibration", remaining_residual([], noise, held)))
     so_far: list[Cause] = []
-    for cause in sorted(causes, key=_order):
+    # The largest share first, and a wind after the drag through which it acts.
+    for cause in sorted(causes, key=lambda c: (bool(c.effect and c.effect.needs), -float(np.nan_to_num(c.share)))):
         so_far.append(cause)
         rungs.append(Rung(f"+ {cause.identifier}", remaining_residual(so_far, noise, held)))
     return (*rungs, Rung("noise floor", 1.0))

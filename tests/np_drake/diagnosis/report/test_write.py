@@ -134,7 +134,8 @@ def test_the_place_of_the_largest_gap_has_round_words(diagnosis):
 
 @pytest.mark.parametrize("share", [0.94, float("nan")])
 def test_a_share_is_written_where_there_is_one(diagnosis, share):
-    (written,) = as_json(dc.replace(diagnosis, causes=(dc.replace(diagnosis.causes[0], share=share),)))["causes"]
+    shared = dc.replace(diagnosis, causes=(dc.replace(diagnosis.causes[0], share=share),))
+    (written,) = shared.as_json()["causes"]
     assert written["share"] == (0.94 if share == 0.94 else None)
 
 
