@@ -30,6 +30,11 @@ class Estimate:
     unit: str
     ci95: tuple[float, float]
 
+    @property
+    def half(self) -> float:
+        """Half of the interval's width."""
+        return 0.5 * (self.ci95[1] - self.ci95[0])
+
 
 @dc.dataclass(frozen=True)
 class Cause:
@@ -301,7 +306,7 @@ class Diagnosis:
 
 def _shown(estimate: Estimate) -> str:
     """Return value, half of the 95 % interval and unit, with the digits that the interval tells."""
-    half, unit = 0.5 * (estimate.ci95[1] - estimate.ci95[0]), "" if estimate.unit in ("", "1") else f" {estimate.unit}"
+    half, unit = estimate.half, "" if estimate.unit in ("", "1") else f" {estimate.unit}"
     if not 0 < half < np.inf:
         return f"{estimate.value:.4g}{unit}"
     digits = max(0, 1 - int(np.floor(np.log10(half))))

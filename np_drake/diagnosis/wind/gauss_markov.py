@@ -124,17 +124,6 @@ def drags(e: FlightResiduals) -> np.ndarray:
     return np.stack([forces(e, predicted_residual(e, [unit])) for unit in units], axis=-1)
 
 
-def drag_trace(e: FlightResiduals, drag: LinearDrag, begins: Mapping[str, float | None]) -> np.ndarray:
-    """Return (m, 15) the predicted residual of a drag alone, from its begin in this flight on.
-
-    Args:
-        e: the flight.
-        drag: the effect.
-        begins: by flight, when it begins [s]; None: from the start.
-    """
-    return predicted_residual(e, [Term(drag, {e.name: begins.get(e.name)})])
-
-
 def binned(e: FlightResiduals, values: np.ndarray) -> np.ndarray:
     """Return (k, a) the means over bins of values (m, a) on the grid.
 

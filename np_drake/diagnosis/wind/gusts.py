@@ -10,12 +10,13 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from np_drake.diagnosis.fitting import refit
+from np_drake.diagnosis.forward_model import Term, predicted_residual
 from np_drake.diagnosis.options import Options
-from np_drake.diagnosis.regressors import DRAG, GUSTY, Model, Onset, switched
+from np_drake.diagnosis.regressors import DRAG, GUSTY, Model, switched
 from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.diagnosis.result import Cause, Estimate
 from np_drake.diagnosis.selection import Ranking, names_of, names_of_fit
-from np_drake.diagnosis.wind.gauss_markov import Begins, WindForce, Z, drag_trace, instants, spans, wind_force
+from np_drake.diagnosis.wind.gauss_markov import Begins, WindForce, Z, instants, spans, wind_force
 from np_drake.diagnosis.wind.wind_onset import ROUNDS, Begin, still_air_loss, wind_begins, wind_onset
 from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.linear_drag import LinearDrag
@@ -36,8 +37,7 @@ def as_gusts(
 ) -> list[Cause]:
     """Return the causes with gusts among them, where a drag was found through which they can act.
 
-    A steady wind among the causes becomes the mean of the gusts. Gusts do not repeat: they explain no held-out flight.
-    Stronger than a wind can be they are none.
+    A steady wind among the causes becomes the mean of the gusts.
 
     Args:
         flights: training flights, which give the parameters.
@@ -57,12 +57,12 @@ def as_gusts(
     drag = dc.replace(drag, onset=begun)
     if not isinstance(drag.effect, LinearDrag) or not _acts_through(drag.effect):
         return causes
-    residual = {e.name: through_drag[e.name] - drag_trace(e, drag.effect, begun) for e in flights}
-    force = wind_force(flights, residual, onset)
-    if _too_strong(force, drag):
-        return causes
-    weight = flights[0].weight
-    if force.deviation[0] < options.materiality.force * weight:
+    force = wind_force(
+        flights, {e.name: _without_drag(through_drag[e.name], e, drag.effect, begun) for e in flights}, onset
+    )
+    # Stronger than winds are, even through the largest drag of the interval, they are none.
+    most = STRONGEST * float(np.mean([max(map(abs, drag.parameters[name].ci95)) for name in ("d_x", "d_y")]))
+    if not options.materiality.force * flights[0].weight <= force.deviation[0] <= most:
         return causes
     parameters = _statistics(flights, force, drag, options)
     effect = GustyWind.of({name: e.value for name, e in parameters.items()})
@@ -77,10 +77,9 @@ def _acts_through(drag: LinearDrag) -> bool:
     return inside and 0.5 * (drag.d_x + drag.d_y) > WEAKEST
 
 
-def _too_strong(force: WindForce, drag: Cause) -> bool:
-    """Return whether the wind would vary more than winds do even through the largest drag of the interval."""
-    most = np.mean([max(map(abs, drag.parameters[name].ci95)) for name in ("d_x", "d_y")])
-    return bool(force.deviation[0] > STRONGEST * most)
+def _without_drag(through_drag: np.ndarray, e: FlightResiduals, drag: LinearDrag, begins: Begins) -> np.ndarray:
+    """Return (m, 15) what the wind pushes through the drag, without the drag itself, which acts from its begin on."""
+    return through_drag - predicted_residual(e, [Term(drag, {e.name: begins.get(e.name)})])
 
 
 def _known(causes: Sequence[Cause], drag: Cause) -> dict[str, float | None]:
@@ -96,11 +95,10 @@ def _statistics(
     d = np.array([drag.parameters[f"d_{axis}"].value for axis in "xyz"])
     d[np.abs(d) < TINY] = TINY
     level = float(np.abs(d[:2]).mean())
-    known = max(_half(drag.parameters[f"d_{axis}"]) for axis in "xy") / level
+    known = max(drag.parameters[f"d_{axis}"].half for axis in "xy") / level
     tolerance = options.tolerance
-    weight = flights[0].weight
     tilt = tolerance.attitude / np.sqrt(len(flights))
-    off = weight * Z * np.array([tilt, tilt, np.hypot(tolerance.mass, tolerance.thrust)])
+    off = flights[0].weight * Z * np.array([tilt, tilt, np.hypot(tolerance.mass, tolerance.thrust)])
     out = {}
     for i, p in enumerate(GustyWind.parameters[:3]):
         half = float(np.hypot(force.mean[i, 1], off[i])) / abs(d[i])
@@ -115,10 +113,6 @@ def _statistics(
     time, lower, upper = force.correlation_time
     out["correlation_time"] = Estimate(time, "s", (lower, upper))
     return out
-
-
-def _half(estimate: Estimate) -> float:
-    return 0.5 * (estimate.ci95[1] - estimate.ci95[0])
 
 
 @dc.dataclass(frozen=True)
@@ -156,9 +150,8 @@ class GustOnset:
         return dict(known), dict(acts)
 
     def _left(self, e: FlightResiduals, acts: Begins) -> np.ndarray:
-        """Return (m, 15) the force through the drag, less that of the drag itself, which acts from then on."""
         assert isinstance(self.drag.effect, LinearDrag)
-        return self.through_drag[e.name] - drag_trace(e, self.drag.effect, acts)
+        return _without_drag(self.through_drag[e.name], e, self.drag.effect, acts)
 
     @property
     def _every(self) -> tuple[FlightResiduals, ...]:
@@ -193,8 +186,10 @@ def with_drag(ranking: Ranking) -> Ranking:
     if known is None or DRAG in key:
         return ranking
     drags = [i for i, c in enumerate(problem.candidates) if c.identifiers == (DRAG,) and not c.onset]
-    onset = _begins(ranking)
-    if onset:
+    # The slow force that is left may begin in flight: its own power pays for instants.
+    left = {e.name: ranking.best.residual(e) for e in problem.flights}
+    begins = wind_begins(problem.flights, left, {}, ranking.options)
+    if onset := {name: begin for name, begin in begins.items() if begin is not None}:
         late = [switched(problem.candidates[i], problem.flights, onset) for i in drags]
         drags += [len(problem.candidates) + k for k in range(len(late))]
         problem = problem.extended(late)
@@ -207,13 +202,5 @@ def with_drag(ranking: Ranking) -> Ranking:
         return ranking
     named = refit(problem, best, None, ranking.noise)
     probability = ranking.probability | {DRAG: float(1 / (1 + np.exp(-odds)))}
-    models = (best, *ranking.models)
-    fits = (named, *ranking.fits)
+    fits, models = (named, *ranking.fits), (best, *ranking.models)
     return dc.replace(ranking, fits=fits, problem=problem, models=models, probability=probability)
-
-
-def _begins(ranking: Ranking) -> Onset:
-    """Return the onsets in flight of the slow force that is left [s]: its own power pays for instants."""
-    flights = ranking.problem.flights
-    begins = wind_begins(flights, {e.name: ranking.best.residual(e) for e in flights}, {}, ranking.options)
-    return {name: begin for name, begin in begins.items() if begin is not None}

@@ -36,11 +36,20 @@ def position_p_value(flights: Sequence[FlightResiduals], residual: Mapping[str, 
     wind = wind_force(flights, residual, begins)
     x = np.concatenate([e.rows.x[:, P] for e in flights])
     middle, size = x.mean(axis=0), x.std(axis=0) + TINY
+    first, second = np.triu_indices(3)
     white = []
     for e in flights:
-        place = (_on_grid(e, P) - middle) / size
+        at = np.stack([np.interp(e.t, e.rows.t, axis) for axis in e.rows.x[:, P].T], axis=1)
+        place = (at - middle) / size
         dragged = np.hstack([*np.moveaxis(drags(e)[:, :2], 1, 0)])
-        level = np.hstack([forces(e, residual[e.name])[:, :2], dragged, binned(e, place), binned(e, _products(place))])
+        level = np.hstack(
+            [
+                forces(e, residual[e.name])[:, :2],
+                dragged,
+                binned(e, place),
+                binned(e, place[:, first] * place[:, second]),
+            ]
+        )
         pieces = [_about_its_mean(p, width(e), wind) for p in spans(e, level, begins.get(e.name))]
         if pieces:
             own = np.concatenate(pieces)
@@ -62,14 +71,3 @@ def _about_its_mean(span: np.ndarray, width: float, wind: WindForce) -> np.ndarr
     white = linalg.solve_triangular(root, np.column_stack([span, np.ones(len(span))]), lower=True)
     one = white[:, -1:]
     return white[:, :-1] - one @ (one.T @ white[:, :-1]) / np.sum(one**2)
-
-
-def _products(x: np.ndarray) -> np.ndarray:
-    """Return (m, 6) the products of every two of three columns."""
-    i, j = np.triu_indices(3)
-    return x[:, i] * x[:, j]
-
-
-def _on_grid(e: FlightResiduals, columns: slice) -> np.ndarray:
-    """Return (m, a) columns of the state on the grid."""
-    return np.stack([np.interp(e.t, e.rows.t, axis) for axis in e.rows.x[:, columns].T], axis=1)

@@ -164,8 +164,8 @@ def gust_probability(
     """
     seen = slow_force(flights, residual, options)
     both = slow_force([*flights, *held_out], {**residual, **held_out_residual}, options)
-    vehicle, thresholds = flights[0].vehicle, options.thresholds
-    matters = both.deviation > options.materiality.force * vehicle.mass * vehicle.gravity
+    thresholds = options.thresholds
+    matters = both.deviation > options.materiality.force * flights[0].weight
     shown = seen.log_evidence > thresholds.held_out_share * thresholds.slow_force_evidence
     lost = hidden and slow_power(flights, residual) < thresholds.held_out_share * slow_power(
         flights, {e.name: e.y for e in flights}

@@ -30,9 +30,7 @@ def wind_onset(
 ) -> Begin:
     """Return when the wind begins, given a known onset [s] (None: from the start; infinite: not at all).
 
-    Gusts show by their power at once, where their mean, by which an onset is found first, may take a second, or miss
-    it. What was known stays where a better one brings less than `gain` in log likelihood: it was found beside the
-    drag, which acts without gusts as well.
+    Gusts show by their power at once. What was known stays where a better one brings less than `gain`.
 
     Args:
         e: the flight.
@@ -84,9 +82,8 @@ def wind_begins(
 def still_air_loss(e: FlightResiduals, residual: np.ndarray, wind: WindForce, options: Options) -> np.ndarray:
     """Return (k,) the -2 log likelihood of the level forces in the bins before each bin, without a wind.
 
-    Ideal sensors leave white noise, as the wind has it
-    at least. A real attitude errs slowly as well, a Gauss-Markov process about the tolerance in size, whichever fits
-    best; its white noise is that of the whole flight.   Source: profile likelihood; own choice of the grid.
+    Ideal sensors leave white noise. A real attitude errs slowly as well, a Gauss-Markov process about the tolerance in
+    size, whichever fits best.   Source: profile likelihood; own choice of the grid.
 
     Args:
         e: the flight.
