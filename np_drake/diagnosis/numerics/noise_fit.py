@@ -42,20 +42,14 @@ def with_loudness(noise: NoiseModel, residuals: list[np.ndarray], flights: Seque
     Source: feasible generalised least squares with one variance for each group.
     """
     usual = np.sqrt(np.maximum(noise.innovation, 1e-300))
-    driven = [np.sqrt(np.mean(_innovations(noise, r) ** 2, axis=0)) for r in residuals]
+    channels = range(len(usual))
+    driven = [np.array([np.sqrt(np.mean(noise.driven_in(c, r[:, c]) ** 2)) for c in channels]) for r in residuals]
     own = [np.where(noise.active, np.maximum(d / usual, QUIETEST), 1.0) for d in driven]
     return dc.replace(noise, loudness=dict(zip(flights, own, strict=True)))
 
 
-def _innovations(noise: NoiseModel, residual: np.ndarray) -> np.ndarray:
-    """Return the innovations (m - p, c) of a residual (m, c)."""
-    return np.stack([noise.driven_in(c, residual[:, c]) for c in range(residual.shape[1])], axis=1)
-
-
 def no_worse(residuals: list[np.ndarray], before: list[np.ndarray]) -> list[np.ndarray]:
     """Return the residuals, except in channels that a fit has made worse: there return those `before` the fit.
-
-    A poor fit would otherwise raise the noise level and so excuse itself.
 
     Args:
         residuals: (m, c) residuals of each flight after the fit.

@@ -76,7 +76,7 @@ class RegressionProblem:
     @cached_property
     def _rest(self) -> Gram:
         """Gram matrix of the candidates with all nuisance in every model."""
-        return self.total.given(self._nuisance)[0]
+        return self.total.given(self._nuisance)
 
     def _gram(self, e: FlightResiduals) -> Gram:
         return e.gram(self.noise, [c.columns[e.name] for c in (*self.nuisance, *self.candidates)])

@@ -4,9 +4,8 @@ import dataclasses as dc
 from functools import cache
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from scipy import signal, sparse
-
-from np_drake.diagnosis.numerics import banded, filtered
 
 STEP = 0.02  # step of the grid [s]; own choice: rigid-body effects act below 15 Hz
 NEARLY = 0.1  # share of a row added before rounding down, for logs with jitter [1]; own choice
@@ -109,10 +108,10 @@ def _decimate(fine: np.ndarray, factor: int) -> np.ndarray:
         return fine
     half = TAPS * factor
     padded = np.concatenate([np.repeat(fine[:1], half, 0), fine, np.repeat(fine[-1:], half, 0)])
-    return filtered(_low_pass(factor), padded, factor)
+    return sliding_window_view(padded, 2 * half + 1, axis=0)[::factor] @ _low_pass(factor)
 
 
 @cache
 def _low_pass(factor: int) -> np.ndarray:
-    """Return the taps of the low-pass as a banded matrix; cached, because design costs more than application."""
-    return banded(signal.firwin(2 * TAPS * factor + 1, 0.8 / factor), factor)
+    """Return the taps of the low-pass; cached, because design costs more than application."""
+    return signal.firwin(2 * TAPS * factor + 1, 0.8 / factor)
