@@ -42,10 +42,8 @@ class LinearModel:
         # Linearised about the fit z0: y - h(z) = y - h(z0) + J (z0 - neutral) - J (z - neutral), in scaled parameters.
         J = scaled_jacobian(fit.everything, free, e)
         target = e.y - predicted_residual(e, fit.everything) + J @ away
-        columns = [J @ self._root, *(c.columns[e.name] for c in (*drifting, *self.structure)), target[..., None]]
-        products = ranking.noise.products([e.bridged(X) for X in columns], e.name)
-        rows = len(e.t) - ranking.noise.phi.shape[1]
-        return Gram(products[:-1, :-1], products[:-1, -1], float(products[-1, -1]), rows)
+        columns = [J @ self._root, *(c.columns[e.name] for c in (*drifting, *self.structure))]
+        return e.gram(ranking.noise, columns, target)
 
     def evidence(self, without: Collection[int] = (), structure: Sequence[int] = ()) -> float:
         """Return the log evidence, priors of structure included, without some terms and with some structure [nat].

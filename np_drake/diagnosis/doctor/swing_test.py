@@ -91,13 +91,9 @@ def _fitted(
 
 
 def _regression(y, X, pieces: Sequence[slice], noise: NoiseModel, temperature: float) -> tuple[np.ndarray, float]:
-    total = Gram(np.zeros((X.shape[-1],) * 2), np.zeros(X.shape[-1]), 0.0, 0)
-    for rows in pieces:
-        products = noise.products([X[rows], y[rows][..., None]])
-        total += Gram(products[:-1, :-1], products[:-1, -1], float(products[-1, -1]), rows.stop - rows.start)
-    every = np.arange(X.shape[-1])
-    total = total.tempered(temperature)
+    products = sum(noise.products([X[rows], y[rows][..., None]]) for rows in pieces) / temperature
+    total, every = Gram(products[:-1, :-1], products[:-1, -1]), np.arange(X.shape[-1])
     mean, _ = total.posterior(every)
-    samples = (total.samples - len(pieces) * noise.phi.shape[1]) / temperature
+    samples = sum(rows.stop - rows.start - noise.phi.shape[1] for rows in pieces) / temperature
     spread = float(np.log(np.diag(noise.mixing)[noise.active]).sum())
-    return mean, total.log_evidence(every) - 0.5 * total.yy + samples * spread
+    return mean, total.log_evidence(every) - 0.5 * float(products[-1, -1]) + samples * spread

@@ -24,7 +24,6 @@ class Fit:
     terms, calibration: fitted terms.
     free, values: free parameters and their values (k,) in physical units; covariance (k, k): of these.
     log_evidence: log evidence of the model on the flights of the fit [nat].
-    loss: whitened sum of squares on these flights; samples: number of their rows.
     sensor_drift: by flight, (m, 15) contribution of linear nuisance: sensor errors and calibration.
     calibrated: parts of it that all flights share, as columns on any flight with their coefficients.
     onset_prior: log prior of the onsets.
@@ -36,8 +35,6 @@ class Fit:
     values: np.ndarray
     covariance: np.ndarray
     log_evidence: float
-    loss: float
-    samples: int
     sensor_drift: dict[str, np.ndarray] = dc.field(default_factory=dict)
     onset_prior: float = 0.0
     calibrated: tuple[tuple[Callable[[FlightResiduals], np.ndarray], np.ndarray], ...] = ()
@@ -88,11 +85,8 @@ def refine(
     everything = [*terms, *(t for t, _ in calibration)]
     scales = {len(terms) + i: s for i, (_, s) in enumerate(calibration)}
     free = free_parameters(everything, flights, scales, priors)
-    scale = np.array([f.scale for f in free])
-    neutral = np.array([f.neutral for f in free])
-    root = 1.0 / np.sqrt(temperature)
-
-    n, sizes_of = len(free), [c.size for c in linear]
+    scale, neutral, lower, upper = np.array([(f.scale, f.neutral, f.lower, f.upper) for f in free]).reshape(-1, 4).T
+    root, n, sizes_of = 1.0 / np.sqrt(temperature), len(free), [c.size for c in linear]
     k = sum(sizes_of)
     sizes = [(len(e.t) - noise.phi.shape[1]) * noise.phi.shape[0] for e in flights]
     spans = [slice(*ends) for ends in pairwise(np.cumsum([0, *sizes]).tolist())]
@@ -127,8 +121,7 @@ def refine(
             np.multiply(columns.reshape(-1, n), -root, out=J[own, :n])
         return J
 
-    lower = np.array([f.lower for f in free]) / scale
-    upper = np.array([f.upper for f in free]) / scale
+    lower, upper = lower / scale, upper / scale
     start = np.clip(read(everything, free) / scale, lower + 1e-6, upper - 1e-6)
     wide = np.full(k, 20.0)  # bounds of linear coefficients, in deviations of their prior
     best = minimise(
@@ -156,8 +149,6 @@ def refine(
         best.z[:n] * scale,
         covariance * np.outer(scale, scale),
         float(-best.cost - 0.5 * logdet + np.linalg.slogdet(W)[1]),
-        float(np.sum(best.residual[: -(n + k)] ** 2)),
-        sum(len(e.t) for e in flights),
         drifted,
         calibrated=tuple((c.generic, own) for c, own in parts if c.generic),
     )
@@ -182,7 +173,8 @@ def scaled_jacobian(now: Sequence[Term], free: Sequence[Free], flight: FlightRes
     for k, f in enumerate(free):
         if f.flight and f.flight != flight.name:
             continue
-        step = max(0.01 * scale[k], _least_step(now[f.term], flight))
+        # A force at rows changes with a delay only when a jump of the held command passes a row.
+        step = max(0.01 * scale[k], flight.log.step if now[f.term].effect.pure_delay else 0.0)
         if values[k] + step > f.upper:
             step = -step
         moved = write(now, [f], np.array([values[k] + step]))
@@ -202,20 +194,8 @@ def scaled_jacobian(now: Sequence[Term], free: Sequence[Free], flight: FlightRes
     return columns
 
 
-def _least_step(term: Term, flight: FlightResiduals) -> float:
-    """Return the least step of a parameter for its derivative, in its unit.
-
-    A held command jumps at every row, and a force at rows changes with a delay only when a jump passes a row. The step
-    must be long enough to contain one.
-    """
-    return flight.log.step if term.effect.pure_delay else 0.0
-
-
 def _group(terms: Sequence[Term], i: int) -> tuple[int, ...]:
-    """Return the positions of the terms whose predicted residuals interact with that of term i.
-
-    A payload is taken as independent of other mass effects, which holds to first order.
-    """
+    """Return the positions of the terms whose predicted residuals interact with that of term i, to first order."""
 
     def alone(t: Term) -> bool:
         sensor = isinstance(t.effect, SensorEffect) and not t.effect.shifts_commands

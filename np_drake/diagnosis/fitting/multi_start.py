@@ -46,8 +46,8 @@ def refit(
 def first_fit(problem: RegressionProblem, model: Model, iterations: int) -> Fit:
     """Fit a model's parameters where no fit is known; its residual becomes the noise of the next.
 
-    A swing that is not yet fitted is part of the noise, whose resonance then hides it. The start is therefore the swing
-    that suits the posterior's other parameters, flight by flight, under white noise.
+    A swing that is not yet fitted is part of the noise, whose resonance hides it: the start is that which suits the
+    posterior's other parameters, flight by flight, under white noise.
 
     Args:
         problem: the regression that holds the candidates.
@@ -57,9 +57,8 @@ def first_fit(problem: RegressionProblem, model: Model, iterations: int) -> Fit:
     flights, terms = problem.flights, _terms_at_posterior(problem, model)
     if not any(t.has_hidden_state for t in terms):
         return refit(problem, model, None, iterations=iterations)
-    same_scale = scale_only(
-        [e.known(e.bridged(e.y - predicted_residual(e, terms))) for e in flights], flights[0].grid.step
-    )
+    left = [e.known(e.bridged(e.y - predicted_residual(e, terms))) for e in flights]
+    same_scale = scale_only(left, flights[0].grid.step)
     return _descend(problem, model, _swung(terms, problem, same_scale), same_scale, iterations)
 
 
@@ -80,14 +79,10 @@ def restart(problem: RegressionProblem, model: Model, fit: Fit, noise: NoiseMode
 
 
 def _descend(problem: RegressionProblem, model: Model, start: list[Term], noise: NoiseModel, iterations: int) -> Fit:
-    drifting = [c for c in problem.nuisance if c.variant == LINEAR]
     fit = refine(
-        start,
-        calibration_terms(problem.flights[0].vehicle, problem.options.tolerance),
-        problem.flights,
-        noise,
+        *(start, calibration_terms(problem.flights[0].vehicle, problem.options.tolerance), problem.flights, noise),
         temperature=problem.temperature,
-        linear=drifting,
+        linear=[c for c in problem.nuisance if c.variant == LINEAR],
         white=partial(problem.white, noise),
         evaluations=iterations,
         priors=problem.options.priors,

@@ -115,9 +115,7 @@ class SwingFit:
         return best
 
     def posterior_swings(self, free: slice) -> np.ndarray:
-        """Return deviations (`WAYS`, size) from the term's own swing, drawn from the posterior of its free entries.
-
-        The draws are quasi-random and the same at each call.
+        """Return deviations (`WAYS`, size) from the term's own swing, quasi-random draws of its posterior.
 
         Source: Laplace approximation.
         """
@@ -148,9 +146,7 @@ class SwingFit:
 def fitted_to_whole_flight(
     terms: Sequence[Term], flight: FlightResiduals, noise: NoiseModel, priors: Priors
 ) -> list[Term]:
-    """Return the terms with hidden states, jumps included, that fit the whole flight.
-
-    What remains of the flight is then not due to the swing. These swings are no prediction: they have seen the flight.
+    """Return the terms with hidden states, jumps included, that fit the whole flight; they are no prediction.
 
     Args:
         terms: terms of a model, with their onsets and hidden states.

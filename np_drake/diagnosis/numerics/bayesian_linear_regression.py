@@ -17,23 +17,21 @@ AT_ONCE = 200_000  # matrix entries of the sets that are solved together
 
 @dc.dataclass(frozen=True)
 class Gram:
-    """Sufficient statistics of a regression: X'X (k, k), X'y (k,), y'y and the number of samples."""
+    """Statistics of a regression on which its posterior depends: X'X (k, k) and X'y (k,)."""
 
     XX: np.ndarray
     Xy: np.ndarray
-    yy: float
-    samples: int
 
     def __add__(self, other: "Gram") -> "Gram":
-        return Gram(self.XX + other.XX, self.Xy + other.Xy, self.yy + other.yy, self.samples + other.samples)
+        return Gram(self.XX + other.XX, self.Xy + other.Xy)
 
     def tempered(self, temperature: float) -> "Gram":
         """Return the statistics as if the noise had `temperature` times its variance."""
-        return Gram(self.XX / temperature, self.Xy / temperature, self.yy / temperature, self.samples)
+        return Gram(self.XX / temperature, self.Xy / temperature)
 
     def only(self, index: np.ndarray) -> "Gram":
         """Return the statistics of the columns `index` alone."""
-        return Gram(self.XX[np.ix_(index, index)], self.Xy[index], self.yy, self.samples)
+        return Gram(self.XX[np.ix_(index, index)], self.Xy[index])
 
     def given(self, n: int) -> "Gram":
         """Return the statistics of the other columns when every model holds the first n.
@@ -45,7 +43,7 @@ class Gram:
         factor = np.linalg.cholesky(self.XX[:n, :n] + np.eye(n))
         B = np.linalg.solve(factor, self.XX[:n, n:])
         b = np.linalg.solve(factor, self.Xy[:n])
-        return Gram(self.XX[n:, n:] - B.T @ B, self.Xy[n:] - B.T @ b, float(self.yy - b @ b), self.samples)
+        return Gram(self.XX[n:, n:] - B.T @ B, self.Xy[n:] - B.T @ b)
 
     def log_evidence(self, index: np.ndarray) -> float:
         """Return the log evidence of the columns `index`, less that of the empty model [nat]."""

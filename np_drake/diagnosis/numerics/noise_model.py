@@ -80,7 +80,7 @@ class NoiseModel:
         """
         phi, values = self.phi[channel], np.ascontiguousarray(values, float)
         driven = values[len(phi) :]
-        if phi.any():
+        if phi.any() and len(driven):
             driven = driven - sliding_window_view(values[:-1], len(phi), axis=0) @ phi[::-1]
         return driven if flight not in self.loudness else driven / self.loudness[flight][channel]
 

@@ -14,9 +14,12 @@ import numpy as np
 from scipy import signal
 from scipy.cluster.vq import kmeans2
 
+from np_drake import attitude
 from np_drake.diagnosis.options import Priors
 from np_drake.diagnosis.regressors.library import Candidate
-from np_drake.diagnosis.residuals import FlightResiduals, FlightState, flight_state
+from np_drake.diagnosis.residuals import WRENCH, FlightResiduals
+from np_drake.effects.random_sizes import arm
+from np_drake.rigid_body import P, V
 
 PREFIX = "unknown:"
 RESONANCES = (0.4, 0.6, 0.8, 1.05, 1.4, 1.8, 2.4, 3.2, 4.2)  # [Hz]
@@ -27,6 +30,38 @@ WORDS = {  # by what a log holds: what drives the twist, the thrust, and another
     "command": ("the commanded torque", "its command", "the command"),
     "rotor_speed": ("the torque of the rotors", "the square of rotor speed", "that"),
 }
+# Variance of an axis over that of its noise, below which it is no regressor [1]; own choice.
+LEAST_SIGNAL_TO_NOISE = 4.0
+
+
+class FlightState:
+    """State of a flight on its grid, with noise removed from velocity and body rates.
+
+    v, w (m, 3): velocity and body rates in B [m/s, rad/s]; p (m, 3): position in W [m]; R (m, 3, 3): R_WB.
+    u (m, 4): nominal thrust and torques [N, N·m]; rotor (m, 4): nominal rotor thrusts [N].
+    torque_unit (3,): lever arms that scale torque priors [m]; weight [N]; gravity [m/s²]; step [s].
+    """
+
+    def __init__(self, e: FlightResiduals):
+        self.vehicle, self.weight, self.gravity, self.step = e.vehicle, e.weight, e.vehicle.gravity, e.grid.step
+        v_B = attitude.rotate_back(e.mids.q, e.wrench_states[1][:, V])
+        self.v, self.w = _above_noise(e.from_mids(v_B), e.log.v), _above_noise(e.w, e.log.w)
+        self.p, self.R = e.from_mids(e.mids.x[:, P]), e.from_mids(attitude.rotation_matrix(e.mids.q))
+        self.u = e.nominal[:, 2:]
+        self.rotor = self.u @ e.vehicle.unmixer.T
+        self.torque_unit = arm(e.vehicle) * np.array([0.3, 0.3, 0.1])
+
+
+def _above_noise(values: np.ndarray, read: np.ndarray) -> np.ndarray:
+    """Return values (m, 3) with each axis shrunk by its share of signal, given the white noise of the readings (n, 3).
+
+    An axis that hardly moves is mostly noise, which its derivative shares. The noise is the mean over the three axes,
+    because v is rotated from W to B.   Source: Wiener gain.
+    """
+    noise = np.mean(np.diff(read, n=2, axis=0) ** 2) / 6.0  # second differences have six times the variance
+    return values * np.clip(1 - LEAST_SIGNAL_TO_NOISE * noise / np.maximum(values.var(axis=0), 1e-12), 0.0, 1.0)
+
+
 Pushes = Callable[[FlightState], np.ndarray]  # (m, 6, k) force and torque in B in units of their prior
 
 
@@ -37,7 +72,7 @@ def generic_candidates(flights: Sequence[FlightResiduals], priors: Priors) -> li
         flights: the flights.
         priors: priors of parameters, swings and onsets.
     """
-    states = {e.name: flight_state(e) for e in flights}
+    states = {e.name: FlightState(e) for e in flights}
     lacks = {quantity for e in flights for quantity in e.log.lacks}
     torque, thrust, other = WORDS["rotor_speed" if flights[0].log.input == "rotor_speed" else "command"]
     found = [
@@ -70,13 +105,11 @@ def generic_candidates(flights: Sequence[FlightResiduals], priors: Priors) -> li
 
 def _candidate(flights, states, priors: Priors, name, text, pushes: Pushes, log_prior=0.0, figures=None) -> Candidate:
     def columns(e: FlightResiduals, pushes: Pushes = pushes) -> np.ndarray:
-        state = states.get(e.name) or flight_state(e)
-        weight = e.weight
-        arm = float(np.mean(np.linalg.norm(np.array(e.vehicle.rotor_positions), axis=1)))
-        size = priors.generic_size * weight * np.array([1, 1, 1, 0.3 * arm, 0.3 * arm, 0.1 * arm])
+        state = states.get(e.name) or FlightState(e)
+        size = priors.generic_size * e.weight * np.append(np.ones(3), state.torque_unit)
         unscaled = pushes(state)
         X = np.zeros((*e.y.shape, unscaled.shape[-1]))
-        X[:, :6] = size[:, None] * unscaled
+        X[:, WRENCH] = size[:, None] * unscaled
         return X
 
     return Candidate(
@@ -131,7 +164,7 @@ def _thrust_curve(s: FlightState) -> np.ndarray:
     """Return square and cube of every rotor's relative thrust, the same curve for all four rotors."""
     relative = s.rotor / s.rotor.mean() - 1
     powers = np.stack([relative**2, relative**3], axis=2)
-    u = np.einsum("ij,mjk->mik", s.mixer, powers)
+    u = np.einsum("ij,mjk->mik", s.vehicle.mixer, powers)
     out = np.zeros((len(u), 6, 2))
     out[:, 2] = 4 * u[:, 0]
     out[:, 3:] = u[:, 1:] * (1.0 / s.torque_unit)[:, None]
@@ -182,8 +215,7 @@ def _oscillator(omega: float, damping: float, step: float) -> tuple[np.ndarray, 
 def _resonance(frequency: float, damping: float = DAMPING) -> Pushes:
     """Return the response of a lightly damped resonance to the motion: force along an axis, torque across.
 
-    Each has two phases. The input is the acceleration that the command gives. The measured one contains every force and
-    would explain itself.
+    Each has two phases. The input is the acceleration that the command gives: the measured one would explain itself.
     """
     omega = 2 * np.pi * frequency
 
@@ -203,8 +235,7 @@ def _resonance(frequency: float, damping: float = DAMPING) -> Pushes:
 def _twist(frequency: float, damping: float = DAMPING, *, priors: Priors) -> Pushes:
     """Return the torque of a lightly damped resonance that the commanded torque drives, separately for every axis.
 
-    With G = w² / (D² + 2 z w D + w²) the columns are G, D G / w, G² and D G² / w. They span G and its derivatives by w
-    and z, so that a resonance between two grid frequencies, or with other damping, is matched to first order.
+    With G = w² / (D² + 2 z w D + w²) the columns are G, D G / w, G² and D G² / w: its derivatives by w and z.
     """
     omega = 2 * np.pi * frequency
 

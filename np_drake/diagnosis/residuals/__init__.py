@@ -25,5 +25,4 @@ from np_drake.diagnosis.residuals.outliers import (
     bridge,
     find_outliers,
 )
-from np_drake.diagnosis.residuals.regressor_signals import FlightState, flight_state
 from np_drake.diagnosis.residuals.resampling import Resampler, natural_step

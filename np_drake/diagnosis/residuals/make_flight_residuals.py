@@ -8,10 +8,11 @@ import numpy as np
 from np_drake import attitude
 from np_drake.diagnosis.residuals.accelerations import Instants, make_instants
 from np_drake.diagnosis.residuals.attitude_smoothing import smooth_attitude
-from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals, after_rows, row_resampler
-from np_drake.diagnosis.residuals.resampling import STEP, Resampler, make_grid
+from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals, after_rows
+from np_drake.diagnosis.residuals.resampling import STEP, make_grid
 from np_drake.diagnosis.residuals.rotor_thrust import Rotors
 from np_drake.flight_log import FlightLog
+from np_drake.rigid_body import V, W
 from np_drake.vehicle import Vehicle
 
 LEAST_DURATION = 3.0  # least duration of a flight [s]; own choice
@@ -46,25 +47,20 @@ def make_flight_residuals(
     since = _settled(log, vehicle, force[:, 2:], others[:, :3]) if since is None else since
     first, last = (log.t[0], log.t[-1]) if vehicle.described else _clear_of_ground(log)
     grid = make_grid(log.t[(log.t >= max(since, first)) & (log.t <= last)], step)
-    from_rows, from_mids = row_resampler(grid, log), Resampler.of_intervals(grid, log.t)
-    y = np.concatenate([from_rows(force), from_mids(others)], axis=1)
-    u_rows, u_mids = thrust_rows @ vehicle.mixer.T, thrust_mids @ vehicle.mixer.T
-    f = u_mids[:, :1] if log.a is None else u_rows[:, :1]
-    nominal = np.concatenate([np.zeros((len(grid), 2)), from_rows(f), from_mids(u_mids[:, 1:])], axis=1)
-    w = from_mids(mids.x[:, 10:13])
-    none = np.zeros(len(grid), bool)
-    found = FlightResiduals(
-        *(log, vehicle, grid, y, rows, mids, thrust_rows, thrust_mids, nominal, w, noise, turned, none, none),
+    none, still = np.zeros(len(grid), bool), np.zeros((len(grid), 6))
+    e = FlightResiduals(
+        *(log, vehicle, grid, still, rows, mids, thrust_rows, thrust_mids, still, still, noise, turned, none, none),
         knows_torque=knows_torque,
     )
-    return dc.replace(found, y=found.known(y))
+    y = np.concatenate([e.from_rows(force), e.from_mids(others)], axis=1)
+    u_rows, u_mids = thrust_rows @ vehicle.mixer.T, thrust_mids @ vehicle.mixer.T
+    f = u_mids[:, :1] if log.a is None else u_rows[:, :1]
+    nominal = np.concatenate([still[:, :2], e.from_rows(f), e.from_mids(u_mids[:, 1:])], axis=1)
+    return dc.replace(e, y=e.known(y), nominal=nominal, w=e.from_mids(mids.x[:, W]))
 
 
 def _clear_of_ground(log: FlightLog) -> tuple[float, float]:
-    """Return the times between take-off and landing [s]: where the log begins or ends near the ground, those are cut.
-
-    A vehicle that rolls off, bounces or settles has forces of contact, and an estimator that still converges.
-    """
+    """Return the times between take-off and landing [s]: near the ground there are forces of contact."""
     z = log.p[:, 2]
     least = min(CLEAR, 0.5 * float(np.median(z)))
     above = log.t[z >= least]
@@ -83,8 +79,7 @@ def _with_torque(log: FlightLog) -> tuple[FlightLog, bool]:
 def _settled(log: FlightLog, vehicle: Vehicle, thrust: np.ndarray, torque: np.ndarray) -> float:
     """Return the time from which rotor thrust follows from the commands alone [s].
 
-    Rotors with lag may not have held the first command before the log began. thrust (n, 1) [N] and torque (n-1, 3)
-    [N·m] are the residuals that rotors which did would leave.
+    thrust (n, 1) [N] and torque (n-1, 3) [N·m]: residuals if rotors held the first command before the log began.
     """
     lag = 0.0 if log.input == "rotor_speed" else vehicle.rotor_time_constant
     first = max(1, int(np.sum(log.t[1:] <= log.t[0] + STEP)))
@@ -124,10 +119,10 @@ def _channels(
         e_a[:, 2] -= after_rows(f, u_mids[:, 0]) / vehicle.mass
     force = vehicle.mass * s
     force[:, 2] -= f
-    w = mids.x[:, 10:13]
+    w = mids.x[:, W]
     al = np.diff(log.w, axis=0) / dt
     torque = al @ vehicle.J.T + np.cross(w, w @ vehicle.J.T) - u_mids[:, 1:]
-    e_v = attitude.rotate_back(mids.q, np.diff(log.p, axis=0) / dt - mids.x[:, 7:10])
+    e_v = attitude.rotate_back(mids.q, np.diff(log.p, axis=0) / dt - mids.x[:, V])
     turn = attitude.rotation_vector(attitude.multiply(attitude.conjugate(log.q[:-1]), log.q[1:])) / dt
     return force, np.concatenate([torque, e_v, e_a, turn - w], axis=1)
 

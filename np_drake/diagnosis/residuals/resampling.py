@@ -52,7 +52,7 @@ def make_grid(t: np.ndarray, step: float | None = None) -> Grid:
 
 
 class Resampler:
-    """Linear map from values of a flight to its grid; the weights (fine rows, n) are computed once.
+    """Linear map from values of a flight to its grid.
 
     Args:
         grid: of the flight.
@@ -80,8 +80,7 @@ class Resampler:
     def of_intervals(cls, grid: Grid, t: np.ndarray) -> "Resampler":
         """Return the map of means over the intervals between instants t (n + 1,) [s].
 
-        A row of the fine grid is the mean over a step about it, by overlap. So an integral is kept, whatever the
-        lengths of the intervals: white noise of the integrated readings stays differentiated white noise.
+        A row of the fine grid is the mean over a step about it, by overlap, so that an integral is kept.
 
         Args:
             grid: of the flight.
@@ -107,7 +106,7 @@ def _decimate(fine: np.ndarray, factor: int) -> np.ndarray:
     if factor == 1:
         return fine
     half = TAPS * factor
-    padded = np.concatenate([np.repeat(fine[:1], half, 0), fine, np.repeat(fine[-1:], half, 0)])
+    padded = np.pad(fine, ((half, half), (0, 0)), mode="edge")
     return sliding_window_view(padded, 2 * half + 1, axis=0)[::factor] @ _low_pass(factor)
 
 

@@ -47,9 +47,8 @@ class Rotors:
     def thrust(self, effects: Sequence[ActuatorEffect], *, shift: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
         """Return thrust (n, 4) at the rows, right-sided, and its means (n-1, 4) between rows [N].
 
-        Commands are held between rows, shifted, and passed through the effects, including their dead time. Their time
-        counts from the first row. The lag of the vehicle file acts unless `effects` contain a lag. Measured rotor speed
-        (`log.input`) is interpolated instead of held, unless it steps, and passes propeller effects only.
+        Commands are held between rows. The lag of the vehicle file acts unless `effects` contain a lag. Measured rotor
+        speed is interpolated, unless it steps, and passes propeller effects only.
 
         Args:
             effects: actuator effects in the order in which they act.
@@ -100,8 +99,7 @@ class Rotors:
         """(m, 4) commanded or measured thrust at substeps [N]."""
         if self._steps or not self._measured:
             return self._held(0.0)
-        read, _ = self._read
-        return np.stack([np.interp(self._t, self._row_t, read[:, i]) for i in range(4)], axis=1)
+        return np.stack([np.interp(self._t, self._row_t, rotor) for rotor in self._read[0].T], axis=1)
 
     def _held(self, shift: float) -> np.ndarray:
         command = np.maximum(self._log.u @ self._vehicle.unmixer.T, 0.0)
@@ -124,8 +122,7 @@ def _repeats(u: np.ndarray) -> bool:
 def _held(t_row: np.ndarray, command: np.ndarray, t: np.ndarray, h: float) -> np.ndarray:
     """Return the mean (m, 4) over [t, t + h] of a command that is held between rows and beyond both ends."""
     total = np.concatenate([np.zeros((1, 4)), np.cumsum(command[:-1] * np.diff(t_row)[:, None], axis=0)])
-    first, last = t_row[0] - 1e3, t_row[-1] + 1e3
-    knots = np.concatenate([[first], t_row, [last]])
+    knots = np.concatenate([[t_row[0] - 1e3], t_row, [t_row[-1] + 1e3]])
     total = np.concatenate([command[:1] * -1e3, total, total[-1:] + command[-1:] * 1e3])
     edges = np.append(t, t[-1] + h)
     at = np.stack([np.interp(edges, knots, total[:, i]) for i in range(4)], axis=1)
@@ -135,9 +132,8 @@ def _held(t_row: np.ndarray, command: np.ndarray, t: np.ndarray, h: float) -> np
 def read_thrust(log: FlightLog, vehicle: Vehicle) -> tuple[np.ndarray, np.ndarray]:
     """Return rotor thrust (n, 4) at the rows [N] and the deviation (4,) of noise in thrust and torques [N, N·m].
 
-    Thrust and torques are filtered, not the rotors: each has a spectrum of its own, and the rotors share theirs.
-    Where the measured motion responds to the apparent noise, that is real thrust: the readings are returned unfiltered,
-    with zero noise.
+    Thrust and torques are filtered, as each has a spectrum of its own. Where the measured motion responds to the
+    apparent noise, the readings are returned unfiltered, with zero noise.
 
     Args:
         log: the flight log.
