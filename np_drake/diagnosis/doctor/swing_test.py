@@ -18,9 +18,9 @@ from np_drake.diagnosis.doctor.log_report import SwingTest
 from np_drake.diagnosis.numerics import Gram, NoiseModel, fit_noise, scale_only
 from np_drake.diagnosis.options import Options, Priors
 from np_drake.diagnosis.regressors import AT_REST, payloads_of
-from np_drake.diagnosis.regressors.payload import SWING_TEST_LENGTHS
 from np_drake.diagnosis.residuals import FlightResiduals
 
+SWING_TEST_LENGTHS = np.geomspace(0.15, 2.5, 32)  # of pendulums in the swing test [m]: 9 % apart
 LATERAL = slice(0, 2)  # channels: force across body z
 PIECE = 10.0  # of a flight, each with a swing of its own [s]: longer, and a linear swing is out of step
 MOST_PIECES = 6  # of a flight that are used

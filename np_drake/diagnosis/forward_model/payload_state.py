@@ -113,7 +113,7 @@ def padded(hidden: np.ndarray | None, size: int) -> np.ndarray:
 
 
 def _at_hooks(motion: np.ndarray, hooks: np.ndarray) -> np.ndarray:
-    """Return the motion (n-1, m, 3) of hooks (m, 3) in W at the middles of the grid's steps; m is 1 where all are the same.
+    """Return the motion (n-1, m, 3) in W of hooks (m, 3) at the middles of the grid's steps; m is 1 where all are one.
 
     motion: (n-1, 3, 4) of Bo and of its levers, `FlightResiduals.driving` [m/s², 1/s²] or `moving` [m/s, 1/s].
     """

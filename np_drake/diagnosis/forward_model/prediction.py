@@ -122,7 +122,7 @@ def _thrust(flight: FlightResiduals, terms: Sequence[Term]) -> Thrust:
 
 
 def _acting(flight: FlightResiduals, terms: Sequence[Term], kind: type[Effect]) -> Iterator[tuple[float, tuple]]:
-    """Yield every onset [s] of effects of a kind in a flight (-`NEVER`: the start), with those that act from then on."""
+    """Yield every onset [s] of effects of a kind in a flight (-`NEVER`: the start), with those that act from then."""
     acting = [(t.effect, t.begins(flight.name) or -NEVER) for t in terms if isinstance(t.effect, kind)]
     for onset in sorted({begin for _, begin in acting} - {NEVER}):
         yield onset, tuple(effect for effect, begin in acting if begin <= onset)

@@ -78,8 +78,7 @@ def calibration(flights: Sequence[FlightResiduals], tolerance: Tolerance) -> lis
 def tolerance_of(flights: Sequence[FlightResiduals]) -> Tolerance:
     """Return the tolerance for real sensors, or for ideal ones where the logs look like those of a simulator.
 
-    These have attitudes without noise, commands in newtons, and state when a command acts. An estimator's attitude has
-    little noise as well, but such logs miss one of the others.
+    These have attitudes without noise, commands in newtons, and state when a command acts.
     """
     ideal = all(
         e.attitude_noise <= REAL_ATTITUDE_NOISE and e.log.input == "command" and e.knows_torque and e.log.timing == 0
@@ -114,9 +113,8 @@ def with_input(options: Options, flights: Sequence[FlightResiduals]) -> Options:
 def command_timing(flights: Sequence[FlightResiduals]) -> float:
     """Return the deviation of the time at which a row's command acts [s].
 
-    It is what the logs state, or half a row where the flights show that the command of a row does not act from it until
-    the next: so a command looks that changed between the rows, as in a log of which rows were left out. Lags and delays
-    look the other way. A vehicle file can state that commands are held (`command_timing: held`).
+    It is what the logs state, or half a row where motion is ahead of commands, as in a log of which rows were left out.
+    A vehicle file can state that commands are held (`command_timing: held`).
     """
     if flights[0].measured_rotors:
         return 0.0

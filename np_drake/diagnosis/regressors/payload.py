@@ -18,8 +18,6 @@ SMALL = 0.02  # difference quotients: of a swing [rad], of a length, relative [1
 WIDEST = 1.2  # swing [rad], and with the natural rate its rate, that a guess may have
 LONGEST_TETHER, SHORTEST_TETHER = 3.0, 0.1  # that a guess may have [m]
 SEARCH_LENGTHS = (0.15, 2.5, 96)  # of tethers in the search: shortest, longest [m], number: 3 % apart
-SWING_TEST_LENGTHS = np.geomspace(0.15, 2.5, 32)  # of pendulums in the swing test [m]: 9 % apart
-TRACE_LENGTHS = np.geomspace(0.3, 1.5, 5)  # of tethers at which an examination asks for a payload [m]; own choice
 MOST_DAMPING = 1.0  # that a guess may have [1/s]
 LEAST_MASS_DEVIATIONS = 2.0  # least mass over its posterior deviation [1]; own choice
 LIGHTEST = 0.02  # least mass, as a share of `unit`, by which products with the mass are divided [1]
@@ -97,11 +95,9 @@ class PayloadColumns:
     def log_prior(self) -> float:
         """Log prior of swings and damping of the guess; deviations from the guess have their own prior."""
         spans = {name: span.stop - span.start for name, span in self.swings.items()}
-        relative = [
-            self.guess.at(name, n) / (self.priors.swing * swing_units(n, self.rate)) for name, n in spans.items()
-        ]
-        damping = self.guess.damping / self.priors.damping
-        return -0.5 * float(np.sum(np.concatenate(relative) ** 2) + damping**2)
+        swings = [self.guess.at(name, n) / swing_units(n, self.rate) for name, n in spans.items()]
+        relative = np.concatenate(swings) / self.priors.swing
+        return -0.5 * float(np.sum(relative**2) + (self.guess.damping / self.priors.damping) ** 2)
 
     def moved(self, c: np.ndarray) -> Guess:
         """Return the guess to which coefficients (k,) point.
@@ -154,8 +150,8 @@ class PayloadColumns:
 def heavy_enough(mean: np.ndarray, covariance: np.ndarray) -> Mended:
     """Return coefficients (k,) conditioned on a mass that is significantly positive, and its log probability.
 
-    Hook and swing are known by their products with the mass. A mass that is too small or negative makes them too large
-    for the descent to return. This occurs where the tolerance of the vehicle file is as large as the payload's mass.
+    Hook and swing are known by their products with the mass: one that is too small makes them too large for the descent
+    to return.
 
     Args:
         mean: (k,) posterior mean, the mass first, in units of the prior's deviations.

@@ -8,28 +8,9 @@ import numpy as np
 from np_drake import attitude
 from np_drake.diagnosis.forward_model import NEVER, STATE, hidden_size, specific_pull, swing_units
 from np_drake.diagnosis.options import Priors
-from np_drake.diagnosis.regressors.library import PAYLOAD, Candidate, Onset
+from np_drake.diagnosis.regressors.library import Onset
 from np_drake.diagnosis.regressors.payload import AT_REST, SHAPE, SMALL, Guess, PayloadColumns
 from np_drake.diagnosis.residuals import FORCE, TORQUE, FlightResiduals
-from np_drake.effects.library import LIBRARY
-
-
-def payload_candidates(
-    flights: Sequence[FlightResiduals], lengths: np.ndarray, priors: Priors, onset: Onset | None = None
-) -> list[Candidate]:
-    """Return payload candidates at each tether length, with columns for all channels.
-
-    The list is empty where the library has no payload.
-
-    Args:
-        flights: the flights.
-        lengths: of tethers [m].
-        priors: of mass, hook and swing.
-        onset: when the payload is hung, by flight [s].
-    """
-    if PAYLOAD not in LIBRARY:
-        return []
-    return [columns.candidate(flights) for columns in payloads_of(flights, lengths, priors, onset)]
 
 
 def payloads_of(
@@ -37,8 +18,7 @@ def payloads_of(
 ) -> list[PayloadColumns]:
     """Return payload columns at each fixed tether length.
 
-    Mass, hook (through torque) and the initial swing of every flight are free; there is no damping. All lengths
-    together cost little more than one.
+    Mass, hook (through torque) and the initial swing of every flight are free; there is no damping.
 
     Args:
         flights: the flights.
