@@ -16,8 +16,16 @@ from np_drake.diagnosis.regressors.library import (
     wind_candidates,
 )
 from np_drake.diagnosis.regressors.nuisance import calibration, calibration_terms, tolerance_of, with_input
-from np_drake.diagnosis.regressors.payload import AT_REST, SHAPE, WIDEST, Guess, PayloadColumns, heavy_enough
-from np_drake.diagnosis.regressors.payload_grid import payload_about, payloads_of
+from np_drake.diagnosis.regressors.payload import (
+    AT_REST,
+    SHAPE,
+    WIDEST,
+    Guess,
+    PayloadColumns,
+    heavy_enough,
+    payload_about,
+    payloads_of,
+)
 from np_drake.diagnosis.regressors.regression_problem import Model, RegressionProblem, prior_of
 from np_drake.diagnosis.regressors.switched_regressors import (
     Sums,

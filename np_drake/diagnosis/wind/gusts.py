@@ -17,7 +17,7 @@ from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.diagnosis.result import Cause, Estimate
 from np_drake.diagnosis.selection import Ranking, names_of, names_of_fit
 from np_drake.diagnosis.wind.gauss_markov import Begins, WindForce, Z, instants, spans, wind_force
-from np_drake.diagnosis.wind.wind_onset import ROUNDS, Begin, still_air_loss, wind_begins, wind_onset
+from np_drake.diagnosis.wind.wind_onset import ROUNDS, onsets_of, wind_begins
 from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.linear_drag import LinearDrag
 
@@ -53,8 +53,8 @@ def as_gusts(
     known = _known(causes, drag)
     if not any(spans(e, instants(e)[:, None], known.get(e.name)) for e in flights):  # too few bins
         return causes
-    onset, begun = GustOnset(flights, held_out, through_drag, drag, options).begins(known)
-    drag = dc.replace(drag, onset=begun)
+    onset, begun = _onsets(flights, held_out, through_drag, drag, known, options)
+    drag = dc.replace(drag, onset=dict(begun))
     if not isinstance(drag.effect, LinearDrag) or not _acts_through(drag.effect):
         return causes
     force = wind_force(
@@ -66,7 +66,7 @@ def as_gusts(
         return causes
     parameters = _statistics(flights, force, drag, options)
     effect = GustyWind.of({name: e.value for name, e in parameters.items()})
-    gusts = Cause(GustyWind.identifier, probability, parameters, onset, (), effect=effect)
+    gusts = Cause(GustyWind.identifier, probability, parameters, dict(onset), (), effect=effect)
     others = [c for c in causes if c.identifier not in GUSTY[1:]]
     return [*(drag if c.identifier == DRAG else c for c in others), gusts]
 
@@ -115,64 +115,35 @@ def _statistics(
     return out
 
 
-@dc.dataclass(frozen=True)
-class GustOnset:
-    """Gusts that act through `drag`, with parameters from training flights, in these and in held-out flights.
+def _onsets(
+    flights: Sequence[FlightResiduals],
+    held_out: Sequence[FlightResiduals],
+    through_drag: Mapping[str, np.ndarray],
+    drag: Cause,
+    known: Begins,
+    options: Options,
+) -> tuple[Begins, Begins]:
+    """Return by flight when the wind begins [s], given the `known` onsets, and when the drag does.
 
-    through_drag: by flight, (m, 15) what drag and wind together leave in it.
+    A drag that begins with the wind in one flight does so in all. Flights of the fit say whether it does: what a
+    held-out one seems to show moves nothing in them.
     """
-
-    flights: Sequence[FlightResiduals]
-    held_out: Sequence[FlightResiduals]
-    through_drag: Mapping[str, np.ndarray]
-    drag: Cause
-    options: Options
-
-    def begins(self, known: Begins) -> tuple[dict[str, float | None], dict[str, float | None]]:
-        """Return by flight when the wind begins [s], given the `known` onsets, and when the drag does.
-
-        A drag that begins with the wind in one flight does so in all. Flights of the fit say whether it does: what an
-        held-out one seems to show moves nothing in them.
-        """
-        priors = self.options.priors
-        acts: Begins = self.drag.onset
-        windy = {e.name: self._left(e, {}) for e in self._every}
-        at_once = 2 * priors.onset_gain * any(self.drag.onset.get(e.name) is not None for e in self.flights)
-        for _ in range(ROUNDS):
-            wind = wind_force(self.flights, {e.name: self._left(e, acts) for e in self.flights}, known)
-            apart = self._sought(windy, windy, known, wind)
-            together = self._sought(windy, self.through_drag, known, wind)
-            late = [e for e in self.flights if any(b[e.name].at is not None for b in (apart, together))]
-            gain = sum(apart[e.name].loss - together[e.name].loss for e in late or self.held_out)
-            both = gain + at_once > 0
-            known = {name: begin.at for name, begin in (together if both else apart).items()}
-            acts = known if both else self.drag.onset
-        return dict(known), dict(acts)
-
-    def _left(self, e: FlightResiduals, acts: Begins) -> np.ndarray:
-        assert isinstance(self.drag.effect, LinearDrag)
-        return _without_drag(self.through_drag[e.name], e, self.drag.effect, acts)
-
-    @property
-    def _every(self) -> tuple[FlightResiduals, ...]:
-        return (*self.flights, *self.held_out)
-
-    def _sought(
-        self, windy: Mapping[str, np.ndarray], still: Mapping[str, np.ndarray], known: Begins, wind: WindForce
-    ) -> dict[str, Begin]:
-        """Return onsets by flight; windy, still: (m, 15) by flight, what is left of it with a wind and before."""
-        before = {e.name: still_air_loss(e, still[e.name], wind, self.options) for e in self._every}
-        priors = self.options.priors
-        found = {
-            e.name: wind_onset(e, windy[e.name], known.get(e.name), wind, before[e.name], priors.onset_gain)
-            for e in self.flights
-        }
-        late = any(begin.at is not None for begin in found.values())
-        for e in self.held_out:  # what acts throughout the others hardly begins late here
-            begin = known.get(e.name) if late else None
-            gain = priors.onset_gain if late else priors.new_onset_gain
-            found[e.name] = wind_onset(e, windy[e.name], begin, wind, before[e.name], gain)
-        return found
+    acts, effect = drag.onset, drag.effect
+    assert isinstance(effect, LinearDrag)
+    windy = {e.name: _without_drag(through_drag[e.name], e, effect, {}) for e in (*flights, *held_out)}
+    at_once = 2 * options.priors.onset_gain * any(drag.onset.get(e.name) is not None for e in flights)
+    for _ in range(ROUNDS):
+        left = {e.name: _without_drag(through_drag[e.name], e, effect, acts) for e in flights}
+        wind = wind_force(flights, left, known)
+        apart, together = (
+            onsets_of(flights, held_out, (windy, still), known, wind, options) for still in (windy, through_drag)
+        )
+        late = [e for e in flights if any(b[e.name].at is not None for b in (apart, together))]
+        gain = sum(apart[e.name].loss - together[e.name].loss for e in late or held_out)
+        both = gain + at_once > 0
+        known = {name: begin.at for name, begin in (together if both else apart).items()}
+        acts = known if both else drag.onset
+    return known, acts
 
 
 def with_drag(ranking: Ranking) -> Ranking:

@@ -66,17 +66,42 @@ def wind_begins(
         known: by flight, known onsets [s]; None: from the start.
         options: all that steers the answer.
     """
-    begins = known
     for _ in range(ROUNDS):
-        wind = wind_force(flights, residual, begins)
-        still = {e.name: still_air_loss(e, residual[e.name], wind, options) for e in flights}
-        begins = {
-            e.name: wind_onset(
-                e, residual[e.name], begins.get(e.name), wind, still[e.name], options.priors.onset_gain
-            ).at
-            for e in flights
+        wind = wind_force(flights, residual, known)
+        known = {
+            name: begin.at for name, begin in onsets_of(flights, [], (residual, residual), known, wind, options).items()
         }
-    return begins
+    return known
+
+
+def onsets_of(
+    flights: Sequence[FlightResiduals],
+    held_out: Sequence[FlightResiduals],
+    left: tuple[Mapping[str, np.ndarray], Mapping[str, np.ndarray]],
+    known: Begins,
+    wind: WindForce,
+    options: Options,
+) -> dict[str, Begin]:
+    """Return the onset of a wind in every flight.
+
+    Args:
+        flights: training flights.
+        held_out: held-out flights: what acts throughout the others hardly begins late in these.
+        left: by flight, (m, 15) what is left of it under the wind and before.
+        known: by flight, known onsets [s]; None: from the start.
+        wind: statistics of its force.
+        options: all that steers the answer.
+    """
+    windy, still = left
+    before = {e.name: still_air_loss(e, still[e.name], wind, options) for e in (*flights, *held_out)}
+
+    def sought(e: FlightResiduals, begin: float | None, gain: float) -> Begin:
+        return wind_onset(e, windy[e.name], begin, wind, before[e.name], gain)
+
+    found = {e.name: sought(e, known.get(e.name), options.priors.onset_gain) for e in flights}
+    late = any(begin.at is not None for begin in found.values())
+    gain = options.priors.onset_gain if late else options.priors.new_onset_gain
+    return found | {e.name: sought(e, known.get(e.name) if late else None, gain) for e in held_out}
 
 
 def still_air_loss(e: FlightResiduals, residual: np.ndarray, wind: WindForce, options: Options) -> np.ndarray:

@@ -18,8 +18,7 @@ from np_drake.diagnosis.regressors.library import (
     switched,
     wind_candidates,
 )
-from np_drake.diagnosis.regressors.payload import LEAST_MASS_DEVIATIONS, heavy_enough
-from np_drake.diagnosis.regressors.payload_grid import payloads_of
+from np_drake.diagnosis.regressors.payload import LEAST_MASS_DEVIATIONS, heavy_enough, payloads_of
 from np_drake.diagnosis.residuals import flight_residuals as ev
 from np_drake.diagnosis.residuals.make_flight_residuals import make_flight_residuals
 from np_drake.effects.library import LIBRARY

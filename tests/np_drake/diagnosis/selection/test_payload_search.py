@@ -6,8 +6,7 @@ import pytest
 from np_drake.diagnosis.forward_model.prediction import predicted_residual
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors.library import library_candidates
-from np_drake.diagnosis.regressors.payload import Guess
-from np_drake.diagnosis.regressors.payload_grid import payload_about, payloads_of
+from np_drake.diagnosis.regressors.payload import Guess, payload_about, payloads_of
 from np_drake.diagnosis.residuals.flight_residuals import FORCE
 from np_drake.diagnosis.residuals.resampling import TAPS
 from np_drake.diagnosis.selection.payload_evidence import OtherRegressors
