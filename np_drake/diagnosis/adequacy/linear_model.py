@@ -61,11 +61,9 @@ class LinearModel:
     ) -> tuple[float, tuple[int, ...]]:
         """Return the log evidence with the structure that describes the rest best, and that structure.
 
-        Forward selection from `first`, one variant of each kind.
-
         Args:
             without: positions of terms that are left out.
-            first: structure from which the selection begins.
+            first: structure from which forward selection begins, one variant of each kind.
         """
         found, best = tuple(first), self.evidence(without, first)
         while True:
@@ -78,8 +76,6 @@ class LinearModel:
 
     def margin(self, i: int, structure: Sequence[int]) -> float:
         """Return the log odds of term i, priors included, against structure of any kind in its place [nat].
-
-        What acts through the term alone goes with it.
 
         Args:
             i: position of the term.

@@ -1,8 +1,4 @@
-"""Statistics of the residual: spectral lines, slow torques and bursts.
-
-What has no shape that a held-out flight would repeat (a vibration, a stuck axis now and then) is not found by
-regression; it is found by where its power lies, or by when.
-"""
+"""Statistics of the residual: spectral lines, slow torques and bursts."""
 
 import dataclasses as dc
 from collections.abc import Sequence
@@ -47,8 +43,6 @@ class Burst:
 def strongest_burst(flights: Sequence[FlightResiduals], residual: dict[str, np.ndarray]) -> Burst:
     """Return the largest slow force, axis by axis, over its usual deviation by the median of all flights.
 
-    Normal noise stays within five deviations in minutes of flight.   Source: own choice.
-
     Args:
         flights: the flights.
         residual: by flight, (m, 15) what a model leaves of it.
@@ -74,8 +68,7 @@ def strongest_line(
 ) -> Line:
     """Return the strongest line of force and torque in body axes, over all flights together.
 
-    Periodograms of all flights on one frequency axis are averaged; the line is the bin with the largest ratio to the
-    median about it, among material ones where there are any.
+    It is the bin of the mean periodogram with the largest ratio to the median about it, material where one is.
 
     Args:
         flights: the flights.

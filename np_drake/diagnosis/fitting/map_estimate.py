@@ -157,8 +157,6 @@ def refine(
 def scaled_jacobian(now: Sequence[Term], free: Sequence[Free], flight: FlightResiduals) -> np.ndarray:
     """Return the derivative (m, 15, k) of the predicted residual by the free parameters over their scales.
 
-    By finite differences; only terms that interact with the changed one are evaluated again.
-
     Args:
         now: terms at the point of linearisation.
         free: free parameters of the terms.

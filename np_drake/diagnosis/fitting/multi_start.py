@@ -25,8 +25,6 @@ def refit(
 ) -> Fit:
     """Fit a model's parameters, starting from a known fit of the same effects where there is one.
 
-    With a hidden swing the descent may stop early, as where a tether snaps; it then starts from the posterior as well.
-
     Args:
         problem: the regression that holds the candidates.
         model: the candidates to fit.
@@ -46,8 +44,7 @@ def refit(
 def first_fit(problem: RegressionProblem, model: Model, iterations: int) -> Fit:
     """Fit a model's parameters where no fit is known; its residual becomes the noise of the next.
 
-    A swing that is not yet fitted is part of the noise, whose resonance hides it: the start is that which suits the
-    posterior's other parameters, flight by flight, under white noise.
+    A swing starts as it suits the posterior's other parameters, flight by flight, under white noise.
 
     Args:
         problem: the regression that holds the candidates.

@@ -42,7 +42,7 @@ class SwingFit:
         onset: time at which the payload begins [s]; None: from the start.
         rows: (m,) bool, rows that count.
         priors: priors of parameters, swings and onsets.
-    Source: nonlinear least squares from a grid. The grid is own choice: after a snap any swing is possible.
+    Source: nonlinear least squares from a grid; the grid is own choice.
     """
 
     def __init__(

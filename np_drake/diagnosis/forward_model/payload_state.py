@@ -146,8 +146,6 @@ def specific_pull(
 ) -> np.ndarray:
     """Return the force (n, m, 3) of payloads on their hooks in B per payload mass, on the grid [m/s²].
 
-    It is zero before the onset, smeared as the grid's low-pass smears a step.
-
     Args:
         flight: the flight.
         lengths: (m,) tether lengths [m].
@@ -179,11 +177,9 @@ def specific_pull(
 def swing_wrenches(flight: FlightResiduals, terms: Sequence[Term]) -> np.ndarray:
     """Return the wrenches (n, m, 6) of payloads in B on the grid [N, N·m].
 
-    All payloads begin at the onset of the first. Many cost little more than one.
-
     Args:
         flight: the flight.
-        terms: payloads.
+        terms: payloads, which begin at the onset of the first.
     """
     onset = terms[0].begins(flight.name)
     if onset == NEVER:
@@ -199,9 +195,7 @@ def swing_wrenches(flight: FlightResiduals, terms: Sequence[Term]) -> np.ndarray
 
 
 def swing_wrench(flight: FlightResiduals, term: Term) -> np.ndarray:
-    """Return the wrench (n, 6) of one suspended payload in B on the grid [N, N·m].
-
-    Where its hidden state has several samples, this is their mean.
+    """Return the wrench (n, 6) of one suspended payload in B on the grid, the mean over samples of its state [N, N·m].
 
     Args:
         flight: the flight.

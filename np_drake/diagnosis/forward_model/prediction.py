@@ -38,9 +38,7 @@ class StageCache:
 
 
 def predicted_residual(flight: FlightResiduals, terms: Sequence[Term], stages: StageCache | None = None) -> np.ndarray:
-    """Return the sum (m, 15) of what the terms leave in the channels of a flight.
-
-    Wind acts through the drag effects among the terms.
+    """Return the sum (m, 15) of what the terms leave in the channels of a flight; wind acts through drags among them.
 
     Args:
         flight: the flight.

@@ -17,9 +17,7 @@ DIFFERENTIATED_BAND = 2.0
 
 
 def sensor_residual(flight: FlightResiduals, effect: SensorEffect) -> np.ndarray:
-    """Return the channels as measured less the true ones (m, 15), exact to third order in the sensor error.
-
-    Of a small error to first order.
+    """Return the channels as measured less the true ones (m, 15), to third order in the error, to first in a small one.
 
     Args:
         flight: the flight.
@@ -94,9 +92,7 @@ def _gyroscopic(flight: FlightResiduals, dw: np.ndarray) -> np.ndarray:
 
 
 def without_errors(flight: FlightResiduals, effects: Sequence[SensorEffect]) -> FlightResiduals:
-    """Return the flight with its instants and rates corrected for the sensor errors.
-
-    Other effects act on the true motion. Channels and log stay as measured.
+    """Return the flight with its instants and rates corrected for the sensor errors; channels stay as measured.
 
     Args:
         flight: the flight.

@@ -62,8 +62,7 @@ def measure_gap_reduction(
 def _judging(flight: FlightResiduals, onsets: Sequence[float | None]) -> FlightLog:
     """Return the rows of the log that did not join the fit, from shortly before a cause acts on.
 
-    Before that the simulator is the same with and without the causes. Times count from the first row of the log.
-    onsets: of the causes, from the first row [s].
+    Times and the onsets of the causes count from the first row of the log [s].
     """
     log = dc.replace(flight.log, t=flight.log.t - flight.log.t[0])
     first = 0

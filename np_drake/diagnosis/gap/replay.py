@@ -69,8 +69,6 @@ def true_states(log: FlightLog, vehicle: Vehicle, effects: Sequence[SensorEffect
 def smooth_states(t: np.ndarray, x: np.ndarray) -> np.ndarray:
     """Return states (n, 13) with less noise in attitude, velocity and body rates, at zero phase.
 
-    Positions are unchanged.
-
     Args:
         t: (n,) times [s].
         x: (n, 13) states.

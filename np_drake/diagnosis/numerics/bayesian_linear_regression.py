@@ -1,9 +1,7 @@
 """Bayesian linear regression on Gram matrices: log evidence and posterior of any subset of columns.
 
 y = X c + n, n white with unit variance, c ~ N(0, 1) for each column (columns carry the scale of the prior).
-log p(y) = -1/2 (y'y - b' A^-1 b) - 1/2 log det A + const, with A = X'X + 1, b = X'y.
-
-Source: standard.
+log p(y) = -1/2 (y'y - b' A^-1 b) - 1/2 log det A + const, with A = X'X + 1, b = X'y.   Source: standard.
 """
 
 import dataclasses as dc
@@ -58,12 +56,9 @@ class Gram:
     def evidence_of_sets(self, sets: Sequence[Sequence[np.ndarray]], wide: Sequence[Sequence[bool]]) -> np.ndarray:
         """Return the log evidence (n,) of n sets of column groups, less that of the empty model [nat].
 
-        Where `wide`, the prior of a group widens to the size of its estimate. A large effect then does not lose to two
-        effects of the usual size.
-
         Args:
             sets: for each set, the column indices of its groups.
-            wide: for each set, by group, whether its prior may widen.
+            wide: for each set, by group, whether its prior may widen to the size of its estimate.
         Source: local empirical Bayes (Liang et al. 2008, Mixtures of g priors); one width for each group, at least 1.
         """
         evidence = np.zeros(len(sets))

@@ -34,8 +34,6 @@ def minimise(
 ) -> Minimum:
     """Minimise 1/2 |r(z)|² within bounds, from `start`.
 
-    A parameter at its bound stays there while the descent direction points outwards.
-
     Args:
         residual: maps z (n,) to r (m,).
         jacobian: maps z (n,) to dr/dz (m, n).

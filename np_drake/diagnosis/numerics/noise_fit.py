@@ -20,8 +20,6 @@ QUIETEST = 0.1  # least error of a flight over that of all, so that a flight at 
 def scale_only(residuals: list[np.ndarray], step: float) -> NoiseModel:
     """Return white noise with the RMS of the residuals.
 
-    With it, generalised least squares becomes ordinary least squares on scaled channels.
-
     Args:
         residuals: (m, c) residuals of each flight.
         step: sample interval [s].
@@ -70,9 +68,7 @@ def fit_noise(
     white: np.ndarray | None = None,
     order: int = ORDER,
 ) -> NoiseModel:
-    """Fit the noise model to the residuals of one or more flights.
-
-    The mean of each flight is removed first: noise has none, and a mean is a finding.
+    """Fit the noise model to the residuals of one or more flights, the mean of each removed: it is a finding.
 
     Args:
         residuals: (m, c) residuals of each flight.

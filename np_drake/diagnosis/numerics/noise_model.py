@@ -87,8 +87,6 @@ class NoiseModel:
     def products(self, columns: Sequence[np.ndarray], flight: str = "") -> np.ndarray:
         """Return the inner products of whitened columns.
 
-        Columns that are zero in a channel are skipped there; most effects act in few channels.
-
         Args:
             columns: groups (m, c, k_i) of columns of one flight.
             flight: name of the flight, whose `loudness` applies.

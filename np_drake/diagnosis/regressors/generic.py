@@ -1,7 +1,4 @@
-"""Generic structure: groups of columns that compete with the library for the same evidence.
-
-Each group depends on one signal: body rates, position, command, height, or a resonance. A library effect that explains
-as much with fewer parameters wins over it.
+"""Generic structure: groups of columns, each of one signal, that compete with the library for the same evidence.
 
 Source: own choice of groups.
 """
@@ -55,8 +52,7 @@ class FlightState:
 def _above_noise(values: np.ndarray, read: np.ndarray) -> np.ndarray:
     """Return values (m, 3) with each axis shrunk by its share of signal, given the white noise of the readings (n, 3).
 
-    An axis that hardly moves is mostly noise, which its derivative shares. The noise is the mean over the three axes,
-    because v is rotated from W to B.   Source: Wiener gain.
+    The noise is the mean over the three axes, because v is rotated from W to B.   Source: Wiener gain.
     """
     noise = np.mean(np.diff(read, n=2, axis=0) ** 2) / 6.0  # second differences have six times the variance
     return values * np.clip(1 - LEAST_SIGNAL_TO_NOISE * noise / np.maximum(values.var(axis=0), 1e-12), 0.0, 1.0)

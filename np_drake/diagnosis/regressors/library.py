@@ -86,9 +86,7 @@ def hidden_from(flights: Sequence[FlightResiduals]) -> dict[str, str]:
 
 
 def library_candidates(flights: Sequence[FlightResiduals], onset: Onset | None = None) -> list[Candidate]:
-    """Return candidates for all effects of the library except wind and payload.
-
-    Winds act through drag effects, and payloads have hidden states; both are built elsewhere.
+    """Return candidates for all effects of the library except wind and payload, which are built elsewhere.
 
     Args:
         flights: the flights.

@@ -37,8 +37,6 @@ LATENCY = 0.01  # of an estimator's attitude [s]; source: own choice, a few samp
 def calibration_terms(vehicle: Vehicle, tolerance: Tolerance) -> list[tuple[Term, float]]:
     """Return the terms that all flights share, each with the standard deviation of its prior.
 
-    Mass and thrust of the vehicle file, and what the input of the logs leaves open.
-
     Args:
         vehicle: the nominal vehicle.
         tolerance: standard deviations of vehicle file and sensors.

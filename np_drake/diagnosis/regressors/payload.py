@@ -151,8 +151,7 @@ class PayloadColumns:
 def heavy_enough(mean: np.ndarray, covariance: np.ndarray) -> Mended:
     """Return coefficients (k,) conditioned on a mass that is significantly positive, and its log probability.
 
-    Hook and swing are known by their products with the mass: one that is too small makes them too large for the descent
-    to return.
+    Hook and swing are known by their products with the mass: one that is too small makes them too large.
 
     Args:
         mean: (k,) posterior mean, the mass first, in units of the prior's deviations.
@@ -170,9 +169,7 @@ def heavy_enough(mean: np.ndarray, covariance: np.ndarray) -> Mended:
 def payloads_of(
     flights: Sequence[FlightResiduals], lengths: np.ndarray, priors: Priors, onset: Onset | None = None
 ) -> list[PayloadColumns]:
-    """Return payload columns at each fixed tether length.
-
-    Mass, hook (through torque) and the initial swing of every flight are free; there is no damping.
+    """Return payload columns at each tether length, with mass, hook and initial swings free, without damping.
 
     Args:
         flights: the flights.

@@ -18,12 +18,11 @@ from np_drake.effects.library import LIBRARY, effect_of
 def prior_of(identifiers: Iterable[str], priors: Priors) -> float:
     """Return the log prior of a set of effects.
 
-    An effect that needs another is acting through it, as a wind through drag; the other then adds no cost.
+    An effect through which another acts, as a wind through drag, adds no cost.   Source: own choice.
 
     Args:
         identifiers: of the effects.
         priors: priors of parameters, swings and onsets.
-    Source: own choice: a wind without drag has no influence.
     """
     every = set(identifiers)
     needs = [LIBRARY[name].needs for name in every if name in LIBRARY]
@@ -82,9 +81,7 @@ class RegressionProblem:
         return e.gram(self.noise, [c.columns[e.name] for c in (*self.nuisance, *self.candidates)])
 
     def white(self, noise: NoiseModel, e: FlightResiduals, candidate: Candidate) -> np.ndarray:
-        """Return the whitened columns (m - p, 15, k) of a candidate or nuisance in a flight.
-
-        They are cached until another noise model is used.
+        """Return the whitened columns (m - p, 15, k) of a candidate in a flight, cached until the noise changes.
 
         Args:
             noise: noise model that whitens.

@@ -54,9 +54,7 @@ class Instants:
 
 
 def make_instants(log: FlightLog, smooth: np.ndarray) -> tuple[Instants, Instants]:
-    """Return the states at the rows of a log and at the middles between them.
-
-    Without logged accelerations both are the middles.
+    """Return the states at the rows of a log (without accelerations: its middles) and at the middles between them.
 
     Args:
         log: the flight.

@@ -5,8 +5,7 @@ Channels, all in B:
     3-5   torque  J dw/dt + w x J w - torque of the command [N·m]
     6-8   dp/dt - v [m/s]      9-11  dv/dt - a [m/s²]      12-14  rate of q - w [rad/s]
 a is the acceleration at a row; dv/dt is the mean until the next row. The two differ by the change of thrust in between
-(`after_rows`). Derivatives are differences over the interval between two rows, in which one command is held. Logs
-without accelerations take the same path.
+(`after_rows`). Derivatives are differences over the interval between two rows, in which one command is held.
 """
 
 import dataclasses as dc

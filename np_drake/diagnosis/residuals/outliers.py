@@ -1,8 +1,6 @@
 """Outliers: one or two samples, as of a tether that snaps taut or a collision, that outweigh a whole flight.
 
-Sampled and smoothed motion does not show their time and strength, and least squares would bend every parameter to them.
 Their rows are interpolated linearly, in channels and columns alike, which keeps the model linear.
-
 Source: own choice, in the place of a heavy-tailed noise model.
 """
 

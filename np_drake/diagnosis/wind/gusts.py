@@ -1,8 +1,4 @@
-"""Gusts as a cause: slow forces that no effect explains, which act through the drag that was found.
-
-Gusts have no shape that a held-out flight would repeat; what tells them is that sensors alone do not make such a force
-(`slow_force`). What depends on position, the command or the motion is asked about first (`unknown`).
-"""
+"""Gusts as a cause: slow forces that no effect explains, which act through the drag that was found."""
 
 import dataclasses as dc
 from collections.abc import Mapping, Sequence
@@ -149,8 +145,7 @@ def _onsets(
 def with_drag(ranking: Ranking) -> Ranking:
     """Return the ranking with a linear drag in the named model, where flights do not speak against it.
 
-    Gusts and a drag are as rare together as something that is not in the library; what is left is what the flights
-    themselves say of the drag, its prior apart. Where the slow force begins in flight, so may the drag.
+    The prior of the drag is that of generic structure. Where the slow force begins in flight, so may the drag.
     """
     priors, problem, key = ranking.options.priors, ranking.problem, names_of_fit(ranking.best)
     known = next((m for m in ranking.models if names_of(problem, m) == key), None)

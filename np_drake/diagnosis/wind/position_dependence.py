@@ -29,9 +29,8 @@ def position_p_value(flights: Sequence[FlightResiduals], residual: Mapping[str, 
         flights: the flights.
         residual: by flight, (m, 15) what a model leaves of it.
         begins: by flight, when the wind begins [s]; None: from the start.
-    Source: likelihood ratio of a level force that is quadratic in the position (a jet pushes in the middle of a
-    flight, which nothing linear tells) beside gusts, a mean in each span and a drag (which may be found too weak),
-    under the gusts' covariance, as strong in each flight as they are there: half a chi-squared of at most eighteen.
+    Source: likelihood ratio of a level force that is quadratic in the position beside gusts, a mean in each span and a
+    drag, under the gusts' covariance, as strong in each flight as they are there.
     """
     wind = wind_force(flights, residual, begins)
     x = np.concatenate([e.rows.x[:, P] for e in flights])

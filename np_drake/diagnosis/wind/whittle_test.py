@@ -1,10 +1,7 @@
 """Log evidence of a slow force in the air over sensor errors alone, by Whittle's likelihood.
 
-A force acts on position and accelerometer alike. An attitude that drifts turns the thrust that is taken out of the
-one; an accelerometer that drifts errs in the other, which counts where the attitude that turned it to W is known: it
-reads the force across the thrust whatever the attitude.   Source: Whittle's likelihood, cosine transforms in the place
-of Fourier's (the spectra are steep); priors of the sensors as the tolerances of real sensors say, those of the force
-own choice.
+A force acts on position and accelerometer alike; an attitude that drifts errs in the one, an accelerometer that drifts
+in the other.   Source: Whittle's likelihood, with cosine transforms, as the spectra are steep; own priors.
 """
 
 import dataclasses as dc
@@ -151,8 +148,6 @@ def gust_probability(
     hidden: bool,
 ) -> float:
     """Return the probability of a slow force in the air; 0 where training flights show none.
-
-    It must be as large as structure has to be that is no effect.
 
     Args:
         flights: training flights.
