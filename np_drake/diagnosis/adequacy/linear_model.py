@@ -84,7 +84,9 @@ class LinearModel:
         gone = {i, *self._through(i)}
         names = [t.effect.identifier for t in self.fit.terms]
         left = [name for k, name in enumerate(names) if k not in gone]
-        prior = prior_of(names, self._priors) - prior_of(left, self._priors) + self._onset_prior(i)
+        prior = prior_of(names, self._priors) - prior_of(left, self._priors)
+        if self.fit.terms[i].onset:
+            prior += self.fit.onset_prior / sum(bool(t.onset) for t in self.fit.terms)
         others = max(self.select_structure(gone)[0], self.select_structure(gone, structure)[0])
         return self.evidence((), structure) - others + prior
 
@@ -110,7 +112,3 @@ class LinearModel:
         terms = self.fit.terms
         left = {t.effect.identifier for k, t in enumerate(terms) if k != i}
         return [k for k, t in enumerate(terms) if t.effect.needs and not left & {*t.effect.needs}]
-
-    def _onset_prior(self, i: int) -> float:
-        begin = [t for t in self.fit.terms if t.onset]
-        return self.fit.onset_prior / len(begin) if self.fit.terms[i].onset else 0.0

@@ -23,10 +23,8 @@ def sensor_residual(flight: FlightResiduals, effect: SensorEffect) -> np.ndarray
         flight: the flight.
         effect: a sensor error.
     """
-    return _small(flight, effect) if effect.small else _exact(flight, effect)
-
-
-def _small(flight: FlightResiduals, effect: SensorEffect) -> np.ndarray:
+    if not effect.small:
+        return _exact(flight, effect)
     known, kind = flight.small_errors, type(effect)
     if kind not in known:
         units = [{p.name: p.typical} for p in kind.parameters]
@@ -57,9 +55,9 @@ def _exact(flight: FlightResiduals, effect: SensorEffect) -> np.ndarray:
             y[:, channels.VELOCITY] = rate
     if moved[:, W].any():
         dw = flight.from_mids(0.5 * (moved[1:, W] + moved[:-1, W]))
-        y[:, channels.TORQUE], y[:, channels.ATTITUDE] = _gyroscopic(flight, dw), -dw
-        rate = np.diff(moved[:, W], axis=0) / np.diff(log.t)[:, None]
-        y[:, channels.TORQUE] += flight.from_mids(rate) @ flight.vehicle.J.T
+        J, w, rate = flight.vehicle.J, flight.w - dw, np.diff(moved[:, W], axis=0) / np.diff(log.t)[:, None]
+        y[:, channels.TORQUE] = flight.gyroscopic - np.cross(w, w @ J.T) + flight.from_mids(rate) @ J.T
+        y[:, channels.ATTITUDE] = -dw
     turned, biased = bool(moved[:, Q].any()), log.a is not None and bool(np.any(read.a != truth.a))
     if turned:
         y[:, channels.ATTITUDE] += flight.from_mids(_turn_rate(log.t, read) - _turn_rate(log.t, truth))
@@ -83,12 +81,6 @@ def _specific_force(flight: FlightResiduals, read: Measurement) -> np.ndarray:
         # A noisy regressor would pull its coefficient towards zero: differentiated velocities are mostly noise above.
         a = low_pass(np.concatenate([flight.rows.a, flight.rows.a[-1:]]), flight.log.step, DIFFERENTIATED_BAND)
     return attitude.rotate_back(read.x[:, Q], a + np.array([0.0, 0.0, flight.vehicle.gravity]))
-
-
-def _gyroscopic(flight: FlightResiduals, dw: np.ndarray) -> np.ndarray:
-    """Return the error (m, 3) of w x J w from an error dw (m, 3) of the measured rates [N·m]."""
-    J, w = flight.vehicle.J, flight.w - dw
-    return flight.gyroscopic - np.cross(w, w @ J.T)
 
 
 def without_errors(flight: FlightResiduals, effects: Sequence[SensorEffect]) -> FlightResiduals:

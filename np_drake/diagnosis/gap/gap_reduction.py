@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.forward_model import Term, predicted_residual
+from np_drake.diagnosis.forward_model import predicted_residual
 from np_drake.diagnosis.held_out import HeldOut, closed_fraction, pooled, remaining_residual, scored_on_fitted_rows
 from np_drake.diagnosis.numerics import NoiseModel
 from np_drake.diagnosis.residuals import WRENCH, FlightResiduals
@@ -47,8 +47,14 @@ def measure_gap_reduction(
         if scored_on_fitted_rows(held.terms[e.name], e)
     ]
     if replay is not None:
+
+        def onset_of(identifier: str, e: FlightResiduals) -> float | None:
+            """Return the onset from the first row of the log on [s]."""
+            begin = next((t.begins(e.name) for t in kept[e.name] if t.effect.identifier == identifier), None)
+            return None if begin is None else begin - float(e.log.t[0])
+
         effects = [
-            (c.effect.predicted, {e.name: _onset_of(kept[e.name], c.identifier, e) for e in flights})
+            (c.effect.predicted, {e.name: onset_of(c.identifier, e) for e in flights})
             for c in causes
             if c.effect is not None
         ]
@@ -83,12 +89,6 @@ def _with_effects(replay: Replay, logs, effects, warnings: list[str]) -> ReplayG
     except ValueError as error:
         warnings.append(f"no replay with the effects: {' '.join(str(error).split())}")
         return None
-
-
-def _onset_of(terms: Sequence[Term], identifier: str, flight: FlightResiduals) -> float | None:
-    """Return the onset from the first row of the log on [s]."""
-    begin = next((t.begins(flight.name) for t in terms if t.effect.identifier == identifier), None)
-    return None if begin is None else begin - float(flight.log.t[0])
 
 
 def _ladder(causes: Sequence[Cause], noise: NoiseModel, held: HeldOut) -> tuple[Rung, ...]:

@@ -134,7 +134,9 @@ def _linear(effect, flights, onset, fixed: dict[str, float], variants: int, stag
     def one(evidence: FlightResiduals) -> np.ndarray:
         columns = []
         for p in free:
-            step = _step_of(effect, p)
+            # Small where the effect is linear to first order only.
+            step = 0.1 * p.typical if effect.place in ("mass", "measurement") else p.typical
+            step = step if p.neutral + step <= p.upper else -step
             values = {**neutral, p.name: p.neutral + step}
             residual = predicted_residual(evidence, [Term(effect.of(values), onset)], stages[evidence.name])
             columns.append(residual / step)
@@ -161,12 +163,6 @@ def _not_negative(root: np.ndarray, one_sided: np.ndarray, mean: np.ndarray, cov
     away, spread = root @ mean, np.sqrt(np.diag(root @ covariance @ root.T))
     log_probability = special.log_ndtr(away / spread)[one_sided].sum()
     return np.linalg.solve(root, np.where(one_sided, np.maximum(away, 0.0), away)), float(log_probability)
-
-
-def _step_of(effect: type[Effect], p) -> float:
-    """Return the step of a parameter: small where the effect is linear to first order only, typical otherwise."""
-    step = 0.1 * p.typical if effect.place in ("mass", "measurement") else p.typical
-    return step if p.neutral + step <= p.upper else -step
 
 
 def at_value(effect, flights, onset, values: dict[str, float], variants: int, stages) -> Candidate:

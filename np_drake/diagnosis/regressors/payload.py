@@ -127,7 +127,11 @@ class PayloadColumns:
         return [Term(LIBRARY[PAYLOAD].of(values), self.onset, guess.swing)]
 
     def candidate(self, flights: Sequence[FlightResiduals]) -> Candidate:
-        """Return a candidate with columns for all channels."""
+        """Return a candidate with columns for all channels, physical where mass is positive and swings are small."""
+
+        def hangs(c: np.ndarray) -> bool:
+            return bool(c[0] > 0.01 and np.all(np.abs(c[self.first :]) < 7.0 * c[0]))
+
         columns = {}
         for e in flights:
             columns[e.name] = np.zeros((*e.y.shape, self.size))
@@ -139,13 +143,9 @@ class PayloadColumns:
             self.terms,
             self.log_prior,
             self.onset,
-            self._hangs,
+            hangs,
             heavy_enough,
         )
-
-    def _hangs(self, c: np.ndarray) -> bool:
-        """Return whether the mass is positive and the swing within what a payload can reach."""
-        return bool(c[0] > 0.01 and np.all(np.abs(c[self.first :]) < 7.0 * c[0]))
 
 
 def heavy_enough(mean: np.ndarray, covariance: np.ndarray) -> Mended:

@@ -105,7 +105,9 @@ def corrected_acceleration(t: np.ndarray, p: np.ndarray, a: np.ndarray) -> np.nd
         a: (n, 3) accelerations in W [m/s²].
     Source: Whittaker smoothing as generalised least squares.
     """
-    a = a + _bias(t, p, a)
+    v = cumulative_trapezoid(a, t, axis=0, initial=0.0)
+    missed = p - cumulative_trapezoid(v, t, axis=0, initial=0.0)
+    a = a + 2.0 * np.polynomial.polynomial.polyfit(t - t[0], missed, 2)[2]  # mean error against the positions
     noise_p, noise_a = (float(np.sqrt(np.mean(white_noise([x]) ** 2))) for x in (p, a))
     first = _along_path(t, p, a, noise_p / max(REDDER * noise_a, QUIETEST))
     ringing = _ringing(first - a, float(np.median(np.diff(t))))
@@ -137,13 +139,6 @@ def _ringing(error: np.ndarray, step: float) -> float:
     sos = signal.butter(2, RINGING, "bandpass", fs=1 / step, output="sos")
     power = np.mean(signal.sosfiltfilt(sos, error, axis=0) ** 2)
     return float(np.sqrt(power / (2 * step * (RINGING[1] - RINGING[0]))))
-
-
-def _bias(t: np.ndarray, p: np.ndarray, a: np.ndarray) -> np.ndarray:
-    """Return the mean error (3,) of the accelerations against the positions."""
-    v = cumulative_trapezoid(a, t, axis=0, initial=0.0)
-    missed = p - cumulative_trapezoid(v, t, axis=0, initial=0.0)
-    return 2.0 * np.polynomial.polynomial.polyfit(t - t[0], missed, 2)[2]
 
 
 def _second_difference(t: np.ndarray) -> np.ndarray:

@@ -11,13 +11,6 @@ ROUNDS = 3  # iterations that separate the two drifts; own choice
 QUIET = 1e-3  # attitude noise below which readings are used as they are [rad]
 
 
-def _rate_bias(t: np.ndarray, q: np.ndarray, w: np.ndarray) -> np.ndarray:
-    """Return the mean error (3,) of the gyro against the attitude readings [rad/s]."""
-    dt = np.diff(t)[:, None]
-    turned = attitude.rotation_vector(attitude.multiply(attitude.conjugate(q[:-1]), q[1:]))
-    return np.sum(0.5 * (w[1:] + w[:-1]) * dt - turned, axis=0) / (t[-1] - t[0])
-
-
 def _unwound(r: np.ndarray) -> np.ndarray:
     """Return the rotation vectors r (n, 3) with full turns added, so that each continues the one before."""
     angle = np.linalg.norm(r, axis=1)
@@ -60,7 +53,9 @@ def smooth_attitude(t: np.ndarray, q: np.ndarray, w: np.ndarray) -> tuple[np.nda
     step = float(np.median(np.diff(t)))
     if 0.5 / step <= 2 * CROSSOVER or len(t) < 30:
         return q, 0.0
-    carried = _without_drift(attitude.integrated(t, q[0], w - _rate_bias(t, q, w)), q, step)
+    turned = attitude.rotation_vector(attitude.multiply(attitude.conjugate(q[:-1]), q[1:]))
+    bias = np.sum(0.5 * (w[1:] + w[:-1]) * np.diff(t)[:, None] - turned, axis=0) / (t[-1] - t[0])
+    carried = _without_drift(attitude.integrated(t, q[0], w - bias), q, step)
     error = attitude.rotation_vector(attitude.multiply(attitude.conjugate(carried), q))
     noise = float(np.sqrt(np.mean(np.diff(error, n=2, axis=0) ** 2) / 6))  # white alone: biases are smooth
     if noise < QUIET:

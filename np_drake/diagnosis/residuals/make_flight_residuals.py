@@ -38,7 +38,8 @@ def make_flight_residuals(
             f"diagnose: {log.name} must last at least {LEAST_DURATION:g} s; got {log.t[-1] - log.t[0]:.3g} s. "
             "Give a longer flight."
         )
-    log, knows_torque = _with_torque(log)
+    knows_torque = bool(np.isfinite(log.u[:, 1:]).any() or not np.isfinite(log.u[:, 0]).any())
+    log = log if knows_torque else dc.replace(log, u=np.nan_to_num(log.u))
     smooth, noise = smooth_attitude(log.t, log.q, log.w)
     q, turned = _attitude_for_force(log, smooth, vehicle.gravity)
     rows, mids = make_instants(log, smooth)
@@ -67,13 +68,6 @@ def _clear_of_ground(log: FlightLog) -> tuple[float, float]:
     if "height" in log.lacks or not len(above) or above[-1] - above[0] < LEAST_DURATION:
         return float(log.t[0]), float(log.t[-1])
     return float(above[0]), float(above[-1])
-
-
-def _with_torque(log: FlightLog) -> tuple[FlightLog, bool]:
-    """Return the log with zeros for a torque that is not known, and whether it is."""
-    if np.isfinite(log.u[:, 1:]).any() or not np.isfinite(log.u[:, 0]).any():
-        return log, True
-    return dc.replace(log, u=np.nan_to_num(log.u)), False
 
 
 def _settled(log: FlightLog, vehicle: Vehicle, thrust: np.ndarray, torque: np.ndarray) -> float:
@@ -171,7 +165,8 @@ def require_flights(train: Sequence[FlightLog], held_out: Sequence[FlightLog]) -
     seen = {log.name: _motion(log) for log in train}
     for log in held_out:
         own = _motion(log)
-        same = next((name for name, rows in seen.items() if _same(own, rows)), None)
+        # More than half of the distinct rows are also in the training flight; a single row is no motion.
+        same = next((name for name, rows in seen.items() if 2 * len(own & rows) > len(own) > 1), None)
         if same is not None:
             raise ValueError(
                 f"diagnose: {log.name} is the same flight as {same}, to which effects are fitted, and can judge none. "
@@ -183,8 +178,3 @@ def _motion(log: FlightLog) -> set[bytes]:
     """Return the distinct rows of p, v and w as bytes."""
     rows = np.concatenate([log.p, log.v, log.w], axis=1, dtype=float) + 0.0  # no zero has a sign
     return set(np.ascontiguousarray(rows).view(f"V{rows[:1].nbytes}").ravel().tolist())
-
-
-def _same(held_out: set[bytes], train: set[bytes]) -> bool:
-    """Return whether more than half of the distinct rows are also in the training flight; a single row is no motion."""
-    return len(held_out) > 1 and 2 * len(held_out & train) > len(held_out)

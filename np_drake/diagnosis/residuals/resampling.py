@@ -99,15 +99,11 @@ class Resampler:
     def __call__(self, values: np.ndarray) -> np.ndarray:
         """Return values (n, ...) resampled to the grid (m, ...)."""
         fine = self._weights @ values.reshape(len(values), -1)
-        return _decimate(fine, self._factor).reshape(-1, *values.shape[1:])
-
-
-def _decimate(fine: np.ndarray, factor: int) -> np.ndarray:
-    if factor == 1:
-        return fine
-    half = TAPS * factor
-    padded = np.pad(fine, ((half, half), (0, 0)), mode="edge")
-    return sliding_window_view(padded, 2 * half + 1, axis=0)[::factor] @ _low_pass(factor)
+        if self._factor > 1:
+            half = TAPS * self._factor
+            padded = np.pad(fine, ((half, half), (0, 0)), mode="edge")
+            fine = sliding_window_view(padded, 2 * half + 1, axis=0)[:: self._factor] @ _low_pass(self._factor)
+        return fine.reshape(-1, *values.shape[1:])
 
 
 @cache

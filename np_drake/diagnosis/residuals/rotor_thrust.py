@@ -38,7 +38,9 @@ class Rotors:
         self._row_t = log.t - log.t[0]
         self._t = np.arange(0.0, self._row_t[-1] + 0.5 * self._step, self._step)
         self._measured = log.input == "rotor_speed"
-        self._steps = self._measured and _repeats(log.u)
+        # Telemetry that is slower than the rows repeats its readings.
+        repeated = len(log.u) > 1 and np.mean(np.all(np.diff(log.u, axis=0) == 0, axis=1))
+        self._steps = self._measured and bool(repeated > REPEATED)
         place = self._row_t / self._step
         self._row = np.clip(np.round(place).astype(int), 0, len(self._t) - 1)
         self._before = np.clip(place.astype(int), 0, len(self._t) - 1)
@@ -112,11 +114,6 @@ class Rotors:
 
     def _lag(self, thrust: np.ndarray) -> np.ndarray:
         return MotorLag(self._vehicle.rotor_time_constant).respond(self._vehicle, self._t, thrust)
-
-
-def _repeats(u: np.ndarray) -> bool:
-    """Return whether telemetry is slower than the rows of u (n, 4), which repeat its readings."""
-    return bool(len(u) > 1 and np.mean(np.all(np.diff(u, axis=0) == 0, axis=1)) > REPEATED)
 
 
 def _held(t_row: np.ndarray, command: np.ndarray, t: np.ndarray, h: float) -> np.ndarray:

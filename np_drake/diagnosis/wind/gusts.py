@@ -46,7 +46,8 @@ def as_gusts(
     drag = next((c for c in causes if c.identifier == DRAG), None)
     if drag is None:
         return causes
-    known = _known(causes, drag)
+    steady = next((c.onset for c in causes if c.identifier in GUSTY[1:]), {})
+    known = {name: steady.get(name) if begin is None else begin for name, begin in drag.onset.items()}
     if not any(spans(e, instants(e)[:, None], known.get(e.name)) for e in flights):  # too few bins
         return causes
     onset, begun = _onsets(flights, held_out, through_drag, drag, known, options)
@@ -76,12 +77,6 @@ def _acts_through(drag: LinearDrag) -> bool:
 def _without_drag(through_drag: np.ndarray, e: FlightResiduals, drag: LinearDrag, begins: Begins) -> np.ndarray:
     """Return (m, 15) what the wind pushes through the drag, without the drag itself, which acts from its begin on."""
     return through_drag - predicted_residual(e, [Term(drag, {e.name: begins.get(e.name)})])
-
-
-def _known(causes: Sequence[Cause], drag: Cause) -> dict[str, float | None]:
-    """Return by flight when the wind begins as the causes have it: with its drag, or a steady wind's own begin."""
-    steady = next((c.onset for c in causes if c.identifier in GUSTY[1:]), {})
-    return {name: steady.get(name) if begin is None else begin for name, begin in drag.onset.items()}
 
 
 def _statistics(
