@@ -10,10 +10,11 @@ from typing import Any
 
 from diagrams.exports.coverage import coverage_markdown
 from np_drake.effects.base import Effect
-from np_drake.effects.library import MEASURED_ROTORS, effects_for, in_scenarios
+from np_drake.effects.library import BESIDE_NEIGHBOURS, MEASURED_ROTORS, effects_for, in_scenarios
 from np_drake.effects.parameter import Parameter
 
 ROTORS_ONLY = "The diagnosis tries it on logs of measured rotor speed only."
+NEIGHBOURS_ONLY = "The diagnosis tries it where the log of a neighbour is given."
 
 
 def on_page_markdown(markdown: str, **given: Any) -> str:
@@ -36,7 +37,7 @@ def parameters() -> str:
     """Return the table of all parameters; equal ones of an effect share a row."""
     rows = [
         f"| `{identifier}` | {', '.join(f'`{p.name}`' for p in alike)} | {figures} |"
-        for identifier, effect in effects_for("rotor_speed").items()
+        for identifier, effect in effects_for("rotor_speed", neighbours=True).items()
         for figures, alike in groupby(effect.parameters, _figures)
     ]
     return "\n".join(["| effect | parameter | unit | neutral | range | typical |", "|---|---|---|---|---|---|", *rows])
@@ -47,6 +48,7 @@ def _section(effect: type[Effect]) -> str:
     facts = {"shown by": effect.excited_by, "without a flight": effect.bench_check}
     texts = inspect.cleandoc(effect.__doc__ or "").split("\n\n")
     texts += [ROTORS_ONLY] if effect.identifier in MEASURED_ROTORS else []
+    texts += [NEIGHBOURS_ONLY] if effect.identifier in BESIDE_NEIGHBOURS else []
     seen = "; ".join(f"*{name}*: {_plain(fact)}" for name, fact in facts.items() if fact)
     return "\n\n".join([f"### `{effect.identifier}`", *map(_plain, texts), *([seen] if seen else [])])
 

@@ -1,6 +1,6 @@
 """Draws the pictures of the pages in docs/figures (`python docs/make_figures.py`).
 
-`diagnosis.svg` has the steps of the diagnosis, `report_ladder.png` and `next_flight.png` what the guide's flights show.
+`diagnosis.svg` has the steps of the diagnosis, the PNG files what the guide's flights show.
 """
 
 import dataclasses as dc
@@ -15,7 +15,7 @@ from diagrams.gap.next_flight import track_figure
 from diagrams.loop.flight import default_flight
 from diagrams.loop.flight_result import fly
 from np_drake.diagnosis.diagnose import diagnose
-from np_drake.diagnosis.report.figures import ladder_figure
+from np_drake.diagnosis.report.figures import timeline_figure
 from np_drake.files.figure_file import png
 from np_drake.flight_design.limits import limits_for
 from np_drake.flight_design.multisine import random_multisine
@@ -81,8 +81,8 @@ def _second_answer(axes: Axes) -> None:
     axes.text(x + 0.15, (bottom + top) / 2, note, rotation=90, ha="left", va="center", fontsize=9, color=GREY)
 
 
-def ladder() -> Figure:
-    """Return the ladder of the report on the drag of docs/guide/read-the-report.md."""
+def timeline() -> Figure:
+    """Return the residual against time in the report on the drag of docs/guide/read-the-report.md."""
     config = default_flight(Vehicle())
     config.reality.payload, config.reality.rotor_drag = PayloadConfig(tether="none"), 0.4
     config.reality.motor_lag, config.reality.thrust_scale = 0.0, 1.0
@@ -94,7 +94,7 @@ def ladder() -> Figure:
         logs.append(fly(config.check_and_step(), seed=seed).log())
     names = ("train_1.csv", "heldout_1.csv")
     train, held_out = (dc.replace(log, name=name) for log, name in zip(logs, names, strict=True))
-    return ladder_figure(diagnose(config.vehicle, [train], [held_out]).gap_reduction)
+    return timeline_figure(diagnose(config.vehicle, [train], [held_out]).localisation, {})
 
 
 def next_flight() -> Figure:
@@ -106,5 +106,5 @@ def next_flight() -> Figure:
 if __name__ == "__main__":
     plt.rcParams["svg.hashsalt"] = "diagnosis"
     draw().savefig(FILE, bbox_inches="tight", metadata={"Date": None})
-    for name, figure in (("report_ladder", ladder()), ("next_flight", next_flight())):
+    for name, figure in (("report_timeline", timeline()), ("next_flight", next_flight())):
         (FOLDER / f"{name}.png").write_bytes(png(figure, RESOLUTION))

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from np_drake.files.notebook import data_frame, html_table
+from np_drake.neighbour import Neighbour
 from np_drake.rotor_layout import RotorLayout
 
 MOST_NOTES = 5  # that a notebook shows
@@ -38,6 +39,8 @@ class FlightLog:
     input: what thrust and torque come from: `command` (thrust and torque), `rotor_speed`, `thrust_only` (torque is
     NaN), `normalised` (throttle; thrust and torque by an estimated map).
     timing: standard deviation of the time at which a row's command acts [s]; 0 where it is held from its row.
+    start: time of its recording's clock at t = 0; logs of clocks that agree are aligned by it [s].
+    neighbours: vehicles that flew nearby, on the clock of t.
     layout: where the rotors of `rotor` and `throttle` are; None: in the order of the vehicle file.
     lacks: what was not logged and is integrated: `attitude`, `velocity`, `height` (position); keys of
     `library.REQUIREMENTS`. The specific force in B, R^T (a + g), is that of the accelerometer all the same.
@@ -60,6 +63,8 @@ class FlightLog:
     timing: float = 0.0
     layout: RotorLayout | None = None
     lacks: tuple[str, ...] = ()
+    start: float = 0.0
+    neighbours: tuple[Neighbour, ...] = ()
     notes: list[str] = dc.field(default_factory=list)  # what a reader derived, differentiated or repaired
 
     def __len__(self) -> int:

@@ -7,7 +7,7 @@ from pydrake.systems.framework import LeafSystem
 
 from np_drake.compiled import compiled, turned
 from np_drake.effects.base import Motion, WrenchEffect
-from np_drake.effects.combine import NO_ONSETS, Onsets, acting, total_wrench
+from np_drake.effects.combine import NO_ONSETS, Onsets, acting, require_complete, total_wrench
 from np_drake.vehicle import Vehicle
 
 
@@ -44,8 +44,10 @@ class WrenchEffects(LeafSystem):
             effects: that push on it.
             num_velocities: nv of the plant [1].
             onsets: of effects that begin in flight [s].
+        Raises: ValueError: if an effect lacks what it acts by, as a downwash without a neighbour.
         """
         super().__init__()
+        require_complete(effects)
         self._vehicle, self._effects, self._onsets = vehicle, list(effects), onsets
         self._reads_rate = any(effect.feels_rotor_rate for effect in effects)
         self._force = np.zeros(num_velocities)  # workspace; only the first six entries are ever written

@@ -31,7 +31,7 @@ DIAGNOSIS = (
     ),
 )
 GROUND = (
-    *("lazy_names", "attitude", "compiled", "files", "rotor_layout", "flight_log", "metrics"),
+    *("lazy_names", "attitude", "compiled", "files", "rotor_layout", "neighbour", "flight_log", "metrics"),
     *(
         "vehicle_physics",
         "vehicle_calibration",

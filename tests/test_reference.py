@@ -137,7 +137,7 @@ def test_the_built_page_of_the_effects_states_each_with_its_parameters():
     }
     assert stated == {
         (effect, p.name): (p.unit or "1", p.neutral, p.lower, p.upper, p.typical)
-        for effect, kind in effects_for("rotor_speed").items()
+        for effect, kind in effects_for("rotor_speed", neighbours=True).items()
         for p in kind.parameters
     }
 

@@ -1,5 +1,6 @@
 """`np-drake diagnose`: where simulator and flights part, which effect causes it, how far it shrinks."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -47,6 +48,14 @@ def diagnose(
             help="Tolerances of vehicle file and logs: real or ideal sensors; default: as logs look.",
         ),
     ] = None,
+    neighbour: Annotated[
+        list[str] | None,
+        Option(
+            metavar="LOG[=OF]",
+            help="Log of a vehicle that flew beside the flight of the log OF, whose downwash is then tried; without "
+            "OF, their times tell. Repeatable.",
+        ),
+    ] = None,
     repair: options.Repair = False,
 ) -> Report:
     """Diagnose the gap between the nominal simulator and flights; with --out: report, replay, figures, JSON."""
@@ -54,7 +63,9 @@ def diagnose(
     nominal = nominal_vehicle(files)
     logs = files.open(nominal, repair=repair)
     tell(*(f"{log.name}: {note}" for flights in logs for log in flights for note in log.notes), indent="  ")
-    found = diagnose_logs(nominal, *logs, replay=not no_replay, second_look=not no_second_look, rig=rig)
+    beside = files.open_neighbours(neighbour or (), logs)
+    how: dict[str, Any] = {"replay": not no_replay, "second_look": not no_second_look, "rig": rig}
+    found = diagnose_logs(nominal, *logs, **how, neighbours=beside)
     nominal = found.nominal or nominal
     if run.folder is not None:
         from diagrams.gap.trial import with_trial
@@ -63,7 +74,7 @@ def diagnose(
             found = with_trial(found, nominal)
             advance(1.0)
     config: dict[str, Any] = {"vehicle": nominal.name, "train": files.train, "held_out": files.held_out}
-    config |= {"replay": not no_replay, "second_look": not no_second_look, "rig": rig, "repair": repair}
+    config |= {**how, "repair": repair, **({"neighbour": neighbour} if neighbour else {})}
 
     def write(folder: Path) -> None:
         from np_drake.diagnosis.report.page import write_report
@@ -188,6 +199,7 @@ def diagnose_logs(
     replay: bool,
     second_look: bool = True,
     rig: bool | None = None,
+    neighbours: Mapping[str, "list[FlightLog]"] | None = None,
 ) -> "Diagnosis":
     """Run the five steps behind a progress bar.
 
@@ -198,6 +210,7 @@ def diagnose_logs(
         replay: whether Drake replays flights too.
         second_look: whether held-out flights may give a second answer.
         rig: whether sensors are real or ideal; None: as the logs look.
+        neighbours: by name of a flight, logs of vehicles that flew beside it.
     """
     from diagrams.gap.drake_replay import DrakeReplay
     from np_drake.diagnosis.diagnose import diagnose as five_steps
@@ -207,9 +220,8 @@ def diagnose_logs(
     require_flights(train, held_out)  # what is refused is so without a bar
     with progress("diagnosing", 1.0) as advance:
         simulator = DrakeReplay(vehicle) if replay else None
-        how = {None: None, True: Tolerance(), False: IDEAL_SENSORS}[rig]
-        found = five_steps(
-            vehicle, train, held_out, simulator, adaptive_split=second_look, tolerance=how, on_progress=advance
-        )
+        tolerance = {None: None, True: Tolerance(), False: IDEAL_SENSORS}[rig]
+        how: dict[str, Any] = {"adaptive_split": second_look, "tolerance": tolerance, "neighbours": neighbours}
+        found = five_steps(vehicle, train, held_out, simulator, **how, on_progress=advance)
         advance(1.0)
     return found

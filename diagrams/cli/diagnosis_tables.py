@@ -1,14 +1,22 @@
-"""A diagnosis on the terminal: the answer, its causes, what to do next, what was tested, and how far."""
+"""A diagnosis on the terminal: the answer, what differs, what the model lacks, what remains, and what to do next."""
 
 from diagrams.cli.output import Table
 from np_drake.diagnosis.report import words
 from np_drake.diagnosis.report.headline import headline, lead, named_causes
-from np_drake.diagnosis.report.summary import GAP_HEADER, cause_table, gap_rows, next_steps, unseen, warnings
+from np_drake.diagnosis.report.remainder import GAP_HEADER, calibration_share, gap_rows, remains
+from np_drake.diagnosis.report.summary import (
+    DIFFERENCE_HEADER,
+    SHOWN,
+    cause_table,
+    difference_rows,
+    next_steps,
+    unseen,
+    warnings,
+)
 from np_drake.diagnosis.result import Diagnosis
 
 SENSORS = {"rig": "real", "laboratory": "ideal"}  # value in --json: words
 _QUANTITIES = {"position [m]": "position", "velocity [m/s]": "velocity", "attitude [deg]": "attitude"}
-_WIDE = 5  # columns of the table of causes that a terminal shows
 
 
 def judgement(diagnosis: Diagnosis) -> list[str]:
@@ -21,17 +29,23 @@ def tables(diagnosis: Diagnosis) -> list[Table]:
     """Return the tables that have rows, the answer first."""
     refit = diagnosis.refit
     tested = [*diagnosis.coverage, *filter(None, [unseen(diagnosis)])]
-    left = [f"{finding.name}: {words.described(finding)}" for finding in diagnosis.unexplained]
-    left += [f"minor: {finding.name}: {finding.text}" for finding in diagnosis.below_threshold]
+    traces = [(words.described(finding), finding.measurement) for finding in diagnosis.unexplained]
+    minor = [(f"{finding.name}: {finding.text}",) for finding in diagnosis.below_threshold]
+    differs = (
+        f"what differs from the vehicle file (calibration, no cause). {calibration_share(diagnosis.gap_reduction)}"
+    )
+    left = "what remains" if diagnosis.cannot_tell else f"what remains. {remains(diagnosis)}"
     every: list[Table] = [
-        *_causes(diagnosis, "causes"),
-        *(_causes(refit, "second answer: causes") if refit else []),
+        (differs, DIFFERENCE_HEADER, difference_rows(diagnosis)),
+        *_causes(diagnosis, "what the model lacks"),
+        *(_causes(refit, "second answer: what the model lacks") if refit else []),
+        (left, GAP_HEADER, gap_rows(diagnosis)),
+        *([(f"second answer: what remains. {remains(refit)}", GAP_HEADER, gap_rows(refit))] if refit else []),
+        ("what would end it", ["trace", "measurement"], traces),
         ("what to do next", ["step"], [(text,) for text in next_steps(diagnosis)]),
         ("what the flights tested", ["finding"], [(text,) for text in tested]),
-        ("how far", GAP_HEADER, gap_rows(diagnosis)),
-        *([("second answer: how far", GAP_HEADER, gap_rows(refit))] if refit else []),
         ("replay, median error, nominal → with causes", ["horizon [s]", *_QUANTITIES], replay_rows(diagnosis)),
-        ("what remains, and minor findings", ["finding"], [(text,) for text in left]),
+        ("minor findings", ["finding"], minor),
     ]
     return [table for table in every if table[-1]]
 
@@ -45,7 +59,7 @@ def _causes(diagnosis: Diagnosis, title: str) -> list[Table]:
         said += [f"{cause.identifier} begins in {', '.join(begins)}"] if begins else []
         others = words.listed(cause.indistinguishable_from, "or")
         said += [f"{cause.identifier}, or else {others}: these logs cannot tell"] if others else []
-    return [(title, header[:_WIDE], [row[:_WIDE] for row in rows]), ("of these causes", ["said"], [(t,) for t in said])]
+    return [(title, header[:SHOWN], [row[:SHOWN] for row in rows]), ("of these causes", ["said"], [(t,) for t in said])]
 
 
 def notes(diagnosis: Diagnosis) -> list[str]:

@@ -1,5 +1,6 @@
 """`np-drake import`: flight logs of other formats become logs of ours, each with a sheet that says what was done."""
 
+import dataclasses as dc
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -133,7 +134,7 @@ def _write(found: "Imported", folder: Path, suffix: str, before: list[str]) -> l
             raise LogError(f"{path}: must not be there; remove it, or give another --out.")
     for flight, target in zip(found.flights, targets, strict=True):
         write_log(flight, target)
-        write_sheet(found.sheet, target)
+        write_sheet(dc.replace(found.sheet, start=flight.start), target)
     return [str(target) for target in targets]
 
 

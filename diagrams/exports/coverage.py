@@ -38,7 +38,7 @@ def coverage() -> tuple[list[str], list[tuple[str, ...]]]:
     """
     rows = [
         (identifier, *(how_carried(effect, form.law)[0] for form in FORMATS.values()))
-        for identifier, effect in effects_for("rotor_speed").items()
+        for identifier, effect in effects_for("rotor_speed", neighbours=True).items()
         if not issubclass(effect, SensorEffect)
     ]
     return ["effect", *(form.title for form in FORMATS.values())], rows

@@ -43,6 +43,7 @@ LAW: Law = {
     "constant_wind": (LEFT_OUT, "the drag actuators feel the velocity over ground"),
     "gusty_wind": (LEFT_OUT, "the drag actuators feel the velocity over ground"),
     "ground_effect": (LEFT_OUT, "no actuator has a gain over height"),
+    "downwash": (LEFT_OUT, "the file has no neighbour"),
     "rotor_gyroscopic": (LEFT_OUT, "the rotors are sites, which do not turn"),
     "mixer_gain": (EXACT, "gears of the motors"),
 }

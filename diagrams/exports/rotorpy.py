@@ -39,6 +39,7 @@ LAW: Law = {
     "constant_wind": (LEFT_OUT, _WIND),
     "gusty_wind": (LEFT_OUT, _WIND),
     "ground_effect": (LEFT_OUT, "no parameter"),
+    "downwash": (LEFT_OUT, "the file has no neighbour"),
     "rotor_gyroscopic": (LEFT_OUT, "no parameter"),
     "mixer_gain": (EXACT, "in rotor_pos and k_m"),
 }

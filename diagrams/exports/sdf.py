@@ -46,6 +46,7 @@ LAW: Law = {
     "constant_wind": (EXACT, "current of the Hydrodynamics plugin"),
     "gusty_wind": (APPROXIMATE, "its mean, current of the Hydrodynamics plugin"),
     "ground_effect": (LEFT_OUT, "no plugin has thrust over height"),
+    "downwash": (LEFT_OUT, "the file has no neighbour"),
     "rotor_gyroscopic": (EXACT, "inertia of the rotor links, which turn at rotor speed"),
     "mixer_gain": (EXACT, "in the places of the rotors and momentConstant"),
 }

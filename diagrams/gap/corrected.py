@@ -39,8 +39,9 @@ USE = """\
 def corrected_simulator(diagnosis: Diagnosis, vehicle: Vehicle) -> FlightConfig:
     """Return the scenario of `vehicle` with the causes of a diagnosis and the disturbance that remains.
 
-    They are the causes that its verdict names. A second answer (`Diagnosis.refit`) has a simulator of its own. The
-    reference is the default circle of the vehicle, the noise that of its sensors in the simulator.
+    They are the causes that its verdict names, but for a `downwash`: a flight to come has no neighbour. A second
+    answer (`Diagnosis.refit`) has a simulator of its own. The reference is the default circle of the vehicle, the noise
+    that of its sensors in the simulator.
 
     Args:
         diagnosis: the result.
@@ -57,8 +58,8 @@ def corrected_simulator(diagnosis: Diagnosis, vehicle: Vehicle) -> FlightConfig:
 
 
 def _entry(cause: Cause) -> EffectEntry | None:
-    """Return the entry of a cause; None for one that is absent from all flights."""
-    if cause.effect is None:
+    """Return the entry of a cause; None for one that is absent from all flights, or needs a neighbour."""
+    if cause.effect is None or cause.effect.lacking():
         return None
     onsets = {flight: 0.0 if t is None else float(t) for flight, t in cause.onset.items()}
     seen = [t for t in onsets.values() if math.isfinite(t)]
@@ -150,6 +151,8 @@ def write_corrected(config: FlightConfig, diagnosis: Diagnosis, path: Path) -> N
     Raises: OSError: if the file cannot be written.
     """
     said = textwrap.wrap(f"{headline(diagnosis)}.", 110, break_long_words=False, break_on_hyphens=False)
+    for name in (c.identifier for c in diagnosis.causes if c.effect is not None and c.effect.lacking()):
+        said.append(f"Left out: {name}, which acts only beside a neighbour.")
     use = f"# Do not fly it: {diagnosis.not_flyable}." if diagnosis.not_flyable else USE.format(file=path.name)
     head = HEAD.format(use=use, headline="\n".join(f"# {line}" for line in said).replace(NBSP, " "))
     reality, posterior = config.reality, config.reality.posterior

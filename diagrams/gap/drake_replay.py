@@ -14,7 +14,7 @@ from np_drake import attitude
 from np_drake.diagnosis.gap.gap_reduction import LEAD
 from np_drake.diagnosis.gap.replay import States, Track, payload_track, replay_gap, state_error, true_states
 from np_drake.diagnosis.result import HORIZONS, ReplayGap
-from np_drake.effects.base import Effect, SensorEffect
+from np_drake.effects.base import Effect, SensorEffect, WrenchEffect
 from np_drake.effects.combine import EffectsByPlace, mass_properties, split_effects
 from np_drake.flight_log import FlightLog
 from np_drake.rigid_body import P, Q
@@ -143,6 +143,8 @@ class DrakeReplay:
     def _prepared(self, log: FlightLog, effects: list[tuple[Effect, dict[str, float | None]]]) -> _Flight:
         """Return what a replay of this flight needs."""
         acting = [(e, onsets.get(log.name)) for e, onsets in effects if log.name in onsets or not onsets]
+        acting = [(e.beside(log.neighbours) if isinstance(e, WrenchEffect) else e, t) for e, t in acting]
+        acting = [(e, t) for e, t in acting if not e.lacking()]  # a flight without neighbours
         sensors = [effect for effect, _ in acting if isinstance(effect, SensorEffect)]
         bodily = [(e, -np.inf if t is None else t) for e, t in acting if not isinstance(e, SensorEffect)]
         states = true_states(log, self._vehicle, sensors, smooth=self._smooth)

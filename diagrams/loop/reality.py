@@ -5,7 +5,7 @@ import dataclasses as dc
 import numpy as np
 
 from np_drake.effects.base import ActuatorEffect, Effect, MassEffect, MeasurementEffect, WrenchEffect
-from np_drake.effects.combine import acting, split_effects
+from np_drake.effects.combine import acting, require_complete, split_effects
 from np_drake.effects.command_delay import CommandDelay
 from np_drake.effects.disturbance import Disturbance, DisturbanceConfig
 from np_drake.effects.effect_entry import EffectEntry
@@ -58,6 +58,7 @@ class RealityConfig:
             raise ValueError("RealityConfig: wind acts through rotor_drag, which must then be positive.")
         for entry in self.effects:
             entry.check()
+        require_complete(self.added)
         self.disturbance.check()
         self.posterior.check()
         hung = split_effects(self.added).payload

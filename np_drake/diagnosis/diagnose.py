@@ -11,17 +11,18 @@
 
 import dataclasses as dc
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from np_drake.diagnosis.calibration.columns import calibration_effects
+from np_drake.diagnosis.calibration.differences import differences
 from np_drake.diagnosis.decision.causes import joint_posterior, without_late_onsets
 from np_drake.diagnosis.decision.explanations import explanations_of
 from np_drake.diagnosis.decision.infer import Inference, infer
 from np_drake.diagnosis.decision.second_answer import novelty, second_answer, without_onsets_in
 from np_drake.diagnosis.doctor.doubts import as_lines, doubts
 from np_drake.diagnosis.forward_model import predicted_residual
-from np_drake.diagnosis.gap.gap_reduction import measure_gap_reduction
+from np_drake.diagnosis.gap.gap_reduction import held_out_gains, measure_gap_reduction
 from np_drake.diagnosis.localisation.identifiability import (
     assess_identifiability,
     excitation,
@@ -44,6 +45,7 @@ from np_drake.diagnosis.result import UNKNOWN, Diagnosis, Replay
 from np_drake.flight_log import FlightLog
 from np_drake.logs.gaps import said_of_bridged
 from np_drake.logs.hover_thrust import with_hover_thrust
+from np_drake.logs.neighbours import with_neighbours
 from np_drake.logs.throttle_input import with_one_exponent
 from np_drake.vehicle import Vehicle
 
@@ -60,6 +62,7 @@ def diagnose(
     adaptive_split: bool = True,
     tolerance: Tolerance | None = None,
     options: Options | None = None,
+    neighbours: Mapping[str, Sequence[FlightLog]] | None = None,
     on_progress: Progress | None = None,
 ) -> Diagnosis:
     """Diagnose the gap between the nominal model and the flights: its causes, and how far adding them closes it.
@@ -76,6 +79,8 @@ def diagnose(
         tolerance: errors of vehicle file and sensors that are not a cause: `Tolerance()` for real sensors,
             `IDEAL_SENSORS`, or one's own; default: real where attitudes are noisy or rotor speed is measured.
         options: all that steers the answer; default: `Options.for_sensors` of that tolerance.
+        neighbours: by name of a flight, logs of vehicles that flew beside it, on clocks that agree and in one frame:
+            their downwash is then tried as a cause.
         on_progress: called with the share done [1] and the name of the step.
     Raises: ValueError: if the logs cannot be used, or both tolerance and options are given; one line with the remedy.
     """
@@ -88,6 +93,9 @@ def diagnose(
 
     # 1. Residuals of all flights on one grid, the coarsest of theirs.
     require_flights(train, held_out)
+    if neighbours:
+        beside = with_neighbours([*train, *held_out], neighbours, vehicle.rotor_radius)
+        train, held_out = beside[: len(train)], beside[len(train) :]
     (train, short), (held_out, brief) = long_enough(train), long_enough(held_out)
     train, held_out = with_one_exponent(vehicle, train, held_out)
     file, (vehicle, train, held_out) = vehicle, with_hover_thrust(vehicle, train, held_out)
@@ -141,6 +149,8 @@ def _answer(found: Inference, names: dict[str, Any], replay: Replay | None) -> D
     causes, late = without_late_onsets(found.causes, ends)
     found = dc.replace(found, causes=causes, below_threshold=[*found.below_threshold, *late])
     noise, held = found.ranking.noise, found.held
+    gains = held_out_gains(causes, noise, held)
+    found = dc.replace(found, causes=[dc.replace(c, held_out_gain=g) for c, g in zip(causes, gains, strict=True)])
     checked = assess_identifiability(found.flights, found.held_out, found.ranking.problem.candidates, noise)
     named = {c.identifier for c in found.causes}
     left = {e.name: e.y - predicted_residual(e, held.kept(e.name, named)) for e in found.held_out}
@@ -154,6 +164,7 @@ def _answer(found: Inference, names: dict[str, Any], replay: Replay | None) -> D
         judged_as=found.options.tolerance.name,
         verdict=tuple(c.identifier for c in found.causes) + ((UNKNOWN,) if found.unknown else ()),
         causes=tuple(found.causes),
+        calibration=differences(found.ranking.best, found.flights, found.options.tolerance),
         identifiability=checked,
         localisation=located,
         gap_reduction=reduction,

@@ -1,7 +1,7 @@
 """Result of a diagnosis as dataclasses; `as_json` gives the file `diagnosis.json` (docs/reference/files.md)."""
 
 import dataclasses as dc
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any, ClassVar
 
 import numpy as np
@@ -17,6 +17,13 @@ from np_drake.flight_log import FlightLog
 from np_drake.vehicle import Vehicle
 
 CHANNELS = ("force x", "force y", "force z", "torque x", "torque y", "torque z")  # body axes
+KINDS = {
+    "lateral force": ("force x", "force y"),
+    "vertical force": ("force z",),
+    "torque": ("torque x", "torque y", "torque z"),
+}
+LEAST_GAP = 1.05  # residual over noise below which a share of the gap has no meaning [1]; own choice
+GROWN = 1.1  # residual with the causes over that without, and over noise, from which it grows [1]; own choice
 HORIZONS = (0.1, 0.25, 0.5, 1.0)  # horizons of the replay [s]
 SCHEMA = "np_drake.diagnosis/1"
 UNKNOWN = "unknown"
@@ -44,6 +51,8 @@ class Cause:
     share: power of its own predicted residual over that of the gap above the noise, in the flights of the fit [1]; NaN
         for gusts, which have none there. Predicted residuals overlap, so that shares need not add up to one.
     effect: the fitted object.
+    held_out_gain: share of the held-out gap above the noise that comes back without it [1]; negative: flights
+        contradict it.
     """
 
     identifier: str
@@ -53,16 +62,43 @@ class Cause:
     indistinguishable_from: tuple[str, ...] = ()
     share: float = float("nan")
     effect: Effect | None = None
+    held_out_gain: float = float("nan")
+
+
+@dc.dataclass(frozen=True)
+class Difference:
+    """What a vehicle differs by from its file, or a flight from others of its vehicle: calibration, and no cause.
+
+    value: departure from the file [unit], in the flight that the text names.   deviation: of healthy vehicles [unit].
+    by_flight: value in every flight of the fit; empty: the same in all.
+    """
+
+    name: str
+    text: str
+    value: float
+    unit: str
+    deviation: float
+    ci95: tuple[float, float] = (float("nan"), float("nan"))
+    by_flight: dict[str, float] = dc.field(default_factory=dict)
+
+    @property
+    def in_deviations(self) -> float:
+        """Size over the standard deviation of healthy vehicles [1]."""
+        return abs(self.value) / self.deviation if self.deviation > 0 else 0.0
 
 
 @dc.dataclass(frozen=True)
 class Finding:
-    """Result that is no cause: a significant but immaterial effect, or a sign of unknown structure."""
+    """Result that is no cause: a significant but immaterial effect, or a sign of unknown structure.
+
+    measurement: the one flight or measurement that would end it; empty: none is needed.
+    """
 
     name: str
     text: str
     size: float  # share of the gap above the noise [1], or what the text says
     figures: dict[str, float] = dc.field(default_factory=dict)
+    measurement: str = ""
 
 
 @dc.dataclass(frozen=True)
@@ -75,6 +111,28 @@ class ChannelGap:
     noise_floor: float
     after: float
     explained: float
+
+
+@dc.dataclass(frozen=True)
+class GapKind:
+    """Held-out residual of one kind, RMS of its vector: before and after the causes, and of noise [unit].
+
+    left: share of the square above the noise that the causes leave [1]; NaN where there is hardly a gap.
+    above_noise: RMS that is left above the noise [unit].
+    """
+
+    kind: str
+    unit: str
+    before: float
+    after: float
+    noise: float
+    left: float
+    above_noise: float
+
+    @property
+    def grows(self) -> bool:
+        """Whether the causes make it larger."""
+        return self.after > GROWN * max(self.before, self.noise)
 
 
 @dc.dataclass(frozen=True)
@@ -209,6 +267,7 @@ class Diagnosis:
     readings: noise and tolerances by which another flight is read.
     doubts: what stands against any answer from these flights, as `np-drake doctor` finds it; said before the answer.
     not_flyable: why no plain controller flies the corrected simulator, and what to do; empty: one does, or none tried.
+    calibration: by what an unmeasured vehicle and its flights differ, largest first; empty: the file describes it.
     nominal: vehicle that was judged, that of the file unless a guess in it gave way; None: read from a report.
     """
 
@@ -237,6 +296,7 @@ class Diagnosis:
     doubts: tuple[str, ...] = ()
     not_flyable: str = ""
     nominal: Vehicle | None = None
+    calibration: tuple[Difference, ...] = ()
     headline: ClassVar[Callable[["Diagnosis"], str]] = lambda diagnosis: ", ".join(diagnosis.verdict)
     """The answer in one sentence: `report.headline`, which needs this module, and puts itself here."""
 
@@ -281,6 +341,7 @@ class Diagnosis:
                 "schema": SCHEMA,
                 **_named(self, "vehicle", "train", "held_out", "joined", "judged_as", "doubts", "verdict"),
                 **_named(self, "cannot_tell", "unknown_probability"),
+                "calibration": [_difference(difference) for difference in self.calibration],
                 "causes": [_cause(cause) for cause in self.causes],
                 "gap": _gap(self.localisation, reduction.replay_before),
                 "shrink": {
@@ -328,10 +389,14 @@ def _fields(items: Iterable[Any]) -> list[dict[str, Any]]:
     return [_named(item, *(field.name for field in dc.fields(item))) for item in items]
 
 
+def _difference(difference: Difference) -> dict[str, Any]:
+    return {name: value for name, value in dc.asdict(difference).items() if name != "by_flight" or value}
+
+
 def _cause(cause: Cause) -> dict[str, Any]:
     return {
         "effect": cause.identifier,
-        **_named(cause, "probability", "share"),
+        **_named(cause, "probability", "share", "held_out_gain"),
         "parameters": {name: dc.asdict(estimate) for name, estimate in cause.parameters.items()},
         "onset": cause.onset,
         "absent_from": [flight for flight, time in cause.onset.items() if time == float("inf")],
@@ -346,8 +411,23 @@ def _gap(localisation: Localisation, replay: ReplayGap | None) -> dict[str, Any]
         kind, axis = channel.channel.split()
         gap[kind][axis] = _named(channel, "unit", "rms", "noise_floor", "after", "explained")
     medians = {} if replay is None else {name: of[:, 0].tolist() for name, of in _quantities(replay).items()}
+    gap["kinds"] = _fields(gap_kinds(localisation.channels))
     gap["replay"] = None if replay is None else {"horizon": replay.horizon, **medians}
     return gap | {name: _fields(getattr(localisation, name)) for name in ("segments", "regimes", "bands")}
+
+
+def gap_kinds(every: Sequence[ChannelGap]) -> list[GapKind]:
+    """Return the held-out gap of channels by kind, without kinds that the logs do not tell."""
+    out = []
+    for kind, names in KINDS.items():
+        channels = [c for c in every if c.channel in names]
+        sizes = [[c.rms, c.after, c.noise_floor] for c in channels]
+        before, after, noise = np.sqrt(np.sum(np.square(sizes), axis=0)).tolist() if channels else (0.0, 0.0, 0.0)
+        if noise > 0 and before > 0:
+            above = max(after**2 - noise**2, 0.0)
+            share = above / (before**2 - noise**2) if before > LEAST_GAP * noise else np.nan
+            out.append(GapKind(kind, channels[0].unit, before, after, noise, share, above**0.5))
+    return out
 
 
 def _both_replays(before: ReplayGap | None, after: ReplayGap | None) -> dict[str, Any] | None:

@@ -12,7 +12,7 @@ _FILES = (  # in the order of the search; each holds the class that is named as 
     *("constant_wind", "gusty_wind", "ground_effect", "rotor_gyroscopic"),
     *("accelerometer_bias", "gyro_bias", "velocity_bias", "attitude_bias", "clock_offset"),
     *("mixer_gain", "thrust_ceiling", "battery_sag", "throttle_curve", "imu_mounting", "attitude_latency"),
-    *("disturbance", "sensor_noise"),
+    *("downwash", "disturbance", "sensor_noise"),
 )
 NAMES = {file.title().replace("_", ""): f"np_drake.effects.{file}" for file in _FILES}
 NAMES["LIBRARY"] = "np_drake.effects.library"

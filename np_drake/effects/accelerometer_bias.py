@@ -29,7 +29,10 @@ class AccelerometerBias(SensorEffect):
     excited_by = "hover with two opposite headings"
     tolerance = "acceleration"
     corrupts = ("ax", "ay", "az")
-    parameters = tuple(Parameter(axis, "m/s²", 0.0, -3.0, 3.0, 0.3) for axis in "xyz")
+    parameters = tuple(
+        Parameter(axis, "m/s²", 0.0, -3.0, 3.0, 0.3, departure=f"accelerometer reads {{signed}} along {axis}")
+        for axis in "xyz"
+    )
 
     def measure(self, vehicle: Vehicle, truth: Measurement, white: np.ndarray) -> Measurement:
         """Return the reading with the bias on `a`."""

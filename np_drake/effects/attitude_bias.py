@@ -32,7 +32,10 @@ class AttitudeBias(SensorEffect):
     tolerance = "attitude"
     linear = False
     corrupts = ("qw", "qx", "qy", "qz")
-    parameters = tuple(Parameter(name, "rad", 0.0, -0.4, 0.4, 0.03) for name in ("roll", "pitch", "yaw"))
+    parameters = tuple(
+        Parameter(name, "rad", 0.0, -0.4, 0.4, 0.03, departure=f"attitude reads {{signed}} of {name}")
+        for name in ("roll", "pitch", "yaw")
+    )
 
     @property
     def dq(self) -> np.ndarray:

@@ -27,7 +27,12 @@ class AttitudeLatency(SensorEffect):
     linear = False
     small = True
     corrupts = ("qw", "qx", "qy", "qz")
-    parameters = (Parameter("latency", "s", 0.0, -0.1, 0.1, 0.01),)
+    parameters = (
+        Parameter(
+            *("latency", "s", 0.0, -0.1, 0.1, 0.01),
+            departure="attitude logged {size} behind the velocity|attitude logged {size} before the velocity",
+        ),
+    )
 
     def measure(self, vehicle: Vehicle, truth: Measurement, white: np.ndarray) -> Measurement:
         """Return the reading with the attitude of `latency` before."""

@@ -6,7 +6,7 @@ leading axes. An effect acts at one of four places: wrench, actuator, mass, meas
 """
 
 import dataclasses as dc
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import Any, ClassVar, Protocol
 
@@ -15,6 +15,7 @@ import numpy as np
 from np_drake import attitude
 from np_drake.effects.parameter import Parameter, usual_size
 from np_drake.effects.random_sizes import direction, log_uniform, signed
+from np_drake.neighbour import Neighbour
 from np_drake.rigid_body import Q
 from np_drake.vehicle import Vehicle
 
@@ -33,6 +34,7 @@ class Effect:
     place: ClassVar[str]  # wrench | actuator | mass | measurement
     parameters: ClassVar[tuple[Parameter, ...]]
     # cause: the diagnosis searches it.   mixer: only on logs of measured rotor speed, where a command's mixer is known.
+    # neighbour: only on logs beside which that of a vehicle nearby is given.
     # simulated: in scenarios alone.   nuisance: an error of file or input that every model holds, never a cause.
     role: ClassVar[str] = "cause"
 
@@ -77,6 +79,10 @@ class Effect:
     def time_shift(self, vehicle: Vehicle) -> float:
         """Return the time by which commands act later on the state, beyond what the vehicle file says [s]."""
         return 0.0
+
+    def lacking(self) -> str:
+        """Return what the effect lacks to act in a simulation, with the remedy; empty: nothing."""
+        return ""
 
     @classmethod
     def title(cls) -> str:
@@ -174,6 +180,10 @@ class WrenchEffect(Effect):
             motion: on which the wrench depends, over any leading axes.
         """
         return np.zeros((*motion.x.shape[:-1], 6))
+
+    def beside(self, neighbours: Sequence[Neighbour]) -> "WrenchEffect":
+        """Return the effect in a flight with these vehicles nearby; most effects are the same."""
+        return self
 
     def air_velocity(self, t: np.ndarray | float) -> np.ndarray:
         """Return the effect's part of the velocity of the air in W, (..., 3) [m/s]."""

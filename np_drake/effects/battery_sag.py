@@ -20,7 +20,12 @@ class BatterySag(ActuatorEffect):
     role = "nuisance"
     named = "battery sag"
     bench_check = "log the battery's voltage"
-    parameters = (Parameter("rate", "1/s", 0.0, -0.1, 0.1, 0.002),)
+    parameters = (
+        Parameter(
+            *("rate", "1/s", 0.0, -0.1, 0.1, 0.002),
+            departure="thrust grows by {size} a minute|thrust falls by {size} a minute",
+        ),
+    )
 
     def thrust_gain(self, t: np.ndarray | float) -> np.ndarray | float:
         """Return the actual over the commanded thrust."""

@@ -26,7 +26,12 @@ class BladeFlapping(WrenchEffect):
     grows_with = "speed"
     feels_rotor_rate = False
     pushes = False
-    parameters = (Parameter("moment", "N·m·s/m", 0.0, -0.2, 0.2, 0.02),)
+    parameters = (
+        Parameter(
+            *("moment", "N·m·s/m", 0.0, -0.2, 0.2, 0.02),
+            departure="nose-up moment in forward flight, {size}|nose-down moment in forward flight, {size}",
+        ),
+    )
 
     @classmethod
     def draw(cls, rng: np.random.Generator, vehicle: Vehicle, seconds: float) -> dict[str, float]:

@@ -28,7 +28,12 @@ class CenterOfMassOffset(MassEffect):
     excited_by = "thrust steps: climb and descend hard with level attitude"
     requires = ("torque",)
     linear = False
-    parameters = tuple(Parameter(axis, "m", 0.0, -0.15, 0.15, 0.01) for axis in "xyz")
+    parameters = tuple(
+        Parameter(
+            axis, "m", 0.0, -0.15, 0.15, 0.01, departure=f"centre of mass {{size}} {p}|centre of mass {{size}} {m}"
+        )
+        for axis, p, m in (("x", "ahead", "behind"), ("y", "to the left", "to the right"), ("z", "higher", "lower"))
+    )
 
     @classmethod
     def draw(cls, rng: np.random.Generator, vehicle: Vehicle, seconds: float) -> dict[str, float]:

@@ -33,7 +33,12 @@ class ClockOffset(SensorEffect):
         *("px", "py", "pz", "qw", "qx", "qy", "qz", "vx", "vy", "vz", "wx", "wy", "wz"),
         *("ax", "ay", "az", "alx", "aly", "alz"),
     )
-    parameters = (Parameter("offset", "s", 0.0, 0.0, 0.3, 0.02),)
+    parameters = (
+        Parameter(
+            *("offset", "s", 0.0, 0.0, 0.3, 0.02),
+            departure="motion logged {size} before the commands|motion logged {size} behind the commands",
+        ),
+    )
 
     @classmethod
     def grid(cls, vehicle: Vehicle) -> list[dict[str, float]]:

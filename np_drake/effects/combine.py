@@ -72,6 +72,16 @@ def split_effects(effects: Iterable[Any]) -> EffectsByPlace:
     return out
 
 
+def require_complete(effects: Iterable[Effect]) -> None:
+    """Check that effects have what they act by in a simulation.
+
+    Raises: ValueError: at the first that lacks it.
+    """
+    for effect in effects:
+        if lacking := effect.lacking():
+            raise ValueError(f"effects: {effect.identifier} must have {lacking}. Or leave the effect out.")
+
+
 def total_wrench(vehicle: Vehicle, effects: Sequence[WrenchEffect], motion: Motion) -> np.ndarray:
     """Return chi of all effects, (..., 6) [N, N·m], each in the air moved by all.
 

@@ -28,7 +28,11 @@ class CommandDelay(ActuatorEffect):
     shifts_commands = True
     pure_delay = True
     linear = False
-    parameters = (Parameter("delay", "s", 0.0, 0.0, 0.3, 0.02),)
+    parameters = (
+        Parameter(
+            *("delay", "s", 0.0, 0.0, 0.3, 0.02), departure="commands act {size} later|commands act {size} earlier"
+        ),
+    )
     turns_rotor = True
 
     @classmethod

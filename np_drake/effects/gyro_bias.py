@@ -28,7 +28,10 @@ class GyroBias(SensorEffect):
     requires = ("attitude",)
     tolerance = "rate"
     corrupts = ("wx", "wy", "wz")
-    parameters = tuple(Parameter(axis, "rad/s", 0.0, -1.0, 1.0, 0.05) for axis in "xyz")
+    parameters = tuple(
+        Parameter(axis, "rad/s", 0.0, -1.0, 1.0, 0.05, departure=f"gyroscope reads {{signed}} about {axis}")
+        for axis in "xyz"
+    )
 
     def measure(self, vehicle: Vehicle, truth: Measurement, white: np.ndarray) -> Measurement:
         """Return the reading with the bias on the body rates."""

@@ -28,7 +28,10 @@ class ImuMounting(SensorEffect):
     linear = False
     small = True
     corrupts = ("qw", "qx", "qy", "qz", "wx", "wy", "wz")
-    parameters = tuple(Parameter(name, "rad", 0.0, -0.2, 0.2, 0.02) for name in ("roll", "pitch", "yaw"))
+    parameters = tuple(
+        Parameter(name, "rad", 0.0, -0.2, 0.2, 0.02, departure=f"IMU mounted with {{signed}} of {name}")
+        for name in ("roll", "pitch", "yaw")
+    )
 
     def measure(self, vehicle: Vehicle, truth: Measurement, white: np.ndarray) -> Measurement:
         """Return the reading with attitude and rates in the turned axes."""

@@ -26,7 +26,12 @@ class InertiaError(MassEffect):
     excited_by = "fast doublets about all three axes"
     grows_with = "torque"
     requires = ("torque",)
-    parameters = tuple(Parameter(name, "1", 1.0, 0.3, 3.0, 0.15) for name in ("scale_xx", "scale_yy", "scale_zz"))
+    parameters = tuple(
+        Parameter(
+            f"scale_{axis}{axis}", "1", 1.0, 0.3, 3.0, 0.15, departure=f"moment of inertia about {axis} {{signed}}"
+        )
+        for axis in "xyz"
+    )
 
     @classmethod
     def draw(cls, rng: np.random.Generator, vehicle: Vehicle, seconds: float) -> dict[str, float]:

@@ -17,23 +17,35 @@ def _with_role(role: str) -> dict[str, type[Effect]]:
 
 LIBRARY = _with_role("cause")
 MEASURED_ROTORS = _with_role("mixer")
+BESIDE_NEIGHBOURS = _with_role("neighbour")
 SIMULATED = _with_role("simulated")
 NUISANCES = _with_role("nuisance")
 
 
 def in_scenarios() -> dict[str, type[Effect]]:
     """Return the effects that a scenario may name."""
-    return LIBRARY | MEASURED_ROTORS | SIMULATED
+    return causes() | SIMULATED
 
 
-def effects_for(log_input: str) -> dict[str, type[Effect]]:
-    """Return the effects that are tried on logs with this input, `command` or `rotor_speed`."""
-    return LIBRARY | MEASURED_ROTORS if log_input == "rotor_speed" else LIBRARY
+def causes() -> dict[str, type[Effect]]:
+    """Return the effects that a diagnosis may name, of any logs."""
+    return LIBRARY | MEASURED_ROTORS | BESIDE_NEIGHBOURS
+
+
+def effects_for(log_input: str, *, neighbours: bool = False) -> dict[str, type[Effect]]:
+    """Return the effects that are tried on logs.
+
+    Args:
+        log_input: as `FlightLog.input`.
+        neighbours: whether a log of a vehicle nearby is given.
+    """
+    found = LIBRARY | MEASURED_ROTORS if log_input == "rotor_speed" else LIBRARY
+    return found | BESIDE_NEIGHBOURS if neighbours else found
 
 
 def effect_of(identifier: str) -> type[Effect]:
     """Return the class of an effect; for what is none, as a structure `unknown:…`, the defaults of all effects."""
-    for known in (LIBRARY, MEASURED_ROTORS, SIMULATED, NUISANCES):
+    for known in (LIBRARY, MEASURED_ROTORS, BESIDE_NEIGHBOURS, SIMULATED, NUISANCES):
         if identifier in known:
             return known[identifier]
     return Effect

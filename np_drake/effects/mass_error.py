@@ -26,7 +26,7 @@ class MassError(MassEffect):
     told_from = {"thrust_scale": "fast roll and pitch doublets: torque scales with thrust, not with mass"}
     requires = ("thrust",)
     tolerance = "mass"
-    parameters = (Parameter("delta_mass", "kg", 0.0, -1.0, 2.0, 0.2),)
+    parameters = (Parameter("delta_mass", "kg", 0.0, -1.0, 2.0, 0.2, departure="mass {signed}"),)
 
     @classmethod
     def draw(cls, rng: np.random.Generator, vehicle: Vehicle, seconds: float) -> dict[str, float]:

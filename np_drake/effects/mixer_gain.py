@@ -31,7 +31,10 @@ class MixerGain(WrenchEffect):
     begins = False
     feels_rotor_rate = False
     pushes = False
-    parameters = tuple(Parameter(name, "1", 1.0, 0.0, 2.0, 0.5) for name in ("roll", "pitch", "yaw"))
+    parameters = tuple(
+        Parameter(name, "1", 1.0, 0.0, 2.0, 0.5, departure=f"{name} torque of the rotors {{signed}}")
+        for name in ("roll", "pitch", "yaw")
+    )
 
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
         """Return chi of the torque, (..., 6) [N, N·m]; no force."""

@@ -27,7 +27,11 @@ class MotorLag(ActuatorEffect):
     requires = ("commands",)
     shifts_commands = True
     linear = False
-    parameters = (Parameter("time_constant", "s", 0.0, 0.0, 0.3, 0.03),)
+    parameters = (
+        Parameter(
+            *("time_constant", "s", 0.0, 0.0, 0.3, 0.03), departure="rotors lag {size} more|rotors lag {size} less"
+        ),
+    )
     state_size = 4
     turns_rotor = True
 

@@ -15,6 +15,8 @@ class Parameter:
     neutral: value at which the effect vanishes, if `vanishes`.   lower, upper: bounds of a fit.
     typical: usual distance from neutral: the deviation of the prior, and the scale of finite differences.
     choices: the only values, where it is not continuous.
+    departure: how a vehicle or sensor differs that has another value than neutral, as "rotor {rotor}: thrust {signed}";
+        where the sign decides the words, "{size} ahead|{size} behind", of more and of less.
     """
 
     name: str
@@ -25,6 +27,7 @@ class Parameter:
     typical: float
     choices: tuple[float, ...] = ()
     vanishes: bool = True
+    departure: str = ""
 
 
 def usual_size(parameter: Parameter, vehicle: Vehicle) -> float:

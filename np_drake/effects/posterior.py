@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from np_drake.effects.effect_entry import EffectEntry
-from np_drake.effects.library import LIBRARY, MEASURED_ROTORS
+from np_drake.effects.library import causes
 
 
 @dc.dataclass
@@ -23,7 +23,7 @@ class Posterior:
         """
         for name in self.parameters:
             effect, _, parameter = name.partition(".")
-            kind = (LIBRARY | MEASURED_ROTORS).get(effect)
+            kind = causes().get(effect)
             if kind is None or parameter not in {p.name for p in kind.parameters}:
                 raise ValueError(f"posterior: parameters must be as EFFECT.PARAMETER; got {name!r}.")
         size = len(self.parameters)

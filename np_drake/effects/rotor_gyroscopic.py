@@ -25,7 +25,7 @@ class RotorGyroscopic(WrenchEffect):
     excited_by = "roll and pitch doublets while yawing hard"
     grows_with = "rate"
     pushes = False
-    parameters = (Parameter("rotor_inertia", "kg·m²", 0.0, 0.0, 3e-3, 1e-4),)
+    parameters = (Parameter("rotor_inertia", "kg·m²", 0.0, 0.0, 3e-3, 1e-4, departure="inertia of a rotor {signed}"),)
 
     @classmethod
     def draw(cls, rng: np.random.Generator, vehicle: Vehicle, seconds: float) -> dict[str, float]:

@@ -22,7 +22,7 @@ class ThrottleCurve(ActuatorEffect):
     role = "nuisance"
     named = "the throttle curve"
     linear = False
-    parameters = (Parameter("curve", "1", 0.0, -0.9, 2.0, 0.1),)
+    parameters = (Parameter("curve", "1", 0.0, -0.9, 2.0, 0.1, departure="exponent of thrust over throttle {signed}"),)
 
     def thrust(
         self, vehicle: Vehicle, state: np.ndarray, command: np.ndarray, t: np.ndarray | float = 0.0

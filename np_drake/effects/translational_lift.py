@@ -26,7 +26,12 @@ class TranslationalLift(WrenchEffect):
     grows_with = "speed"
     feels_rotor_rate = False
     turns = False
-    parameters = (Parameter("lift", "N·s²/m²", 0.0, 0.0, 1.0, 0.05),)
+    parameters = (
+        Parameter(
+            *("lift", "N·s²/m²", 0.0, 0.0, 1.0, 0.05),
+            departure="thrust rises with speed squared by {size}|thrust falls with speed squared by {size}",
+        ),
+    )
 
     @classmethod
     def draw(cls, rng: np.random.Generator, vehicle: Vehicle, seconds: float) -> dict[str, float]:

@@ -28,7 +28,10 @@ class VelocityBias(SensorEffect):
     excited_by = "hover in place, then long straight legs"
     tolerance = "velocity"
     corrupts = ("vx", "vy", "vz")
-    parameters = tuple(Parameter(axis, "m/s", 0.0, -3.0, 3.0, 0.2) for axis in "xyz")
+    parameters = tuple(
+        Parameter(axis, "m/s", 0.0, -3.0, 3.0, 0.2, departure=f"velocity reads {{signed}} along {axis}")
+        for axis in "xyz"
+    )
 
     def measure(self, vehicle: Vehicle, truth: Measurement, white: np.ndarray) -> Measurement:
         """Return the reading with the bias on the velocity."""

@@ -23,6 +23,18 @@ UNITS = {  # SI unit: (from this size on [SI], factor, unit shown), the largest 
     **{u: ((0.1, 1.0, u), (1e-4, 1e3, f"m{u}"), (0.0, 1e6, f"µ{u}")) for u in _THOUSANDTHS},
 }
 
+_DEPARTURES = {  # SI unit: (factor, unit shown) of a small departure
+    "rad": (math.degrees(1.0), "deg"),
+    "rad/s": (math.degrees(1.0), "°/s"),
+    "m": (1e3, "mm"),
+    "1/s": (60.0, "share"),
+}
+
+
+def departure_unit(unit: str) -> tuple[float, str]:
+    """Return the factor and the unit in which a small departure [SI unit] is read: degrees, mm, share in a minute."""
+    return _DEPARTURES.get(unit, (1.0, unit))
+
 
 def number(value: float | None, digits: int = 3) -> str:
     """Return a number with significant digits, or with a power of ten where that is shorter; a dash if not finite.
@@ -60,6 +72,16 @@ def with_unit(text: str, unit: str) -> str:
         unit: behind it; may be empty.
     """
     return f"{text}{'' if unit in ('', '1', '°') else NBSP}{'' if unit == '1' else unit}"
+
+
+def with_sign(size: str, value: float) -> str:
+    """Return a size as text with the sign of a value before it.
+
+    Args:
+        size: of the value, without a sign.
+        value: whose sign it is.
+    """
+    return f"{'−' if value < 0 else '+'}{size}"
 
 
 def percent(share: float | None) -> str:

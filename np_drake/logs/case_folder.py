@@ -1,10 +1,12 @@
 """Case folder: one vehicle, the flights to fit and the held-out flights (docs/reference/files.md)."""
 
 import dataclasses as dc
+from collections.abc import Sequence
 from pathlib import Path
 
 from np_drake.flight_log import FlightLog
 from np_drake.logs.formats.log_file import SUFFIXES
+from np_drake.logs.neighbours import neighbour_of, whose
 from np_drake.logs.opening import Opened, read_as_logged, with_vehicle
 from np_drake.vehicle import Vehicle, load_vehicle
 
@@ -35,6 +37,24 @@ class CaseFiles:
         parts = [_parts(found) for found in opened]
         train, held_out = parts[: len(self.train)], parts[len(self.train) :]
         return [log for own in train for log in own], [log for own in held_out for log in own]
+
+    def open_neighbours(self, given: Sequence[str], logs: Sequence[Sequence[FlightLog]]) -> dict[str, list[FlightLog]]:
+        """Return the logs of vehicles that flew beside, by name of the flight of `logs`.
+
+        Args:
+            given: LOG=OF, OF a file of the case, or LOG.
+            logs: as `open` returned them.
+        Raises: LogError, ValueError, OSError: one line, if one is not usable, or whose neighbour it is stays open.
+        """
+        files = (*self.train, *self.held_out)
+        own = {file: [log for some in logs for log in some if _is_of(log, file)] for file in files}
+        found: dict[str, list[FlightLog]] = {}
+        for text in given:
+            path, of = neighbour_of(text, files)
+            parts = _parts(read_as_logged(path))
+            for log in own[of or whose(parts, own, path)]:
+                found.setdefault(log.name, []).extend(parts)
+        return found
 
 
 def find_case(folder: str | Path, vehicle: Path | None = None) -> CaseFiles:
@@ -82,6 +102,11 @@ def _parts(found: Opened) -> list[FlightLog]:
         dc.replace(log, name=f"{path.name} part {i}", notes=[*log.notes, *note] if i == 1 else _own(log, kept[0]))
         for i, log in enumerate(kept, start=1)
     ]
+
+
+def _is_of(log: FlightLog, file: Path) -> bool:
+    """Return whether a flight is of a file, by the name that `_parts` gave it."""
+    return log.name == file.name or log.name.startswith(f"{file.name} part ")
 
 
 def _own(log: FlightLog, first: FlightLog) -> list[str]:

@@ -5,6 +5,7 @@ import re
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import yaml
 
 from np_drake.files.atomic_file import write_text
@@ -14,8 +15,8 @@ from np_drake.rotor_layout import RotorLayout
 
 SUFFIX = ".import.yaml"
 HEAD = (
-    "# Sheet beside a flight log, as of np-drake import. `timing` and `rotors` are read with the log; the rest is for "
-    "people.\n"
+    "# Sheet beside a flight log, as of np-drake import. `timing`, `start` and `rotors` are read with the log; the "
+    "rest is for people.\n"
 )
 
 
@@ -24,12 +25,14 @@ class Sheet:
     """What was done to a log, the uncertainty of its commands' time, and where its rotors are.
 
     timing: standard deviation of the time at which a row's command acts [s].   rotors: those of the columns of rotors;
-    None: the log does not state them.   content: everything else, for people.
+    None: the log does not state them.   content: everything else, for people.   start: time of the source's clock at
+    t = 0 [s].
     """
 
     timing: float = 0.0
     content: dict[str, Any] = dc.field(default_factory=dict)
     rotors: RotorLayout | None = None
+    start: float = 0.0
 
 
 def sheet_path(log: str | Path) -> Path:
@@ -49,12 +52,15 @@ def read_sheet(log: str | Path) -> Sheet:
     try:
         content = read_yaml(path)
         timing = float(content.pop("timing", 0.0))
+        start = float(content.pop("start", 0.0))
         rotors = _layout(content.pop("rotors", None))
     except (AttributeError, TypeError, ValueError) as error:
         raise LogError(f"{path}: must be a sheet of np-drake import; write it again, or remove it.") from error
     if not 0 <= timing < 1:
         raise LogError(f"{path}: timing must be 0 to 1 s; got {timing}.")
-    return Sheet(timing, content, rotors)
+    if not np.isfinite(start):
+        raise LogError(f"{path}: start must be a time [s]; got {start}.")
+    return Sheet(timing, content, rotors, start)
 
 
 def write_sheet(sheet: Sheet, log: str | Path) -> Path:
@@ -66,7 +72,7 @@ def write_sheet(sheet: Sheet, log: str | Path) -> Path:
     Raises: OSError: if writing fails.
     """
     path = sheet_path(log)
-    read: dict[str, Any] = {"timing": sheet.timing}
+    read: dict[str, Any] = {"timing": sheet.timing, **({"start": sheet.start} if sheet.start else {})}
     if sheet.rotors is not None:
         values = {name: list(value) for name, value in dc.asdict(sheet.rotors).items() if name != "source"}
         values["positions"] = [list(position) for position in values["positions"]]

@@ -9,6 +9,7 @@ from np_drake import attitude
 from np_drake.effects.base import ActuatorEffect, MassEffect, Motion, WrenchEffect
 from np_drake.effects.center_of_mass_offset import CenterOfMassOffset
 from np_drake.effects.combine import mass_properties, total_wrench
+from np_drake.effects.downwash import Downwash
 from np_drake.effects.inertia_error import InertiaError
 from np_drake.effects.library import LIBRARY
 from np_drake.effects.linear_drag import LinearDrag
@@ -18,6 +19,7 @@ from np_drake.effects.quadratic_drag import QuadraticDrag
 from np_drake.effects.rotor_gyroscopic import RotorGyroscopic
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.effects.thrust_scale import ThrustScale
+from np_drake.neighbour import Neighbour
 from np_drake.vehicle import Vehicle
 from systems.initial_state import set_hover
 from systems.tethered_quadrotor import PayloadConfig, make_tethered_quadrotor
@@ -134,3 +136,12 @@ def test_an_unconnected_rotor_rate_is_zero(fly):
     motion = Motion(now.motion.t, now.x, now.motion.rotor_thrust)
     np.testing.assert_allclose(now.chi, RotorGyroscopic(2e-4).wrench(VEHICLE, motion), atol=1e-9)
     assert now.chi[5] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_downwash_acts_in_the_plant_and_is_refused_without_a_neighbour(fly):
+    above = Neighbour(np.array([0.0, 100.0]), np.tile([0.0, 0.0, 10.0], (2, 1)))
+    now = fly(0, wrench_effects=[Downwash(1.0, (above,))])
+    np.testing.assert_allclose(now.chi, Downwash(1.0, (above,)).wrench(VEHICLE, now.motion), atol=1e-9)
+    assert now.chi[2] < 0.0
+    with pytest.raises(ValueError, match=r"effects: downwash must have the path of a neighbour; Downwash\.beside"):
+        make_tethered_quadrotor(VEHICLE, PayloadConfig(tether="none"), wrench_effects=[Downwash(1.0)])

@@ -18,7 +18,7 @@ from diagrams.challenge.score.answered_case import (
 )
 from diagrams.challenge.score.schema import SchemaValidator, list_of, object_of, or_null, record, violation
 from np_drake.effects.base import Effect
-from np_drake.effects.library import LIBRARY, MEASURED_ROTORS
+from np_drake.effects.library import causes
 from np_drake.files.atomic_file import write_json
 
 Answer = Mapping[str, Any]
@@ -102,7 +102,7 @@ def effects_of(answer: Answer, names: Collection[str]) -> list[Effect]:
     """
     found = []
     for cause in answer["causes"]:
-        kind = (LIBRARY | MEASURED_ROTORS).get(cause["effect"]) if cause["effect"] in names else None
+        kind = causes().get(cause["effect"]) if cause["effect"] in names else None
         if kind is not None:
             known, given = {p.name for p in kind.parameters}, cause.get("parameters", {})
             values = {n: e["value"] for n, e in given.items() if n in known and e["value"] is not None}

@@ -19,7 +19,8 @@ class Campaign:
     alike.   patterns: of its logs below the folder of the real flights, or below that of NeuroBEM.   nominal: vehicle
     as the documents of the data state it.   rule, most: which cases the files give, and how many of them are taken.
     map: preset of `import`; empty: none is needed.   height: range of the height that a flight exceeds 95 % of the time
-    [m]; files of other heights are not of the campaign.
+    [m]; files of other heights are not of the campaign.   pairs: beginnings of the names of logs of one run, each
+    beside the other, where the neighbour's log is given.
     """
 
     group: str
@@ -32,6 +33,7 @@ class Campaign:
     map: str = ""
     height: tuple[float, float] | None = None
     of_neurobem: bool = False
+    pairs: tuple[tuple[str, str], ...] = ()
 
     def files(self, real: Path, neurobem: Path | None = None) -> list[Path]:
         """Return the logs that lie there, of any height, by name; hidden ones apart.
@@ -43,6 +45,13 @@ class Campaign:
         root = neurobem if self.of_neurobem else real
         found = {path for pattern in self.patterns for path in root.glob(pattern)} if root is not None else set()
         return sorted((p for p in found if p.is_file() and not p.name.startswith(".")), key=lambda p: (p.name, p))
+
+    def neighbour(self, path: Path) -> Path | None:
+        """Return the log of the vehicle that flew beside the one of a log; None where none is given."""
+        for own, other in (*self.pairs, *(pair[::-1] for pair in self.pairs)):
+            if path.name.startswith(own):
+                return path.with_name(other + path.name.removeprefix(own))
+        return None
 
 
 def _preset(name: str, mass: float, input: str = "command") -> Vehicle:
@@ -64,6 +73,7 @@ LARGE = dc.replace(
     estimate(Measured(0.067, 0.125, 0.066, 0.6, curve="linear", order="crazyflie"), "parrot_frame"), input="normalised"
 )
 FANS = ("neural_fly/*.csv*",)
+PAIRED = ("neural_swarm/downwash/cf5?_*",)
 FAR, NEAR = (0.5, float("inf")), (0.0, 0.15)  # heights at which the ground does not, and does, add a per cent of thrust
 
 # fmt: off
@@ -98,8 +108,10 @@ CAMPAIGNS = (
     Campaign("swarm-ground-large", "neural_swarm large",
              ("neural_swarm/ground/*cf10?_*", "neural_swarm/single/*cf10?_*"), LARGE,
              truth.near_ground(truth.NEURAL_SWARM, LARGE), rules.in_circle(), most=3, height=NEAR),
-    Campaign("swarm-downwash", "neural_swarm small", ("neural_swarm/downwash/cf5?_*",), SMALL, truth.DOWNWASH,
-             rules.by_vehicle(r"(cf\d+)_")),
+    Campaign("swarm-downwash", "neural_swarm small", PAIRED, SMALL, truth.DOWNWASH, rules.by_vehicle(r"(cf\d+)_"),
+             most=2, pairs=(("cf50", "cf51"),)),
+    Campaign("swarm-downwash-alone", "neural_swarm small", PAIRED, SMALL, truth.DOWNWASH_ALONE,
+             rules.by_vehicle(r"(cf\d+)_"), most=2),  # the same flights without the log of the other
     Campaign("neurobem", "neurobem", tuple(f"csv/merged_{name}.csv" for name in AGILE), published_vehicle(),
              truth.healthy("NeuroBEM"), rules.in_circle(3), of_neurobem=True),
 )

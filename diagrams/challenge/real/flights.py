@@ -12,17 +12,27 @@ from np_drake.logs import opening
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats import crazyflie
 from np_drake.logs.importing.log_map import LogMap, MapFile, load_map_file
+from np_drake.logs.neighbours import with_neighbours
 from np_drake.vehicle import Vehicle
 
 
 def open_case(case: Case) -> tuple[Vehicle, list[FlightLog], list[FlightLog]]:
-    """Return the vehicle, the flights that are fitted and those that judge.
+    """Return the vehicle, the flights that are fitted and those that judge, beside their neighbours.
 
     Raises: LogError: one line with file and reason, if a log cannot be used; OSError: if it cannot be opened.
     """
     campaign = campaign_of(case.group)
-    train = [log for path in case.train for log in open_flights(path, campaign)]
-    return campaign.nominal, train, open_flights(case.held_out, campaign)
+    train = [log for path in case.train for log in _beside(path, campaign)]
+    return campaign.nominal, train, _beside(case.held_out, campaign)
+
+
+def _beside(path: Path, campaign: Campaign) -> list[FlightLog]:
+    """Return the flights of a log with the path of their neighbour, where the campaign gives its log."""
+    flights, other = open_flights(path, campaign), campaign.neighbour(path)
+    if other is None:
+        return flights
+    found = open_flights(other, campaign)
+    return with_neighbours(flights, {log.name: found for log in flights}, campaign.nominal.rotor_radius)
 
 
 def open_flights(path: Path, campaign: Campaign) -> list[FlightLog]:

@@ -161,8 +161,13 @@ CRAZYSWARM2_PAYLOAD = hanging(
 )
 NEURAL_SWARM = "Neural-Swarm, neither fan nor payload"
 DOWNWASH = Truth(
-    f"{NEURAL_SWARM}: another vehicle passes above and below. No effect of the library is its downwash, which comes "
-    "and goes as gusts do; the ground is 0.4 m away and more.",
+    f"{NEURAL_SWARM}: another vehicle passes above and below, whose log is given; the ground is 0.4 m away and more.",
+    false=(PAYLOAD, "constant_wind", GROUND),
+    present=("downwash",),
+)
+DOWNWASH_ALONE = Truth(
+    f"{NEURAL_SWARM}: another vehicle passes above and below, whose log is not given, so that no effect can be its "
+    "downwash, which comes and goes as gusts do; the ground is 0.4 m away and more.",
     false=(PAYLOAD, "constant_wind", GROUND),
     present=(UNKNOWN,),
 )

@@ -72,7 +72,7 @@ def _indication(linear: LinearModel, structure: Sequence[int], g: int, materiali
     least_force, least_torque = _least_structure(flights, materiality)
     figures = {"force": force, "torque": torque, **candidate.figures}
     name = candidate.identifiers[0].removeprefix(PREFIX)
-    finding = Finding(name, candidate.variant, force / flights[0].weight, figures)
+    finding = Finding(name, candidate.variant, force / flights[0].weight, figures, candidate.measurement)
     return there if force >= least_force or torque >= least_torque else 0.0, finding
 
 
@@ -83,7 +83,7 @@ def _burst_test(flights: Sequence[FlightResiduals], residual: dict[str, np.ndarr
     text = f"a {axis} that comes now and then, as in {burst.flight} at {burst.time:.1f} s, {measure(burst.size, 'N')}"
     large = burst.size > _least_structure(flights, options.materiality)[0]
     probability = _above(burst.prominence, options.thresholds.burst_ratio) if large else 0.0
-    return probability, Finding("burst", text, burst.prominence, figures)
+    return probability, Finding("burst", text, burst.prominence, figures, "the same trajectory twice more")
 
 
 def _line_test(
@@ -100,7 +100,8 @@ def _line_test(
     figures = {"frequency": line.frequency, "rms": line.rms}
     large = line.rms >= least[line.channel]
     probability = _above(line.prominence, thresholds.line_ratio) if large and again else 0.0
-    return probability, Finding("line", text, line.prominence, figures)
+    measurement = "hover at two thrusts with rotor speed logged: an imbalance turns with the rotors"
+    return probability, Finding("line", text, line.prominence, figures, measurement)
 
 
 def _slow_torque_test(
@@ -118,7 +119,8 @@ def _slow_torque_test(
     large = large and (share > thresholds.held_out_share or not hidden)
     again = slow_torque(held_out, residual)[0] > thresholds.held_out_share * limit
     probability = _above(ratio, limit) if large and again else 0.0
-    return probability, Finding("slow torque", "a torque that comes and goes", ratio, {"ratio": ratio})
+    figures, measurement = {"ratio": ratio}, "hover for a minute with rotor speed logged"
+    return probability, Finding("slow torque", "a torque that comes and goes", ratio, figures, measurement)
 
 
 def _above(ratio: float, threshold: float) -> float:

@@ -10,7 +10,7 @@ from np_drake.diagnosis.held_out import HeldOut
 from np_drake.diagnosis.regressors import Model, RegressionProblem
 from np_drake.diagnosis.selection import Ranking, names_of, names_of_fit, score_of
 from np_drake.effects.explanation import CALIBRATION, STANDS, Explanation
-from np_drake.effects.library import LIBRARY, MEASURED_ROTORS
+from np_drake.effects.library import causes
 
 MOST_REFINED = 6  # further models that are refined; own choice
 MOST_ALTERNATIVES = 2  # effects named as indistinguishable from a cause
@@ -95,7 +95,7 @@ def _needed(identifier: str, fit: Fit) -> bool:
 
 
 def _explanation(named: tuple[str, ...], fit: Fit, probability: float) -> Explanation:
-    known = LIBRARY | MEASURED_ROTORS
+    known = causes()
     terms = fit.everything
     own = [
         k

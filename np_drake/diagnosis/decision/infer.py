@@ -23,14 +23,18 @@ from np_drake.diagnosis.forward_model import Term, predicted_residual
 from np_drake.diagnosis.held_out import HeldOut, mark_outliers, on_held_out, with_calibration
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors import DRAG, GUSTY
+from np_drake.diagnosis.regressors.generic import ELSEWHERE
 from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.diagnosis.result import Cause, Finding
 from np_drake.diagnosis.selection import Ranking, SearchResult, find_map_model, rank_models
 from np_drake.diagnosis.wind import as_gusts, position_p_value, with_drag
 from np_drake.effects.gusty_wind import GustyWind
 
-SLOW = Finding("slow force", "a level force that comes and goes, of which no wind can be made", 1.0, {})
-PLACE = Finding("place", "a slow force tied to a place", 1.0, {})
+SLOW = Finding(
+    *("slow force", "a level force that comes and goes, of which no wind can be made", 1.0, {}),
+    measurement="hover for 20 s each with two opposite headings: a tilt turns with the vehicle, air does not",
+)
+PLACE = Finding("place", "a slow force tied to a place", 1.0, {}, ELSEWHERE)
 
 
 @dc.dataclass(frozen=True)

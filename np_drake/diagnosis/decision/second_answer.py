@@ -35,7 +35,7 @@ def novelty(first: Inference) -> tuple[Finding, ...]:
     if ratio[channel] <= first.options.thresholds.misfit_ratio:
         return ()
     text = f"{CHANNELS[channel]} is {number(float(ratio[channel]), 2)} times what the training flights leave"
-    return (Finding("misfit", text, float(ratio[channel]), {}),)
+    return (Finding("misfit", text, float(ratio[channel]), {}, "fly the held-out trajectory again, and fit it"),)
 
 
 def second_answer(first: Inference) -> tuple[Inference, list[FlightResiduals]] | None:

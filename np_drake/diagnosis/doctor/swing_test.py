@@ -91,7 +91,7 @@ def _fitted(
 
 
 def _regression(y, X, pieces: Sequence[slice], noise: NoiseModel, temperature: float) -> tuple[np.ndarray, float]:
-    products = sum(noise.products([X[rows], y[rows][..., None]]) for rows in pieces) / temperature
+    products = np.sum([noise.products([X[rows], y[rows][..., None]]) for rows in pieces], axis=0) / temperature
     total, every = Gram(products[:-1, :-1], products[:-1, -1]), np.arange(X.shape[-1])
     mean, _ = total.posterior(every)
     samples = sum(rows.stop - rows.start - noise.phi.shape[1] for rows in pieces) / temperature

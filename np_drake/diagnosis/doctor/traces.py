@@ -25,7 +25,7 @@ from np_drake.diagnosis.result import CHANNELS
 from np_drake.diagnosis.selection.conditioning import noise_of
 from np_drake.effects.base import Parameter
 from np_drake.effects.gusty_wind import GustyWind
-from np_drake.effects.library import LIBRARY, effects_for
+from np_drake.effects.library import LIBRARY, effect_of
 from np_drake.effects.parameter import usual_size
 from np_drake.effects.parameter_prior import correlation_root
 
@@ -69,7 +69,7 @@ def traces(flights: Sequence[FlightResiduals], priors: Priors) -> list[Trace]:
 
 def _of_candidate(c: Candidate, flights: Sequence[FlightResiduals]) -> Trace:
     (identifier,) = c.identifiers
-    effect = effects_for(flights[0].log.input)[identifier]
+    effect = effect_of(identifier)
     free = tuple(p for p in effect.parameters if not p.choices)
     vehicle = flights[0].vehicle
     usual = tuple(usual_size(p, vehicle) for p in free)

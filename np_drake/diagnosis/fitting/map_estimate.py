@@ -18,6 +18,18 @@ BLOCK = 1.0  # length of blocks within which residuals may correlate, for the ro
 
 
 @dc.dataclass(frozen=True)
+class LinearPart:
+    """Nuisance with free coefficients (k,) of prior N(0, 1), and their covariance (k, k).
+
+    columns: of any flight, if all flights share it.
+    """
+
+    columns: Callable[[FlightResiduals], np.ndarray] | None
+    coefficients: np.ndarray
+    covariance: np.ndarray
+
+
+@dc.dataclass(frozen=True)
 class Fit:
     """Fitted model of effects and calibration.
 
@@ -25,7 +37,7 @@ class Fit:
     free, values: free parameters and their values (k,) in physical units; covariance (k, k): of these.
     log_evidence: log evidence of the model on the flights of the fit [nat].
     sensor_drift: by flight, (m, 15) contribution of linear nuisance: sensor errors and calibration.
-    calibrated: parts of it that all flights share, as columns on any flight with their coefficients.
+    linear: the same part by part, in the order of the candidates.
     onset_prior: log prior of the onsets.
     """
 
@@ -37,7 +49,12 @@ class Fit:
     log_evidence: float
     sensor_drift: dict[str, np.ndarray] = dc.field(default_factory=dict)
     onset_prior: float = 0.0
-    calibrated: tuple[tuple[Callable[[FlightResiduals], np.ndarray], np.ndarray], ...] = ()
+    linear: tuple[LinearPart, ...] = ()
+
+    @property
+    def calibrated(self) -> tuple[tuple[Callable[[FlightResiduals], np.ndarray], np.ndarray], ...]:
+        """Linear parts that all flights share: their columns on any flight, and the coefficients."""
+        return tuple((part.columns, part.coefficients) for part in self.linear if part.columns)
 
     def calibration_on(self, e: FlightResiduals) -> np.ndarray:
         """Return the channels (m, 15) that the linear calibration of the vehicle gives on any flight."""
@@ -137,20 +154,21 @@ def refine(
     # Laplace approximation: at the minimum the posterior is Gaussian with covariance (J'J)^-1.
     covariance = np.linalg.inv(best.information)
     robust = _robust(covariance, best.jacobian, best.residual, flights, noise)
-    covariance = (covariance * np.sqrt(np.outer(robust, robust)))[:n, :n]
+    covariance = covariance * np.sqrt(np.outer(robust, robust))
     logdet = np.linalg.slogdet(best.information)[1]
-    coefficients = np.split(best.z[n:], np.cumsum(sizes_of)[:-1])
-    parts = list(zip(linear, coefficients, strict=False))
-    drifted = {e.name: sum(c.columns[e.name] @ own for c, own in parts) for e in flights if parts}
+    places = [slice(*at) for at in pairwise(np.cumsum([n, *sizes_of]).tolist())]
+    parts = tuple(LinearPart(c.generic, best.z[at], covariance[at, at]) for c, at in zip(linear, places, strict=True))
+    pairs = list(zip(linear, parts, strict=True))
+    drifted = {e.name: sum(c.columns[e.name] @ part.coefficients for c, part in pairs) for e in flights if pairs}
     return Fit(
         tuple(fitted[: len(terms)]),
         tuple(fitted[len(terms) :]),
         tuple(free),
         best.z[:n] * scale,
-        covariance * np.outer(scale, scale),
+        covariance[:n, :n] * np.outer(scale, scale),
         float(-best.cost - 0.5 * logdet + np.linalg.slogdet(W)[1]),
         drifted,
-        calibrated=tuple((c.generic, own) for c, own in parts if c.generic),
+        linear=parts,
     )
 
 

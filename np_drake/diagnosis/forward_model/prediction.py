@@ -100,10 +100,10 @@ Thrust = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]  # at rows, mids 
 def _thrust(flight: FlightResiduals, terms: Sequence[Term]) -> Thrust:
     """Return the actual thrust; effects that begin later are switched in at their onset."""
     log, vehicle = flight.log, flight.vehicle
-    actuators = [t for t in terms if isinstance(t.effect, ActuatorEffect)]
-    actuators.sort(key=lambda t: not t.effect.turns_rotor)  # the motor comes before the propeller
+    # The motor comes before the propeller.
+    ordered = sorted(terms, key=lambda t: not (isinstance(t.effect, ActuatorEffect) and t.effect.turns_rotor))
     shift = sum(t.effect.clock_shift for t in terms if isinstance(t.effect, SensorEffect))
-    acting = dict(_acting(flight, actuators, ActuatorEffect))
+    acting = dict(_acting(flight, ordered, ActuatorEffect))
     rows, mids = flight.rotors.thrust(acting.pop(-NEVER, ()), shift=-shift)
     for onset, now in acting.items():
         late_rows, late_mids = flight.rotors.thrust(now, shift=-shift)
@@ -112,7 +112,7 @@ def _thrust(flight: FlightResiduals, terms: Sequence[Term]) -> Thrust:
     lagged = (
         log.input == "rotor_speed"
         or vehicle.rotor_time_constant > 0
-        or any(isinstance(t.effect, MotorLag) for t in actuators)
+        or any(isinstance(t.effect, MotorLag) for t in terms)
     )
     speed = np.sqrt(np.maximum(rows, 0.0) / vehicle.thrust_coefficient)
     rate = np.diff(speed, axis=0) / np.diff(log.t)[:, None] if lagged else np.zeros_like(mids)
@@ -187,8 +187,10 @@ def _wrench(
 ) -> np.ndarray:
     """Return the wrench (m, 6) of one effect in B on the grid [N, N·m]."""
 
+    beside = effect.beside(flight.log.neighbours)
+
     def at(motion: Motion) -> np.ndarray:
-        return effect.wrench(flight.vehicle, motion) * gate(motion.t, begin)  # type: ignore[arg-type]
+        return beside.wrench(flight.vehicle, motion) * gate(motion.t, begin)  # type: ignore[arg-type]
 
     out = np.zeros((len(flight.t), 6))
     if effect.pushes:

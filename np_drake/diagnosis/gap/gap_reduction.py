@@ -7,6 +7,7 @@ import numpy as np
 
 from np_drake.diagnosis.forward_model import predicted_residual
 from np_drake.diagnosis.held_out import HeldOut, closed_fraction, pooled, remaining_residual, scored_on_fitted_rows
+from np_drake.diagnosis.held_out.prediction import LEAST_GAP
 from np_drake.diagnosis.numerics import NoiseModel
 from np_drake.diagnosis.residuals import WRENCH, FlightResiduals
 from np_drake.diagnosis.result import Cause, GapReduction, Replay, ReplayGap, Rung
@@ -38,7 +39,7 @@ def measure_gap_reduction(
     named = {c.identifier for c in causes}
     kept = {name: held.kept(name, named) for name in held.terms}
     after = {e.name: (e.y - predicted_residual(e, kept[e.name]))[held.rows[e.name]] for e in flights}
-    sizes, floor = [pooled(list(part.values()), noise) for part in (before, after)], 1.0
+    floor, (size, left) = 1.0, (pooled(list(part.values()), noise) for part in (before, after))
     interval = _bootstrap(before, after, noise, flights[0].grid.step)
     replays: tuple[ReplayGap | None, ReplayGap | None] = (None, None)
     warnings = [
@@ -61,8 +62,24 @@ def measure_gap_reduction(
         logs = [_judging(e, [onset[e.name] for _, onset in effects]) for e in flights]
         effects += [(effect, {e.name: None for e in flights}) for effect in calibration]
         replays = (replay(logs, []), _with_effects(replay, logs, effects, warnings))
-    ladder, fraction = _ladder(causes, noise, held), closed_fraction(*sizes, floor)
-    return GapReduction(*sizes, floor, fraction, interval, ladder, *replays, tuple(warnings))
+    ladder, fraction = _ladder(causes, noise, held), closed_fraction(size, left, floor)
+    return GapReduction(size, left, floor, fraction, interval, ladder, *replays, tuple(warnings))
+
+
+def held_out_gains(causes: Sequence[Cause], noise: NoiseModel, held: HeldOut) -> list[float]:
+    """Return the share of the held-out gap above the noise that comes back without each cause [1].
+
+    Args:
+        causes: that act together.
+        noise: noise model of the channels.
+        held: held-out flights under the fit.
+    Returns: NaN where there is no gap.
+    """
+    nominal = pooled([e.uncalibrated[held.rows[e.name]] for e in held.flights], noise)
+    every = remaining_residual(causes, noise, held)
+    without = [remaining_residual([c for c in causes if c is not one], noise, held) for one in causes]
+    gap = nominal**2 - 1.0
+    return [(rest**2 - every**2) / gap if gap > LEAST_GAP else np.nan for rest in without]
 
 
 def _judging(flight: FlightResiduals, onsets: Sequence[float | None]) -> FlightLog:

@@ -147,7 +147,8 @@ def _other_forces(log: FlightLog, states: States, vehicle: Vehicle, effects: Eff
     thrust = vehicle.saturate(u) @ vehicle.unmixer.T
     for effect in effects.actuator:
         thrust = effect.respond(vehicle, states.t, thrust)
-    force = total_wrench(vehicle, effects.wrench, Motion(states.t, states.x, thrust))[:, :3]
+    pushing = [effect.beside(log.neighbours) for effect in effects.wrench]
+    force = total_wrench(vehicle, pushing, Motion(states.t, states.x, thrust))[:, :3]
     return force + attitude.body_z(states.x[:, Q]) * thrust.sum(axis=1, keepdims=True)
 
 

@@ -22,10 +22,14 @@ PREFIX = "unknown:"
 RESONANCES = (0.4, 0.6, 0.8, 1.05, 1.4, 1.8, 2.4, 3.2, 4.2)  # [Hz]
 DAMPING = 0.1  # damping of the resonances in the grids [1]
 TWISTS = tuple(0.7 * 1.3**k for k in range(9))  # frequencies of resonances between command and torque [Hz]
+ELSEWHERE = "the same trajectory, moved by a metre"  # ends a force tied to a place
 CENTRES = 10  # number of centres of the position group
-WORDS = {  # by what a log holds: what drives the twist, the thrust, and another axis
-    "command": ("the commanded torque", "its command", "the command"),
-    "rotor_speed": ("the torque of the rotors", "the square of rotor speed", "that"),
+WORDS = {  # by what a log holds: what drives the twist, the thrust, and another axis, and what would end a twist
+    "command": ("the commanded torque", "its command", "the command", "log rotor speed on the same trajectory"),
+    "rotor_speed": (
+        *("the torque of the rotors", "the square of rotor speed", "that"),
+        "the same trajectory with battery, cables and loose parts taped down",
+    ),
 }
 # Variance of an axis over that of its noise, below which it is no regressor [1]; own choice.
 LEAST_SIGNAL_TO_NOISE = 4.0
@@ -70,24 +74,45 @@ def generic_candidates(flights: Sequence[FlightResiduals], priors: Priors) -> li
     """
     states = {e.name: FlightState(e) for e in flights}
     lacks = {quantity for e in flights for quantity in e.log.lacks}
-    torque, thrust, other = WORDS["rotor_speed" if flights[0].log.input == "rotor_speed" else "command"]
+    torque, thrust, other, still = WORDS["rotor_speed" if flights[0].log.input == "rotor_speed" else "command"]
     found = [
-        _candidate(flights, states, priors, name, text, pushes)
-        for name, text, pushes, needed in (
-            ("rates", "a torque that goes with body rates", _damping, ""),
-            ("side force", "a force across velocity and body rate", _side_force, "velocity"),
-            ("velocity", "a force and torque that go with velocity", _velocity, "velocity"),
-            ("cross flow", "a force that goes with the product of two velocities", _cross_flow, "velocity"),
-            ("thrust curve", f"thrust that is no straight line of {thrust}", _thrust_curve, ""),
-            ("command", f"torque that goes with {other} of another axis", _coupling, ""),
-            ("height", "a force that goes with height", _height, "height"),
-            ("place", "a force tied to a place", _place(states), "height"),
+        _candidate(flights, states, priors, name, (text, measurement), pushes)
+        for name, text, measurement, pushes, needed in (
+            (
+                *("rates", "a torque that goes with body rates"),
+                *("doublets about each axis, then the same at twice the rate", _damping, ""),
+            ),
+            (
+                *("side force", "a force across velocity and body rate"),
+                *("level turns at one speed, to the left and to the right", _side_force, "velocity"),
+            ),
+            (
+                *("velocity", "a force and torque that go with velocity"),
+                *("the same trajectory at twice the speed", _velocity, "velocity"),
+            ),
+            (
+                *("cross flow", "a force that goes with the product of two velocities"),
+                *("the same straight leg with headings 45° apart", _cross_flow, "velocity"),
+            ),
+            (
+                *("thrust curve", f"thrust that is no straight line of {thrust}"),
+                *("hover with a known weight, then without it", _thrust_curve, ""),
+            ),
+            (
+                *("command", f"torque that goes with {other} of another axis"),
+                *("doublets about one axis at a time", _coupling, ""),
+            ),
+            ("height", "a force that goes with height", "hover at three heights, 5 s each", _height, "height"),
+            ("place", "a force tied to a place", ELSEWHERE, _place(states), "height"),
         )
         if needed not in lacks
     ]
-    for name, driven, frequencies, pushes in (
-        ("resonance", "the motion", () if "attitude" in lacks else RESONANCES, _resonance),
-        ("twist", torque, TWISTS, partial(_twist, priors=priors)),
+    for name, driven, measurement, frequencies, pushes in (
+        (
+            *("resonance", "the motion", "a flight without payload, cables and loose parts"),
+            *(() if "attitude" in lacks else RESONANCES, _resonance),
+        ),
+        ("twist", torque, still, TWISTS, partial(_twist, priors=priors)),
     ):
         if not frequencies:
             continue
@@ -95,11 +120,15 @@ def generic_candidates(flights: Sequence[FlightResiduals], priors: Priors) -> li
         for f in frequencies:
             text = f"an answer to {driven} with a resonance near {f:.3g} Hz"
             figures = {"frequency": f}
-            found.append(_candidate(flights, states, priors, name, text, pushes(f), prior, figures))
+            found.append(_candidate(flights, states, priors, name, (text, measurement), pushes(f), prior, figures))
     return found
 
 
-def _candidate(flights, states, priors: Priors, name, text, pushes: Pushes, log_prior=0.0, figures=None) -> Candidate:
+def _candidate(
+    flights, states, priors: Priors, name, said: tuple[str, str], pushes: Pushes, log_prior=0.0, figures=None
+) -> Candidate:
+    """Return a group as a candidate; `said` is what it is, and the measurement that would end it."""
+
     def columns(e: FlightResiduals, pushes: Pushes = pushes) -> np.ndarray:
         state = states.get(e.name) or FlightState(e)
         size = priors.generic_size * e.weight * np.append(np.ones(3), state.torque_unit)
@@ -110,12 +139,13 @@ def _candidate(flights, states, priors: Priors, name, text, pushes: Pushes, log_
 
     return Candidate(
         (PREFIX + name,),
-        text,
+        said[0],
         {e.name: columns(e) for e in flights},
         lambda c: [],
         log_prior,
         generic=columns,
         figures=figures or {},
+        measurement=said[1],
     )
 
 

@@ -47,6 +47,7 @@ class Candidate:
     mended: Callable[[np.ndarray, np.ndarray], Mended] | None = None  # physical coefficients near a bound
     generic: Callable[[FlightResiduals], np.ndarray] | None = None  # columns on any flight; None for library effects
     figures: dict[str, float] = dc.field(default_factory=dict)
+    measurement: str = ""  # that would end what is generic
     onset_prior: float = 0.0
     calibrated: bool = False  # part of every model already, so that it is a member only where it begins in flight
 
@@ -95,7 +96,8 @@ def library_candidates(flights: Sequence[FlightResiduals], onset: Onset | None =
     found: list[Candidate] = []
     stages = {e.name: StageCache() for e in flights}
     hidden = hidden_from(flights)
-    for identifier, effect in effects_for(flights[0].log.input).items():
+    beside = any(e.log.neighbours for e in flights)
+    for identifier, effect in effects_for(flights[0].log.input, neighbours=beside).items():
         elsewhere = effect.needs or effect.has_hidden_state
         if not elsewhere and identifier not in hidden and (effect.begins or not onset):
             found += effect_candidates(effect, flights, onset or {}, stages)

@@ -1,4 +1,4 @@
-"""Figures of the report: ladder of effects, replay error, and the gap by regime, time and frequency."""
+"""Figures of the report: replay error, and the gap by regime, time and frequency."""
 
 from collections.abc import Sequence
 
@@ -7,8 +7,8 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
 
-from np_drake.diagnosis.report.words import bare_name, fixed, number, plain_name, suited
-from np_drake.diagnosis.result import CHANNELS, Band, GapReduction, Localisation, Regime, ReplayGap
+from np_drake.diagnosis.report.words import fixed, number, plain_name, suited
+from np_drake.diagnosis.result import CHANNELS, Band, Localisation, Regime, ReplayGap
 from np_drake.files.figure_file import PALETTE, new_figure
 
 BEFORE, AFTER, NOISE = PALETTE[1], PALETTE[0], "0.25"
@@ -17,28 +17,6 @@ FLIGHTS = 4  # largest number of flights in the timeline
 _WINDOW = 0.25  # window of the running RMS in the timeline [s]
 _KINDS = (("force", "N", slice(0, 3)), ("torque", "N·m", slice(3, 6)))
 _OCTAVES = 4  # ranges of frequency in an octave, over which a spectrum is averaged
-
-
-def ladder_figure(reduction: GapReduction) -> Figure:
-    """Return the ladder as bars of held-out residual over noise, with the noise as a line."""
-    rungs = [rung for rung in reduction.ladder if rung.name == "nominal" or rung.name.startswith("+")]
-    figure, grid = new_figure(1, 1, width=7.2, height=1.1 + 0.42 * len(rungs))
-    ax = grid[0, 0]
-    for place, rung in enumerate(rungs):
-        colour, label = (AFTER, WITH) if rung.name.startswith("+") else (BEFORE, NOMINAL)
-        bar = ax.barh(place, rung.residual, height=0.62, color=colour, label=label)
-        ax.bar_label(bar, [number(rung.residual, 2)], padding=4)
-    ax.axvline(reduction.floor, color=NOISE, linestyle="--", linewidth=1.2, zorder=3, label="noise")
-    names = [rung.name.removeprefix("+ ") for rung in rungs]
-    ax.set_yticks(
-        range(len(rungs)), [f"+ {bare_name(n)}" if n != r.name else n for n, r in zip(names, rungs, strict=True)]
-    )
-    ax.invert_yaxis()
-    ax.set_xlabel("held-out residual over noise [1]")
-    ax.set_xlim(0, 1.12 * max([rung.residual for rung in rungs] + [reduction.floor]))
-    _tidy(ax, "x")
-    legend(figure)
-    return figure
 
 
 def legend(figure: Figure) -> None:

@@ -4,12 +4,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.report.words import bare_name, capital, described, flights, listed, measure, phrase
-from np_drake.diagnosis.result import UNKNOWN, Cause, Diagnosis, Finding, GapReduction
+from np_drake.diagnosis.report.remainder import has_gap, share_left, sizes_left
+from np_drake.diagnosis.report.words import bare_name, capital, flights, listed, measure, phrase
+from np_drake.diagnosis.result import UNKNOWN, Cause, Diagnosis, Finding, GapReduction, gap_kinds
 from np_drake.files.number_text import NBSP, number, of_at_least, percent, probability
 
 PLAIN_GAP = 1.4  # residual over noise above which a simulator does not agree with the logs [1]; own choice
-LEAST_GAP = 1.05  # residual over noise below which a share of the gap has no meaning [1]; own choice
+CONTRADICTED = -0.02  # held-out gain below which flights contradict a cause [1]; own choice
 MOST_NAMED = 3  # causes in the headline; the table has all
 SURE_UNKNOWN = 0.9  # probability of the unknown above which the headline says it [1]; own choice
 PLAIN_GAIN = 1.1  # ratio of errors of the replay from which it is better or worse [1]; own choice
@@ -28,33 +29,41 @@ def headline(diagnosis: Diagnosis) -> str:
         return f"There is no gap above the noise on {judges}"
     causes, told = named_causes(diagnosis), probability(diagnosis.unknown_probability)
     if causes:
-        return capital(_explained(diagnosis, causes)) + (f"; {_unknown(told)} remains" if _sure(diagnosis) else "")
-    residual = f"{number(reduction.before, 2)} times the noise on {judges}"
+        return capital(_explained(diagnosis, causes)) + _unknown(diagnosis)
+    sizes = sizes_left(diagnosis.localisation)
+    residual = f"{number(reduction.after, 2)} times the noise on {judges}"
     if UNKNOWN in diagnosis.verdict:
-        return capital(f"{_unknown(told)} leaves a gap of {residual}")
+        size = f"{sizes}, " if sizes else ""
+        return f"No effect explains what is left ({told}): {size}{residual}"
+    calibrated = "with calibration, " if diagnosis.calibration else ""
     if _unexplained(reduction):
-        return f"No cause is told: the gap is {residual}"
-    return f"Nothing material is missing: the residual is {residual}"
+        return f"No cause is told: {calibrated}the gap is {residual}"
+    return f"Nothing material is missing: {calibrated}the residual is {residual}"
 
 
-def _unknown(told: str) -> str:
-    return f"something that no effect explains ({told})"
-
-
-def _sure(diagnosis: Diagnosis) -> bool:
-    """Return whether something unknown remains with a probability that the headline says."""
-    return UNKNOWN in diagnosis.verdict and diagnosis.unknown_probability > SURE_UNKNOWN
+def _unknown(diagnosis: Diagnosis) -> str:
+    """Return what is left that no effect explains, where that is probable and above the noise."""
+    sizes = sizes_left(diagnosis.localisation)
+    if UNKNOWN not in diagnosis.verdict or diagnosis.unknown_probability <= SURE_UNKNOWN or not sizes:
+        return ""
+    left = percent(share_left(diagnosis.gap_reduction))
+    return f"; {left} remains unexplained: {sizes} (probability {probability(diagnosis.unknown_probability)})"
 
 
 def _explained(diagnosis: Diagnosis, causes: Sequence[Cause]) -> str:
-    """Return the causes as subject, the share of the gap that they explain, and whether the replay improves."""
+    """Return the causes as subject, what flights contradict, the share of the gap, and whether the replay improves."""
     names = [phrase(cause) for cause in causes[:MOST_NAMED]]
     rest = len(causes) - len(names)
-    who = listed([*names, f"{rest} more"] if rest else names)
-    one, share, judges = len(causes) == 1, diagnosis.gap_reduction.fraction, _judges(diagnosis)
+    names += [f"{rest} more"] * (rest > 0) + ["calibration"] * bool(diagnosis.calibration)
+    one, share, judges = len(names) == 1, diagnosis.gap_reduction.fraction, _judges(diagnosis)
     if share < 0:
-        return f"{who} {'does' if one else 'do'} not help: the gap on {judges} grows"
-    text = f"{who} explain{'s' if one else ''} {percent(share)} of the gap on {judges}"
+        return f"{listed(names)} {'does' if one else 'do'} not help: the gap on {judges} grows"
+    text = f"{listed(names)} explain{'s' if one else ''} {percent(share)} of the gap on {judges}"
+    against = [bare_name(c.identifier) for c in causes if c.held_out_gain < CONTRADICTED]
+    if against:
+        text += f", which {'is' if len(diagnosis.held_out) == 1 else 'are'} predicted better without {listed(against)}"
+    if grown := [part.kind for part in gap_kinds(diagnosis.localisation.channels) if part.grows]:
+        text += f" and make{'s' * one} {listed(grown)} worse"
     return text + _replayed(diagnosis.gap_reduction)
 
 
@@ -98,22 +107,15 @@ def lead(diagnosis: Diagnosis) -> str:
     elif UNKNOWN not in diagnosis.verdict:
         said.append("the simulator agrees with the logs, and nothing is named")
     if UNKNOWN in diagnosis.verdict:
-        said.append(_what_remains(diagnosis))
+        traces = diagnosis.unexplained
+        said.append(
+            f"to find what remains: {main_remainder(traces).measurement}" if traces else "it has no trace of its own"
+        )
     if diagnosis.new_on_held_out:
         said.append(f"new on {_judges(diagnosis)}: {diagnosis.new_on_held_out[0].text.rstrip('.')}")
     if diagnosis.refit is not None and diagnosis.refit.verdict != diagnosis.verdict:
         said.append("a second answer, which knows halves of the held-out flights, differs: see below")
     return capital("; ".join(said)) + "."
-
-
-def _what_remains(diagnosis: Diagnosis) -> str:
-    named = bool(named_causes(diagnosis))
-    if diagnosis.unexplained:
-        trace = described(main_remainder(diagnosis.unexplained))
-        return f"{'what remains' if named else 'its clearest trace'}: {trace}"
-    if named:
-        return f"something that no effect explains remains, {probability(diagnosis.unknown_probability)}"
-    return "it has no trace of its own"
 
 
 def main_remainder(remains: Sequence[Finding]) -> Finding:
@@ -127,14 +129,9 @@ def named_causes(diagnosis: Diagnosis) -> list[Cause]:
     return sorted(named, key=lambda cause: -np.nan_to_num(cause.share))
 
 
-def has_gap(reduction: GapReduction) -> bool:
-    """Return whether the held-out residual exceeds the noise enough for a closed fraction to have meaning."""
-    return reduction.before > LEAST_GAP * reduction.floor
-
-
 def _unexplained(reduction: GapReduction) -> bool:
     """Return whether the held-out residual is too large for the simulator to agree with the logs."""
-    return reduction.before > PLAIN_GAP * reduction.floor
+    return reduction.after > PLAIN_GAP * reduction.floor
 
 
 Diagnosis.headline = headline

@@ -14,23 +14,17 @@ from markupsafe import Markup
 from matplotlib.figure import Figure
 
 from np_drake.diagnosis.report import summary, words
-from np_drake.diagnosis.report.figures import (
-    ladder_figure,
-    regime_figure,
-    replay_figure,
-    spectrum_figure,
-    timeline_figure,
-)
+from np_drake.diagnosis.report.figures import regime_figure, replay_figure, spectrum_figure, timeline_figure
 from np_drake.diagnosis.report.headline import headline, lead
-from np_drake.diagnosis.report.summary import next_steps
-from np_drake.diagnosis.result import Diagnosis, Finding, Localisation, ReplayGap
+from np_drake.diagnosis.report.remainder import GAP_HEADER, calibration_share, gap_rows, remains
+from np_drake.diagnosis.result import Diagnosis, Finding, ReplayGap
 from np_drake.files.atomic_file import require_writable, write_bytes, write_json, write_text
 from np_drake.files.figure_file import png
 from np_drake.files.number_text import kept_together
 
 TEMPLATE, STYLE = "report.html.j2", "style.css"
 PAGE, DATA = "report.html", "diagnosis.json"
-PICTURES = ("ladder", "regimes", "timeline", "spectrum", "replay")
+PICTURES = ("regimes", "timeline", "spectrum", "replay")
 
 
 def render(
@@ -98,9 +92,12 @@ def content(diagnosis: Diagnosis, seed: int) -> dict[str, Any]:
         **answer(diagnosis),
         "refit": None if diagnosis.refit is None else answer(diagnosis.refit),
         "new_on_held_out": [finding.text.rstrip(".") for finding in diagnosis.new_on_held_out],
-        "next_steps": next_steps(diagnosis),
+        "calibrated": bool(diagnosis.calibration),
+        "difference_header": summary.DIFFERENCE_HEADER,
+        "differences": summary.difference_rows(diagnosis),
+        "calibration_share": calibration_share(reduction),
+        "next_steps": summary.next_steps(diagnosis),
         "coverage": [*diagnosis.coverage, *filter(None, [summary.unseen(diagnosis)])],
-        "largest": largest(diagnosis.localisation),
         "alike": [
             (words.listed([words.bare_name(e) for e in item.effects], "or"), item.because, item.manoeuvre)
             for item in identifiability.not_identifiable
@@ -136,29 +133,13 @@ def answer(diagnosis: Diagnosis) -> dict[str, Any]:
         "lead": lead(diagnosis),
         "cause_header": header,
         "causes": rows,
-        "gap_header": summary.GAP_HEADER,
-        "gap": summary.gap_rows(diagnosis),
-        "unexplained": [words.described(finding) for finding in diagnosis.unexplained],
-        "unknown": words.probability(diagnosis.unknown_probability),
+        "gap_header": GAP_HEADER,
+        "gap": gap_rows(diagnosis),
+        "remains": remains(diagnosis),
+        "unexplained": [(words.capital(words.described(f)), f.measurement) for f in diagnosis.unexplained],
         "cannot_tell": diagnosis.cannot_tell,
         "joined": diagnosis.joined,
     }
-
-
-def largest(localisation: Localisation) -> str:
-    """Return a sentence on the channel with the largest ratio of residual to noise, and the regime where it is so."""
-    known = [channel for channel in localisation.channels if channel.noise_floor > 0]
-    if not known:
-        return ""
-    worst = max(known, key=lambda channel: channel.rms / channel.noise_floor)
-    before, after = (words.number(size / worst.noise_floor, 2) for size in (worst.rms, worst.after))
-    text = f"The gap is largest in {worst.channel}: {before} times its noise before, {after} after"
-    place = [c.channel for c in localisation.channels].index(worst.channel)
-    regime = max(localisation.regimes, key=lambda r: r.rms[place], default=None)
-    if regime is None:
-        return f"{text}."
-    span = f"{words.number(regime.lower, 2)} to {words.measure(regime.upper, regime.unit)}"
-    return f"{text}. It peaks at {words.number(regime.rms[place], 2)} times where {regime.quantity} is {span}."
 
 
 def _with_unit(name: str, value: float) -> tuple[str, str]:
@@ -233,8 +214,6 @@ def figures(diagnosis: Diagnosis) -> dict[str, Figure]:
     """Return by name the figures for which the diagnosis has data."""
     localisation, reduction = diagnosis.localisation, diagnosis.gap_reduction
     out: dict[str, Figure] = {}
-    if reduction.ladder:
-        out["ladder"] = ladder_figure(reduction)
     if localisation.regimes:
         out["regimes"] = regime_figure(localisation.regimes)
     if localisation.times:

@@ -1,77 +1,37 @@
-"""Summary of a diagnosis: causes, gap by kind and next steps; for page and terminal alike."""
-
-import dataclasses as dc
-
-import numpy as np
+"""Summary of a diagnosis: calibration, causes and next steps; for page and terminal alike."""
 
 from np_drake.diagnosis.localisation.identifiability import manoeuvre
-from np_drake.diagnosis.report.headline import LEAST_GAP, has_gap, main_remainder, named_causes
+from np_drake.diagnosis.report.headline import named_causes
 from np_drake.diagnosis.report.words import (
     bare_name,
     capital,
-    described,
     estimate,
     listed,
     name_of,
     onset,
-    percent_interval,
     plain_name,
-    suited,
+    spread,
     unit_of,
 )
-from np_drake.diagnosis.result import UNKNOWN, Cause, Diagnosis, Localisation
+from np_drake.diagnosis.result import Cause, Diagnosis
 from np_drake.effects.library import effect_of
-from np_drake.files.number_text import NOTHING, number, percent, probability
+from np_drake.files.number_text import percent, probability
 
-KINDS = {"lateral force": ("force x", "force y"), "lift": ("force z",), "torque": ("torque x", "torque y", "torque z")}
-GAP_HEADER = ["held-out residual, RMS", "nominal", "with causes", "noise", "explained"]
+DIFFERENCE_HEADER = ["difference", "95 % interval", "healthy vehicles"]
+MOST_DIFFERENCES = 8  # that are shown
+LEAST_DIFFERENCE = 0.5  # of the standard deviation of healthy vehicles, below which none is shown [1]; own choice
+SHOWN = 6  # columns of the table of causes that are always there
 LOOSE = 0.5  # half-width of an interval over the value, above which it is loose [1]; own choice
 
 
-@dc.dataclass(frozen=True)
-class GapPart:
-    """Held-out residual of one kind, RMS of its vector: before and after the causes, and of noise [unit].
-
-    explained: share of the square above the noise that the causes take away [1]; NaN where there is hardly a gap.
-    """
-
-    kind: str
-    unit: str
-    before: float
-    after: float
-    noise: float
-    explained: float
+def difference_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
+    """Return (what differs, its 95 % interval, the standard deviation of healthy vehicles), the largest first."""
+    large = [d for d in diagnosis.calibration if d.in_deviations > LEAST_DIFFERENCE]
+    return [(capital(d.text), *spread(d)) for d in large[:MOST_DIFFERENCES]]
 
 
-def gap_parts(localisation: Localisation) -> list[GapPart]:
-    """Return the held-out gap in lateral force, lift and torque, each pooled over its body axes."""
-    out = []
-    for kind, names in KINDS.items():
-        channels = [c for c in localisation.channels if c.channel in names]
-        sizes = [[c.rms, c.after, c.noise_floor] for c in channels]
-        before, after, noise = np.sqrt(np.sum(np.square(sizes), axis=0)) if channels else (0.0, 0.0, 0.0)
-        if noise > 0 and before > 0:
-            share = 1 - (after**2 - noise**2) / (before**2 - noise**2) if before > LEAST_GAP * noise else np.nan
-            explained = float(np.clip(share, -1.0, 1.0))
-            out.append(GapPart(kind, channels[0].unit, float(before), float(after), float(noise), explained))
-    return out
-
-
-def gap_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
-    """Return (kind, before, after, noise, explained) of each kind of gap, and of all channels in noise units."""
-    rows = []
-    for part in gap_parts(diagnosis.localisation):
-        factor, unit = suited(part.before, part.unit)
-        sizes = [number(factor * value, 2) for value in (part.before, part.after, part.noise)]
-        rows.append((f"{part.kind} [{unit}]", *sizes, percent(part.explained)))
-    total = diagnosis.gap_reduction
-    sizes = [number(value, 2) for value in (total.before, total.after, total.floor)]
-    share = f"{percent(total.fraction)} ({percent_interval(total.ci95)})" if has_gap(total) else NOTHING
-    return [*rows, ("all, over noise [1]", *sizes, share)]
-
-
-def cause_table(diagnosis: Diagnosis, longest: int = 36) -> tuple[list[str], list[tuple[str, ...]]]:
-    """Return header and rows of the causes, a row for every parameter; name and probability stand on the first.
+def cause_table(diagnosis: Diagnosis, longest: int = 20) -> tuple[list[str], list[tuple[str, ...]]]:
+    """Return header and rows of the causes, a row for every parameter; the first has what is of the whole cause.
 
     When an effect begins, and what it cannot be told from, are columns only where there is such a thing to say.
 
@@ -79,19 +39,16 @@ def cause_table(diagnosis: Diagnosis, longest: int = 36) -> tuple[list[str], lis
         diagnosis: the result.
         longest: characters of a flight's name.
     """
-    header = ["cause", "probability", "parameter", "value", "95 % interval", "begins", "or else"]
+    header = ["cause", "parameter", "value", "95 % interval", "probability", "held-out gain", "begins", "or else"]
     rows: list[tuple[str, ...]] = []
     for cause in named_causes(diagnosis):
         begins = [onset(t, plain_name(n, longest)) for n, t in cause.onset.items() if t is not None]
-        first = (cause.identifier, probability(cause.probability))
-        last = ("\n".join(begins), "\n".join(cause.indistinguishable_from))
-        for name, parameter in cause.parameters.items() or [("", None)]:
+        last = [probability(cause.probability), percent(cause.held_out_gain)]
+        last += ["\n".join(begins), "\n".join(cause.indistinguishable_from)]
+        for k, (name, parameter) in enumerate(cause.parameters.items() or [("", None)]):
             shown = estimate(parameter, unit_of(cause, parameter)) if parameter else ("", "")
-            rows.append((*first, name, *shown, *last))
-            first, last = ("", ""), ("", "")
-    if UNKNOWN in diagnosis.verdict:
-        rows.append((UNKNOWN, probability(diagnosis.unknown_probability), *[""] * 5))
-    keep = [k for k in range(len(header)) if k < 5 or any(row[k] for row in rows)]
+            rows.append((cause.identifier, name, *shown, *last) if k == 0 else ("", name, *shown, "", "", "", ""))
+    keep = [k for k in range(len(header)) if k < SHOWN or any(row[k] for row in rows)]
     return [header[k] for k in keep], [tuple(row[k] for k in keep) for row in rows]
 
 
@@ -130,8 +87,6 @@ def next_steps(diagnosis: Diagnosis) -> list[str]:
         elif loose := _loose(cause):
             more = effect_of(cause.identifier).excited_by or "a longer one with more motion"
             out.append(f"Intervals of {cause.identifier} are wide ({listed(loose)}); a better flight: {more}.")
-    if UNKNOWN in diagnosis.verdict and diagnosis.unexplained:
-        out.append(f"Look for the source of what remains: {described(main_remainder(diagnosis.unexplained))}.")
     if any("not tested" in sentence for sentence in diagnosis.coverage):
         out.append("Hold out a flight that moves like the training flights.")
     if diagnosis.not_flyable:

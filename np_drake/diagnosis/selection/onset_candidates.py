@@ -16,7 +16,7 @@ from np_drake.diagnosis.regressors import (
 )
 from np_drake.diagnosis.selection.change_point import OnsetScan
 from np_drake.diagnosis.selection.payload_search import PayloadSearch
-from np_drake.effects.library import LIBRARY, effects_for
+from np_drake.effects.library import LIBRARY, effect_of
 from np_drake.effects.mass_error import MassError
 from np_drake.effects.thrust_scale import ThrustScale
 
@@ -54,13 +54,12 @@ def _same(a: Candidate, b: Candidate) -> bool:
 
 def _that_begin(problem: RegressionProblem) -> dict[tuple[str, ...], list[Candidate]]:
     """Variants of the effects that may begin in flight."""
-    library = effects_for(problem.flights[0].log.input)
     found: dict[tuple[str, ...], list[Candidate]] = {}
     for c in problem.candidates:
         scanned = c.size <= MOST_COLUMNS and not c.onset
         if problem.options.tolerance.unmeasured:
-            scanned = scanned and all(library[name].sudden for name in c.identifiers)
-        if scanned and all(library[name].begins for name in c.identifiers):
+            scanned = scanned and all(effect_of(name).sudden for name in c.identifiers)
+        if scanned and all(effect_of(name).begins for name in c.identifiers):
             found.setdefault(c.identifiers, []).append(c)
     return found
 

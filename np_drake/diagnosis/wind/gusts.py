@@ -8,7 +8,7 @@ import numpy as np
 from np_drake.diagnosis.fitting import refit
 from np_drake.diagnosis.forward_model import Term, predicted_residual
 from np_drake.diagnosis.options import Options
-from np_drake.diagnosis.regressors import DRAG, GUSTY, Model, switched
+from np_drake.diagnosis.regressors import DRAG, GUSTY, Model, Onset, switched
 from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.diagnosis.result import Cause, Estimate
 from np_drake.diagnosis.selection import Ranking, names_of, names_of_fit
@@ -150,7 +150,8 @@ def with_drag(ranking: Ranking) -> Ranking:
     # The slow force that is left may begin in flight: its own power pays for instants.
     left = {e.name: ranking.best.residual(e) for e in problem.flights}
     begins = wind_begins(problem.flights, left, {}, ranking.options)
-    if onset := {name: begin for name, begin in begins.items() if begin is not None}:
+    onset: Onset = {name: begin for name, begin in begins.items() if begin is not None}
+    if onset:
         late = [switched(problem.candidates[i], problem.flights, onset) for i in drags]
         drags += [len(problem.candidates) + k for k in range(len(late))]
         problem = problem.extended(late)

@@ -66,7 +66,7 @@ def read(path: str | Path, *, repair: bool = False) -> list[FlightLog]:
         if bridged.any():
             log.bridged = bridged
         log.notes[:0] = notes + split
-        log.timing, log.layout = sheet.timing, sheet.rotors
+        log.timing, log.layout, log.start = sheet.timing, sheet.rotors, sheet.start
         known = inputs_of(log)
         if not known:
             raise table.error(

@@ -94,6 +94,7 @@ def import_log(
     for number, flight in enumerate(flights, start=1):
         flight.name = name if len(flights) == 1 else f"{name}_part{number}"
         flight.timing, flight.layout = timing, layout
+        flight.start += beside.start
     said = [*motors.notes, *recording.said, *said, *told]
     content = sheet_content(
         path, known.title, recording.facts, log_map, parts, flights, [*said, *recording.notes, *notes]

@@ -157,6 +157,7 @@ def _flight(aligned: Aligned, rows: np.ndarray, log_map: LogMap) -> FlightLog:
         kind = "rotor_speed"
     return FlightLog(
         t=t - t[0],
+        start=float(t[0]),
         p=x["position"],
         q=x["attitude"],
         v=x["velocity"],

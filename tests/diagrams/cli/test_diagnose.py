@@ -25,7 +25,7 @@ VEHICLE = "name: mine\nmass: 2.5\n"
 
 
 def answer(
-    vehicle, train, held_out, replay=None, *, adaptive_split=True, tolerance=None, on_progress=None
+    vehicle, train, held_out, replay=None, *, adaptive_split=True, tolerance=None, neighbours=None, on_progress=None
 ) -> an.Diagnosis:
     """A mass error, whatever the logs say; the replay is the real one."""
     on_progress(0.5, "half")
@@ -45,6 +45,7 @@ def answer(
         an.Localisation((an.ChannelGap("force z", "N", 1.0, 0.1, 0.1, 0.99),)),
         an.GapReduction(5.0, 1.2, 1.0, 0.98, (0.95, 0.99), ladder, gap, gap),
         below_threshold=(an.Finding("gyro_bias", "0.001 rad/s about x.", 0.001),),
+        warnings=tuple(f"{name} beside {[log.name for log in own]}" for name, own in (neighbours or {}).items()),
         judged_as="" if tolerance is None else tolerance.name,
     )
 
@@ -86,7 +87,7 @@ def test_a_case_folder_is_diagnosed_into_a_report(case, tmp_path, capsys):
         *expected,
         "position [m]",
         "weigh the vehicle",
-        "minor: gyro_bias",
+        "minor findings - gyro_bias",
         "warning: a warning.",
         "report.html",
         "replay.html",
@@ -98,7 +99,7 @@ def test_a_case_folder_is_diagnosed_into_a_report(case, tmp_path, capsys):
     assert content["config"]["vehicle"] == "mine"
     assert content["train"] == ["train_1.csv"]
     assert content["gap"]["replay"]["horizon"] == [0.1, 0.25, 0.5, 1.0]
-    assert {"report.html", "replay.html", "ladder.png", "replay.png"} <= {path.name for path in out.iterdir()}
+    assert {"report.html", "replay.html", "replay.png"} <= {path.name for path in out.iterdir()}
 
 
 def test_logs_can_be_named_one_by_one_and_the_replay_left_out(case, tmp_path, capsys):
@@ -118,6 +119,7 @@ def test_a_second_answer_is_printed_beside_the_first(case, logs, monkeypatch, ca
         found = answer(*arguments, **how)
         novel = (an.Finding("wind", "a slow force along x, 3 N", 3.0),)
         alone = dc.replace(found, verdict=(), causes=(), new_on_held_out=novel, coverage=("Drag was not tested.",))
+        alone = dc.replace(alone, gap_reduction=dc.replace(found.gap_reduction, after=5.0))
         return dc.replace(alone, refit=dc.replace(found, joined=found.held_out))
 
     monkeypatch.setattr(importlib.import_module("np_drake.diagnosis.diagnose"), "diagnose", twice)
@@ -130,9 +132,9 @@ def test_a_second_answer_is_printed_beside_the_first(case, logs, monkeypatch, ca
             "new on the held-out flight: a slow force along x, 3 N; a second answer",
             "Second answer, with the first halves of the held-out flight in the fit: A mass error of 100 g explains",
             "on the second half of the held-out flight.",
-            "second answer: causes",
+            "second answer: what the model lacks",
+            "second answer: what remains",
             "Drag was not tested.",
-            "second answer: how far",
         )
     ]
     assert places == sorted(places)
@@ -257,6 +259,13 @@ def test_a_real_flight_has_its_published_vehicle(case, neurobem, tmp_path, capsy
         assert json.loads(metrics.read_text())["vehicle"] == "neurobem"
 
 
+def test_the_log_of_a_neighbour_is_beside_the_flight_that_is_named(case, tmp_path, capsys):
+    metrics = tmp_path / "d.json"
+    arguments = ["--neighbour", f"{case / 'notes.csv'}=heldout.csv", "--no-replay", "--json", str(metrics)]
+    assert run(["diagnose", str(case), *arguments]) == 0, capsys.readouterr().err
+    assert json.loads(metrics.read_text())["warnings"] == ["heldout.csv beside ['notes.csv']"]
+
+
 BAD = {  # arguments: what the line must say
     "nothing": ([], "give a case folder"),
     "half": (["--train", "TRAIN"], "--held-out LOG"),
@@ -269,6 +278,9 @@ BAD = {  # arguments: what the line must say
     "array": (["--train", "TRAIN", "--held-out", "array.npy"], "give the flight's CSV"),
     "folder is a file": (["CASE", "--out", "TRAIN"], "must be a folder"),
     "folder below a file": (["CASE", "--out", "TRAIN/report"], "must be a folder"),
+    "neighbour of none": (["CASE", "--neighbour", "TRAIN=other.csv"], "must be one of train_1.csv, heldout.csv"),
+    "neighbour of any": (["CASE", "--neighbour", "TRAIN"], "say beside which: --neighbour"),
+    "missing neighbour": (["CASE", "--neighbour", "missing.csv=heldout.csv"], "missing.csv"),
     "metrics": (["CASE", "--json", "nowhere/x.json"], "nowhere must exist"),
 }
 

@@ -59,6 +59,15 @@ def test_a_table_is_imported_by_its_map_with_a_sheet_beside(table, tmp_path, cap
     assert json.loads((tmp_path / "m.json").read_text())["files"] == ["mine/flight.csv"]
 
 
+def test_an_imported_log_keeps_the_clock_of_its_source(table, tmp_path, capsys):
+    columns = swaying(T)
+    write_table(table, {**columns, "stamp": columns["stamp"] + 123e3})
+    assert run(["import", "flight.csv", "--map", "map.yaml", "--out", "mine"]) == 0
+    (log,), _ = open_flights(tmp_path / "mine" / "flight.csv", vehicle=Vehicle())
+    assert log.t[0] == 0.0
+    assert log.start == pytest.approx(123.0)  # [s]
+
+
 def test_nothing_that_is_there_is_overwritten(table, tmp_path, capsys):
     assert run(["import", "flight.csv", "--map", "map.yaml", "--out", "."]) == 2
     assert "must not be there" in capsys.readouterr().err

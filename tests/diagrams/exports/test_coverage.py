@@ -19,7 +19,7 @@ from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.effects.thrust_scale import ThrustScale
 from np_drake.vehicle import Vehicle, load_vehicle, preset_names
 
-EFFECTS = effects_for("rotor_speed")
+EFFECTS = effects_for("rotor_speed", neighbours=True)
 UNUSUAL = {"thrust_drift": {"start": 0.9}}  # whose usual start is that of the nominal model
 PAGE = Path(__file__).parents[3] / "docs" / "guide" / "export.md"
 

@@ -13,11 +13,13 @@ from diagrams.gap.corrected import FILE, corrected_simulator, drawn, remaining_d
 from diagrams.loop.flight import default_flight, load_flight
 from diagrams.loop.flight_result import fly
 from diagrams.loop.real_vehicle import make_real_vehicle
+from diagrams.loop.reality import RealityConfig
 from np_drake.diagnosis import result as an
 from np_drake.effects.base import Measurement, SensorEffect
 from np_drake.effects.center_of_mass_offset import CenterOfMassOffset
 from np_drake.effects.combine import split_effects
 from np_drake.effects.command_delay import CommandDelay
+from np_drake.effects.downwash import Downwash
 from np_drake.effects.effect_entry import EffectEntry
 from np_drake.effects.library import LIBRARY, MEASURED_ROTORS
 from np_drake.effects.linear_drag import LinearDrag
@@ -301,3 +303,11 @@ def test_a_bad_entry_is_refused_in_one_line_with_the_remedy(line, says, tmp_path
 def test_the_written_file_is_plain_yaml(tmp_path):
     written(diagnosis(cause(odd(SuspendedPayload))), tmp_path)
     assert yaml.safe_load((tmp_path / FILE).read_text())["reality"]["payload"] == {"tether": "none"}
+
+
+def test_a_downwash_is_left_out_for_a_flight_to_come_has_no_neighbour(tmp_path):
+    config = written(diagnosis(cause(Downwash(0.4)), cause(MassError(0.1))), tmp_path)
+    assert "# Left out: downwash, which acts only beside a neighbour." in (tmp_path / FILE).read_text()
+    assert [entry.effect for entry in config.reality.effects] == ["mass_error"]
+    with pytest.raises(ValueError, match="downwash must have the path of a neighbour"):
+        RealityConfig(effects=[EffectEntry.of(Downwash(0.4))]).check()

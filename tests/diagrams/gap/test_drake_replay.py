@@ -10,6 +10,7 @@ from diagrams.gap.drake_replay import DrakeReplay
 from np_drake import attitude
 from np_drake.effects.clock_offset import ClockOffset
 from np_drake.effects.command_delay import CommandDelay
+from np_drake.effects.downwash import Downwash
 from np_drake.effects.gyro_bias import GyroBias
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
@@ -17,6 +18,7 @@ from np_drake.effects.motor_lag import MotorLag
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.effects.thrust_scale import ThrustScale
 from np_drake.flight_log import FlightLog
+from np_drake.neighbour import Neighbour
 from np_drake.vehicle import Vehicle
 from systems.initial_state import set_hover
 from systems.payload_config import PayloadConfig
@@ -105,6 +107,14 @@ def test_a_known_effect_closes_the_gap(places, effects):
     assert position_error(log) > 20 * EXACT
     assert position_error(log, *((effect, {"a": None}) for effect in effects)) < 2 * EXACT
     assert position_error(log, *((effect, {}) for effect in effects)) < 2 * EXACT  # on all flights
+
+
+def test_a_downwash_is_that_of_the_neighbours_of_each_log():
+    above = Neighbour(np.array([0.0, 9.0]), np.tile([0.3, 0.0, 3.5], (2, 1)))
+    log = log_of(Flyer(wrench_effects=[Downwash(0.8, (above,))]).fly(0.0, 4.0))
+    beside = dc.replace(log, neighbours=(above,))
+    assert position_error(beside, (Downwash(0.8), {"a": None})) < 2 * EXACT
+    assert position_error(log, (Downwash(0.8), {"a": None})) == position_error(log) > 20 * EXACT
 
 
 def test_an_effect_acts_from_its_onset_on_and_only_on_its_flights():

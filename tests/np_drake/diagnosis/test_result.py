@@ -37,7 +37,7 @@ def test_the_file_has_the_fields_of_the_schema():
     assert cause["onset"] == {"train_1": None, "heldout": 3.0}
     assert cause["parameters"]["delta_mass"] == {"value": 0.1, "unit": "kg", "ci95": [0.05, 0.15]}
     assert {"probability", "indistinguishable_from"} <= cause.keys()
-    assert dut["gap"].keys() == {"force", "torque", "replay", "segments", "regimes", "bands"}
+    assert dut["gap"].keys() == {"force", "torque", "kinds", "replay", "segments", "regimes", "bands"}
     assert {"rms", "noise_floor", "explained"} <= dut["gap"]["force"]["x"].keys()
     assert dut["gap"]["replay"].keys() == {"horizon", "position", "velocity", "attitude_deg"}
     assert {"before", "after", "fraction", "ci95"} <= dut["shrink"]["residual"].keys()
@@ -47,6 +47,18 @@ def test_the_file_has_the_fields_of_the_schema():
     assert dut["warnings"] == []
     assert dut["explanations"] == []
     assert dut["readings"] is None
+
+
+def test_differences_have_their_flights_only_where_they_differ():
+    same = an.Difference("mass_error.delta_mass", "mass +10 g", 0.01, "kg", 0.005, (0.0, 0.02))
+    own = an.Difference(
+        "gyro_bias.x", "gyroscope reads +1.0 °/s about x in a", 0.017, "rad/s", 0.02, by_flight={"a": 0.017}
+    )
+    first, second = dc.replace(small(), calibration=(same, own)).as_json()["calibration"]
+    assert first.keys() == {"name", "text", "value", "unit", "deviation", "ci95"}
+    assert second["by_flight"] == {"a": 0.017}
+    assert second["ci95"] == [None, None]
+    assert same.in_deviations == 2.0
 
 
 def test_numbers_are_finite_or_null():

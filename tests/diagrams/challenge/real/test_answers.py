@@ -69,6 +69,6 @@ def test_cases_without_an_answer_are_counted_and_none_at_all_is_refused(tmp_path
 
 def test_effects_have_the_values_of_an_answer_and_unknown_ones_are_out():
     parameters = {"mass": {"value": 0.01}, "length": {"value": 0.5}, "colour": {"value": 3.0}}
-    causes = [{"effect": "suspended_payload", "parameters": parameters}, {"effect": "downwash"}, DRAG]
-    (payload,) = effects_of({"causes": causes}, ["suspended_payload", "downwash"])
+    causes = [{"effect": "suspended_payload", "parameters": parameters}, {"effect": "vortex_ring"}, DRAG]
+    (payload,) = effects_of({"causes": causes}, ["suspended_payload", "vortex_ring"])
     assert payload == SuspendedPayload(mass=0.01, length=0.5)

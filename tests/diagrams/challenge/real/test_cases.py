@@ -100,3 +100,11 @@ def test_what_cannot_be_made_is_said_in_one_line(folder, tmp_path):
         make_cases(folder, only=["idsia"])
     with pytest.raises(ValueError, match=f"must be of {GROUPS[0]}"):
         make_cases(folder, only=["storm"])
+
+
+def test_a_neighbour_is_the_other_vehicle_of_the_same_run(folder):
+    logs = [folder / f"cf5{vehicle}_02.gz" for vehicle in (0, 1)]
+    beside, alone = (campaign_of(f"swarm-downwash{suffix}") for suffix in ("", "-alone"))
+    assert [beside.neighbour(path) for path in logs] == logs[::-1]
+    assert [alone.neighbour(path) for path in logs] == [None, None]
+    assert beside.neighbour(folder / "other_02.gz") is None

@@ -105,12 +105,12 @@ def test_a_cause_that_begins_in_a_healthy_flight_is_wrong():
     late = {**early, "onset": {"a": None, "b": 3.2}}
     assert scored({"causes": [early]}, campaign_of("bare").truth)["right"]
     assert scored({"causes": [late]}, campaign_of("bare").truth)["wrong"] == ["thrust_scale"]
-    assert scored({"causes": [late]}, campaign_of("swarm-downwash").truth)["wrong"] == []
+    assert scored({"causes": [late]}, campaign_of("swarm-downwash-alone").truth)["wrong"] == []
 
 
 def test_the_unknown_counts_where_it_is_the_truth_and_where_a_place_pulls():
     said = {"causes": [], "unknown_probability": 0.8, "remains": [{"name": "place"}]}
-    assert scored({"causes": [], "unknown_probability": 0.8}, campaign_of("swarm-downwash").truth)["right"]
-    assert not scored({"causes": []}, campaign_of("swarm-downwash").truth)["right"]
+    assert scored({"causes": [], "unknown_probability": 0.8}, campaign_of("swarm-downwash-alone").truth)["right"]
+    assert not scored({"causes": []}, campaign_of("swarm-downwash-alone").truth)["right"]
     assert scored(said, campaign_of("bare").truth)["wrong"] == ["place"]
     assert scored({**said, "remains": []}, campaign_of("bare").truth)["right"]

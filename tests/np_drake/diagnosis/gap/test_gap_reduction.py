@@ -112,6 +112,15 @@ def test_the_ladder_goes_down_cause_by_cause_from_nominal_to_the_floor(solved):
     assert sizes[-1] == pytest.approx(found.after)
 
 
+def test_the_held_out_gain_of_a_cause_is_what_comes_back_without_it(solved):
+    case, held, causes = solved
+    gains = dict(zip([c.identifier for c in causes], dut.held_out_gains(causes, case.ranking.noise, held), strict=True))
+    assert all(0.0 < gain <= 1.01 for gain in gains.values())
+    (alone,) = dut.held_out_gains(causes[:1], case.ranking.noise, held)
+    ladder = dut.measure_gap_reduction(causes[:1], case.ranking.noise, held, None)
+    assert alone == pytest.approx(ladder.fraction)
+
+
 def test_a_cause_of_unknown_share_comes_last_on_the_ladder(solved):
     case, held, causes = solved
     blind = [dc.replace(c, share=np.nan) if c.identifier == "mass_error" else c for c in causes]

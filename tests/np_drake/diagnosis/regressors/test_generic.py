@@ -196,3 +196,9 @@ def test_where_rotor_speed_is_measured_no_command_is_named(groups):
     assert "an answer to the torque of the rotors with a resonance near" in said
     assert "command" not in said
     assert any("an answer to the commanded torque" in c.variant for c in commanded)
+
+
+def test_every_group_says_which_measurement_would_end_it(seen):
+    groups = generic_candidates([seen(seconds=4.0)], REAL.priors)
+    assert len({group.identifiers for group in groups}) == 10
+    assert all(group.measurement for group in groups)

@@ -112,10 +112,18 @@ def check() -> an.Identifiability:
     )
 
 
+def calibration() -> tuple[an.Difference, ...]:
+    return (
+        an.Difference("weak_rotor[2].efficiency", "rotor 2: thrust +4.0 %", 0.04, "share", 0.03, (0.02, 0.06)),
+        an.Difference("attitude_bias.pitch", "attitude reads +0.92° of pitch", 0.016, "rad", 0.02, (0.006, 0.026)),
+        an.Difference("drift.torque", "torque that drifts by 1.2 mN·m RMS", 0.0012, "N·m", 0.002),
+    )
+
+
 @pytest.fixture(scope="session")
 def diagnosis() -> an.Diagnosis:
-    names = ("nominal", "+ suspended_payload", "+ linear_drag", "noise floor")
-    ladder = tuple(map(an.Rung, names, (9.84, 2.05, 1.08, 1.0)))
+    names = ("nominal", "+ calibration", "+ suspended_payload", "+ linear_drag", "noise floor")
+    ladder = tuple(map(an.Rung, names, (9.84, 5.0, 2.05, 1.08, 1.0)))
     gap_reduction = an.GapReduction(9.84, 1.08, 1.0, 0.998, (0.991, 0.999), ladder, replay(1.0), replay(0.07))
     minor = an.Finding("gyro_bias", "0.002 rad/s about x: too small to move the vehicle.", 0.004, {"x [rad/s]": 0.002})
     return an.Diagnosis(
@@ -134,4 +142,5 @@ def diagnosis() -> an.Diagnosis:
         (),
         21.4,
         coverage=("The held-out flights reach 0.30 m/s, training 2.1 m/s: linear drag was not tested.",),
+        calibration=calibration(),
     )

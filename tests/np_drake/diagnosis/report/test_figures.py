@@ -14,7 +14,7 @@ from np_drake.diagnosis.result import Regime
 from np_drake.files.figure_file import png
 
 COARSE = 30  # [dots an inch]
-NAMES = ("ladder", "regimes", "timeline", "spectrum", "replay")
+NAMES = ("regimes", "timeline", "spectrum", "replay")
 
 
 @pytest.fixture(scope="module")
@@ -65,14 +65,14 @@ def test_no_flight_is_cut_off_above(diagnosis):
 def test_every_figure_has_labels_with_units(drawn, name):
     axes = drawn[name].get_axes()
     assert any("[" in ax.get_xlabel() for ax in axes)
-    assert any("[" in ax.get_ylabel() for ax in axes) or name == "ladder"  # whose rungs have names
+    assert any("[" in ax.get_ylabel() for ax in axes)
     assert drawn[name].legends or name == "regimes"  # whose numbers stand in it, beside a colour bar
     assert png(drawn[name], COARSE).startswith(b"\x89PNG")
 
 
 def test_what_was_not_computed_is_not_drawn(diagnosis):
     where = dc.replace(diagnosis.localisation, regimes=(), bands=(), times={}, segments=())
-    gap_reduction = dc.replace(diagnosis.gap_reduction, ladder=(), replay_before=None, replay_after=None)
+    gap_reduction = dc.replace(diagnosis.gap_reduction, replay_before=None, replay_after=None)
     assert figures(dc.replace(diagnosis, localisation=where, gap_reduction=gap_reduction)) == {}
 
 
@@ -99,7 +99,6 @@ def test_legends_name_what_is_drawn_and_nothing_else(diagnosis, drawn):
     assert labels(drawn["timeline"]) == [*curves, "noise", "a cause begins"]
     assert labels(drawn["spectrum"]) == [*curves, "noise"]
     assert labels(drawn["replay"]) == curves
-    assert set(labels(drawn["ladder"])) == {*curves, "noise"}
     always = tuple(dc.replace(cause, onset={}) for cause in diagnosis.causes)
     assert "change point" in labels(figures(dc.replace(diagnosis, causes=always))["timeline"])
 

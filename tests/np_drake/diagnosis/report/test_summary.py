@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from np_drake.diagnosis.report.headline import headline, lead, main_remainder
-from np_drake.diagnosis.report.summary import cause_table, gap_parts, gap_rows, unseen, warnings
-from np_drake.diagnosis.result import UNKNOWN, ChannelGap, Confusable, Finding
+from np_drake.diagnosis.report.remainder import gap_rows
+from np_drake.diagnosis.report.summary import MOST_DIFFERENCES, cause_table, difference_rows, unseen, warnings
+from np_drake.diagnosis.result import UNKNOWN, Confusable, Finding
 
-TRACE = Finding("periodic force", "a force at 2.3 Hz along body x, 0.4 N.", 0.6)
-SLOW = Finding("slow", "something slow below 0.5 Hz", 0.04, {"share": 0.04, "force": 0.9})
+TRACE = Finding("periodic force", "a force at 2.3 Hz along body x, 0.4 N.", 0.6, {}, "hover at two thrusts")
+SLOW = Finding("slow", "something slow below 0.5 Hz", 0.04, {"share": 0.04, "force": 0.9}, "hover for a minute")
 
 
 def reduced(diagnosis, **changes):
@@ -57,11 +58,11 @@ def unexplained(diagnosis):
     return reduced(clean(diagnosis), before=7.4, after=7.4)
 
 
-REMAINS = "what remains: something slow below 0.5 Hz, 4 % of weight."
-PAYLOAD = "A 260 g payload on 0.81 m explains 41 % of the gap on the held-out flights"
+REMAINS = "to find what remains: hover for a minute."
+PAYLOAD = "A 260 g payload on 0.81 m and calibration explain 41 % of the gap on the held-out flights"
 CASES = {  # how the diagnosis is changed: headline, and the sentence below it
     clean: (
-        "Nothing material is missing: the residual is 1.2 times the noise on the held-out flights",
+        "Nothing material is missing: with calibration, the residual is 1.2 times the noise on the held-out flights",
         "The simulator agrees.",
     ),
     agrees: (
@@ -73,19 +74,22 @@ CASES = {  # how the diagnosis is changed: headline, and the sentence below it
         "Training names suspended payload and linear drag, which these flights do not need.",
     ),
     one: (
-        "Linear drag of up to 0.24 N·s/m explains 99.8 % of the gap on the held-out flights; "
+        "Linear drag of up to 0.24 N·s/m and calibration explain 99.8 % of the gap on the held-out flights; "
         "the replay improves from 0.85 m to 6.0 cm after 1 s",
         "Probability 93 %.",
     ),
     unknown: (
-        "Something that no effect explains (97 %) leaves a gap of 7.4 times the noise on the held-out flights",
-        "Its clearest trace: a force at 2.3 Hz along body x, 0.4 N.",
+        "No effect explains what is left (97 %): 44 mN and 2.4 mN·m, 7.4 times the noise on the held-out flights",
+        "To find what remains: hover at two thrusts.",
     ),
-    part: (f"{PAYLOAD}; something that no effect explains (97 %) remains", f"Probability 98 %; {REMAINS}"),
+    part: (
+        f"{PAYLOAD}; 59 % remains unexplained: 44 mN and 2.4 mN·m (probability 97 %)",
+        f"Probability 98 %; {REMAINS}",
+    ),
     unsure: (PAYLOAD, f"Probability 98 %; {REMAINS}"),
     cannot_tell: ("These logs cannot tell", "The training flights excite too little to tell one effect from another."),
     unexplained: (
-        "No cause is told: the gap is 7.4 times the noise on the held-out flights",
+        "No cause is told: with calibration, the gap is 7.4 times the noise on the held-out flights",
         "Nothing in training shows its cause.",
     ),
 }
@@ -102,13 +106,13 @@ def test_the_headline_names_three_causes_and_counts_the_rest(diagnosis):
     causes = (*diagnosis.causes, *more)
     dut = headline(dc.replace(diagnosis, causes=causes, verdict=tuple(c.identifier for c in causes)))
     assert dut.startswith("A 260\u00a0g payload on 0.81\u00a0m, linear drag of up to 0.24\u00a0N·s/m, ")
-    assert " and 1 more explain 99.8\u00a0% of the gap" in dut
+    assert ", 1 more and calibration explain 99.8\u00a0% of the gap" in dut
 
 
 def test_the_share_of_the_headline_is_that_of_all_channels(diagnosis):
     dut = reduced(gaps(diagnosis, after=1.0), fraction=0.31)
     assert " explain 31\u00a0% of the gap" in headline(dut)
-    assert gap_rows(dut)[-1][-1].startswith("31\u00a0%")
+    assert gap_rows(dut)[-1][-1].startswith("69\u00a0%")
 
 
 @pytest.mark.parametrize(
@@ -126,6 +130,42 @@ def test_the_headline_says_whether_the_replay_improved(diagnosis, factor, said):
     assert headline(reduced(diagnosis, replay_before=before, replay_after=after)).endswith(said)
 
 
+def test_calibration_is_named_where_the_vehicle_was_not_measured(diagnosis):
+    described = dc.replace(one(diagnosis), calibration=())
+    assert headline(described).startswith("Linear drag of up to 0.24\u00a0N·s/m explains 99.8\u00a0%")
+
+
+def test_the_headline_says_which_cause_held_out_flights_contradict(diagnosis):
+    assert "predicted better" not in headline(diagnosis)
+    payload, drag = diagnosis.causes
+    dut = dc.replace(diagnosis, causes=(dc.replace(payload, held_out_gain=0.9), dc.replace(drag, held_out_gain=-0.1)))
+    assert "on the held-out flights, which are predicted better without linear drag;" in headline(dut)
+
+
+def test_the_headline_says_which_kind_of_force_the_causes_make_worse(diagnosis):
+    assert "worse" not in headline(diagnosis)
+    lift = [
+        dc.replace(c, after=2 * c.rms if c.channel == "force z" else c.after) for c in diagnosis.localisation.channels
+    ]
+    dut = dc.replace(diagnosis, localisation=dc.replace(diagnosis.localisation, channels=tuple(lift)))
+    assert " and make vertical force worse" in headline(dut)
+
+
+def test_differences_have_a_size_an_interval_and_that_of_healthy_vehicles(diagnosis):
+    rows = [tuple(cell.replace("\u00a0", " ") for cell in row) for row in difference_rows(diagnosis)]
+    assert rows == [
+        ("Rotor 2: thrust +4.0 %", "± 2.0 %", "± 3.0 %"),
+        ("Attitude reads +0.92° of pitch", "± 0.57°", "± 1.1°"),
+        ("Torque that drifts by 1.2 mN·m RMS", "–", "± 2.0 mN·m"),
+    ]
+
+
+def test_few_differences_are_shown_and_none_that_is_small(diagnosis):
+    large, _, _ = diagnosis.calibration
+    assert len(difference_rows(dc.replace(diagnosis, calibration=20 * (large,)))) == MOST_DIFFERENCES
+    assert difference_rows(dc.replace(diagnosis, calibration=(dc.replace(large, value=-0.01),))) == []
+
+
 def test_a_second_answer_that_differs_is_pointed_to(diagnosis):
     second = one(diagnosis)
     assert "second answer" in lead(dc.replace(diagnosis, refit=second))
@@ -140,9 +180,9 @@ def gaps(diagnosis, after):
 
 def test_unknown_takes_nothing_from_the_probability_of_a_cause(diagnosis):
     header, rows = cause_table(part(diagnosis))
-    shown = {row[0]: row[1].replace("\u00a0", " ") for row in rows if row[0]}
-    assert header[:5] == ["cause", "probability", "parameter", "value", "95 % interval"]
-    assert shown == {"suspended_payload": "98 %", "unknown": "97 %"}
+    shown = {row[0]: row[4].replace("\u00a0", " ") for row in rows if row[0]}
+    assert header[:5] == ["cause", "parameter", "value", "95 % interval", "probability"]
+    assert shown == {"suspended_payload": "98 %"}
 
 
 def test_the_cause_with_the_largest_share_comes_first(diagnosis):
@@ -154,9 +194,9 @@ def test_the_cause_with_the_largest_share_comes_first(diagnosis):
 
 def test_the_table_says_what_a_cause_cannot_be_told_from_if_any(diagnosis):
     header, rows = cause_table(diagnosis)
-    assert header[5:] == ["begins", "or else"]
+    assert header[6:] == ["begins", "or else"]
     assert next(row for row in rows if row[0] == "linear_drag")[-1] == "quadratic_drag"
-    assert "heldout_2: 8.0\u00a0s" in rows[0][5]
+    assert "heldout_2: 8.0\u00a0s" in rows[0][6]
     alone = dc.replace(diagnosis, causes=(dc.replace(diagnosis.causes[0], onset={}),))
     assert "or else" not in cause_table(alone)[0]
     assert "begins" not in cause_table(alone)[0]
@@ -170,27 +210,6 @@ def test_without_a_gap_on_held_out_flights_no_share_is_claimed(diagnosis):
 
 def test_causes_that_make_it_worse_are_said_to(diagnosis):
     assert "do not help: the gap" in headline(reduced(diagnosis, before=5.0, after=900.0, fraction=-1.0))
-
-
-def test_the_gap_has_three_parts_with_shares_of_their_own(diagnosis):
-    lateral, lift, torque = gap_parts(diagnosis.localisation)
-    assert [p.kind for p in (lateral, lift, torque)] == ["lateral force", "lift", "torque"]
-    assert lateral.before == pytest.approx(np.hypot(0.05 * 8, 0.05 * 7))  # [N]
-    assert lift.explained == pytest.approx(1 - (1.08**2 - 1) / (22**2 - 1))
-
-
-def test_a_torque_that_the_log_does_not_tell_is_no_part_of_the_gap(diagnosis):
-    silent = tuple(
-        dc.replace(c, rms=0.0, after=1e-14) if c.unit == "N·m" else c for c in diagnosis.localisation.channels
-    )
-    dut = dc.replace(diagnosis, localisation=dc.replace(diagnosis.localisation, channels=silent))
-    assert [row[0] for row in gap_rows(dut)] == ["lateral force [N]", "lift [N]", "all, over noise [1]"]
-
-
-def test_small_vehicles_have_small_units(diagnosis):
-    channels = (ChannelGap("force z", "N", 0.034, 0.0038, 0.0066, 0.97),)
-    row, _ = gap_rows(dc.replace(diagnosis, localisation=dc.replace(diagnosis.localisation, channels=channels)))
-    assert row[:4] == ("lift [mN]", "34", "6.6", "3.8")
 
 
 def test_what_remains_is_the_largest_in_weight():

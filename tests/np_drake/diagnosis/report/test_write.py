@@ -12,7 +12,7 @@ import pytest
 from matplotlib.image import imread
 
 from np_drake.diagnosis.report import page
-from np_drake.diagnosis.report.page import largest, write_report
+from np_drake.diagnosis.report.page import write_report
 from np_drake.diagnosis.result import Finding
 
 HOSTILE = '<script>alert("x")</script>&$\\frac{$ 飞.csv'
@@ -33,7 +33,7 @@ def undrawn(monkeypatch):
 
 
 def test_the_folder_holds_page_data_and_pictures(folder):
-    pictures = {f"{name}.png" for name in ("ladder", "regimes", "timeline", "spectrum", "replay")}
+    pictures = {f"{name}.png" for name in ("regimes", "timeline", "spectrum", "replay")}
     assert {path.name for path in folder.iterdir()} == {"report.html", "diagnosis.json", *pictures}
 
 
@@ -47,10 +47,10 @@ def test_the_data_begin_as_every_file_of_the_project(folder):
 
 def test_the_page_stands_alone(folder):
     page = (folder / "report.html").read_text()
-    assert re.findall(r"(?:src|href)\s*=\s*(.{6})", page) == ['"data:'] * 5
+    assert re.findall(r"(?:src|href)\s*=\s*(.{6})", page) == ['"data:'] * 4
     assert "url(" not in page
     assert "<script" not in page
-    assert page.count("data:image/png;base64,") == 5
+    assert page.count("data:image/png;base64,") == 4
 
 
 def text_of(page):
@@ -61,19 +61,22 @@ def text_of(page):
 def test_the_page_gives_the_answer_first_and_then_what_it_rests_on(folder):
     page = text_of((folder / "report.html").read_text())
     order = (
-        "A 260 g payload on 0.81 m and linear drag of up to 0.24 N·s/m explain 99.8 % of the gap",
+        "A 260 g payload on 0.81 m, linear drag of up to 0.24 N·s/m and calibration explain 99.8 % of the gap",
         "Each has a probability of 93 % or more.",
-        "Causes",
+        "What differs from the vehicle file",
+        "Rotor 2: thrust +4.0 %",
+        "What the model lacks",
         "255 to 266",
         "quadratic_drag",
+        "What remains",
+        "0.2 % of the held-out gap is left",
+        "Probability that something material is left",
+        "vertical force",
+        "Minor findings (1)",
         "What to do next",
         "What the flights tested",
         "linear drag was not tested",
-        "How far the causes explain the gap",
-        "What remains",
-        "Minor findings (1)",
         "Where the gap is",
-        "largest in force z",
         "Replay",
         "Checks",
         "Roll and pitch sharply".lower(),
@@ -91,7 +94,7 @@ def test_a_second_answer_is_shown_beside_the_first(diagnosis, tmp_path, undrawn)
     assert page.index("Second answer") < page.index("What to do next")
     assert "show what the training flights do not: a slow force along x, 3 N." in page
     assert "With the first halves of heldout_1 in the fit" in page
-    assert "Linear drag of up to 0.24 N·s/m explains" in page
+    assert "Linear drag of up to 0.24 N·s/m and calibration explain" in page
     alone = text_of(write_report(dc.replace(dut, refit=None), tmp_path).read_text())
     assert "too short for a second answer" in alone
     assert "Second answer" not in text_of(write_report(diagnosis, tmp_path).read_text())
@@ -106,7 +109,7 @@ def test_new_fields_go_through_json(diagnosis, tmp_path, undrawn):
     content = json.loads((tmp_path / "diagnosis.json").read_text())
     assert content["coverage"] == ["a sentence."]
     assert content["novel"] == [
-        {"name": "wind", "text": "a slow force along x, 3 N", "size": 3.0, "figures": {"force": 3.0}}
+        {"name": "wind", "text": "a slow force along x, 3 N", "size": 3.0, "figures": {"force": 3.0}, "measurement": ""}
     ]
     assert set(content["refit"]) == set(diagnosis.as_json()) - {"schema"}
     assert (content["refit"]["joined"], content["refit"]["refit"]) == (["heldout_1"], None)
@@ -114,7 +117,7 @@ def test_new_fields_go_through_json(diagnosis, tmp_path, undrawn):
 
 
 def test_a_page_without_a_verdict_claims_nothing(diagnosis, tmp_path, undrawn):
-    gap_reduction = dc.replace(diagnosis.gap_reduction, ladder=(), replay_before=None, replay_after=None)
+    gap_reduction = dc.replace(diagnosis.gap_reduction, replay_before=None, replay_after=None)
     (tmp_path / "replay.png").write_bytes(b"of an earlier diagnosis")
     write_report(dc.replace(diagnosis, cannot_tell=True, verdict=(), causes=(), gap_reduction=gap_reduction), tmp_path)
     assert not (tmp_path / "replay.png").exists()
@@ -124,12 +127,11 @@ def test_a_page_without_a_verdict_claims_nothing(diagnosis, tmp_path, undrawn):
     assert "robability" not in page
 
 
-def test_the_place_of_the_largest_gap_has_round_words(diagnosis):
-    assert largest(diagnosis.localisation) == (
-        "The gap is largest in force z: 22 times its noise before, 1.1 after. "
-        "It peaks at 32 times where speed is 3.0 to 5.0\u00a0m/s."
-    )
-    assert largest(dc.replace(diagnosis.localisation, channels=())) == ""
+def test_a_vehicle_that_its_file_describes_has_no_section_of_differences(diagnosis, tmp_path, undrawn):
+    described = dc.replace(diagnosis, calibration=())
+    assert "differs from" not in text_of(write_report(described, tmp_path).read_text())
+    slight = dc.replace(diagnosis, calibration=(dc.replace(diagnosis.calibration[0], value=0.001),))
+    assert "Nothing by more than healthy vehicles differ" in text_of(write_report(slight, tmp_path).read_text())
 
 
 @pytest.mark.parametrize("share", [0.94, float("nan")])

@@ -1,0 +1,118 @@
+"""Laws of the downwash: a jet with the momentum of the neighbour's thrust, which pushes down what is in it."""
+
+import numpy as np
+import pytest
+
+from np_drake.effects.base import Motion
+from np_drake.effects.downwash import Downwash, jet_velocity, thrust_loss
+from np_drake.effects.library import BESIDE_NEIGHBOURS, LIBRARY, effects_for, in_scenarios
+from np_drake.effects.rotor_inflow import AIR_DENSITY, RotorInflow
+from np_drake.neighbour import Neighbour
+from np_drake.vehicle import Vehicle
+
+VEHICLE = Vehicle()
+WEIGHT = VEHICLE.mass * VEHICLE.gravity
+HOVER = np.full(4, WEIGHT / 4)
+
+
+def hovering(p, name="above"):
+    """A neighbour that hovers at p [m] for 10 s."""
+    return Neighbour(np.array([0.0, 10.0]), np.tile(np.array(p, float), (2, 1)), name)
+
+
+def at(p, t=1.0):
+    """The motion of a level vehicle that hovers at p [m]."""
+    return Motion(t, np.array([*p, 1.0, 0, 0, 0, 0, 0, 0, 0, 0, 0]), HOVER)
+
+
+def pushed(p, *neighbours, strength=1.0, t=1.0):
+    return Downwash(strength, neighbours).wrench(VEHICLE, at(p, t))
+
+
+@pytest.mark.parametrize("below", [0.0, 0.3, 1.0, 5.0])
+def test_the_momentum_of_the_jet_is_the_thrust_at_every_distance(below):
+    r = np.linspace(0.0, 8.0, 4001)
+    w = jet_velocity(VEHICLE, np.full_like(r, below + 1e-12), r)
+    momentum = np.trapezoid(AIR_DENSITY * w**2 * 2 * np.pi * r, r)
+    assert momentum == pytest.approx(WEIGHT, rel=1e-4)  # [N]; the quadrature
+
+
+def test_at_the_rotors_the_jet_has_their_second_moment_of_momentum():
+    r = np.linspace(0.0, 3.0, 4001)
+    w = jet_velocity(VEHICLE, np.full_like(r, 1e-12), r)
+    second = np.trapezoid(w**2 * r**3, r) / np.trapezoid(w**2 * r, r)
+    arms = np.linalg.norm(np.array(VEHICLE.rotor_positions)[:, :2], axis=1)
+    assert second == pytest.approx(np.mean(arms**2) + VEHICLE.rotor_radius**2 / 2, rel=1e-4)  # [m²]; the quadrature
+
+
+def test_far_below_the_velocity_falls_with_the_distance():
+    near, far = (float(jet_velocity(VEHICLE, z, 0.0)) for z in (200.0, 400.0))
+    assert near / far == pytest.approx(2.0, rel=0.02)
+
+
+def test_without_a_neighbour_or_above_it_nothing_pushes():
+    np.testing.assert_array_equal(pushed((0, 0, 1)), np.zeros(6))
+    np.testing.assert_array_equal(pushed((0, 0, 3), hovering((0, 0, 2))), np.zeros(6))
+    np.testing.assert_array_equal(pushed((0, 0, 1), hovering((0, 0, 2)), t=11.0), np.zeros(6))  # its log has ended
+
+
+def test_far_away_nothing_pushes():
+    assert np.abs(pushed((0, 0, 1), hovering((0, 0, 1e4)))).max() < 1e-3 * WEIGHT  # [N]
+    np.testing.assert_allclose(pushed((5, 0, 1), hovering((0, 0, 2))), 0.0, atol=1e-12)
+
+
+def test_the_push_is_downwards_and_falls_with_distance_and_aside():
+    below = [pushed((0, 0, 2 - z), hovering((0, 0, 2))) for z in (0.5, 1.0, 2.0)]
+    aside = [pushed((x, 0, 1), hovering((0, 0, 2))) for x in (0.0, 0.3, 0.6)]
+    for chi in (below, aside):
+        force = np.array([c[2] for c in chi])
+        assert (force < 0).all()
+        assert (np.diff(force) > 0).all()
+        np.testing.assert_allclose(np.array(chi)[:, [0, 1, 5]], 0.0, atol=1e-12)
+
+
+def test_opposite_sides_feel_the_same_push_and_opposite_torques():
+    here, there = (pushed((x, 0.1 * x, 1), hovering((0, 0, 2))) for x in (0.3, -0.3))
+    np.testing.assert_allclose(here[:3], there[:3], rtol=1e-12)
+    np.testing.assert_allclose(here[3:], -there[3:], atol=1e-12)
+    assert here[4] < 0  # the rotors behind, nearer to the axis, lose more: the tail falls, - about y
+    assert here[3] > 0  # and those to the right: the right side falls, + about x
+
+
+def test_a_climb_at_the_velocity_of_the_jet_loses_as_much_thrust():
+    w = 3.0
+    x = np.array([0, 0, 1.0, 1, 0, 0, 0, 0, 0, w, 0, 0, 0])
+    climb = RotorInflow().wrench(VEHICLE, Motion(0.0, x, HOVER))[2]
+    assert -thrust_loss(VEHICLE, HOVER, np.full(4, w)).sum() == pytest.approx(climb, rel=1e-9)
+
+
+def test_the_push_is_linear_in_its_strength_and_jets_add_up():
+    above = hovering((0.1, 0, 2))
+    np.testing.assert_allclose(pushed((0, 0, 1), above, strength=0.4), 0.4 * pushed((0, 0, 1), above), rtol=1e-12)
+    np.testing.assert_array_equal(pushed((0, 0, 1), above, strength=0.0), np.zeros(6))
+    p = np.array([[0.0, 0.0, 1.0]])
+    one, two = (Downwash(1.0, others).velocity(VEHICLE, 1.0, p) for others in ((above,), (above, above)))
+    np.testing.assert_allclose(two, 2 * one, rtol=1e-12)
+
+
+def test_a_log_is_evaluated_row_by_row():
+    rng = np.random.default_rng(0)
+    t, dut = np.linspace(0, 4, 9), Downwash(0.7, (hovering((0, 0, 2)),))
+    x = np.concatenate([rng.normal(scale=0.3, size=(9, 3)), rng.normal(size=(9, 4)), np.zeros((9, 6))], axis=1)
+    x[:, 3:7] /= np.linalg.norm(x[:, 3:7], axis=1, keepdims=True)
+    thrust = rng.uniform(1, 8, (9, 4))
+    rows = [dut.wrench(VEHICLE, Motion(t[i], x[i], thrust[i])) for i in range(9)]
+    np.testing.assert_allclose(dut.wrench(VEHICLE, Motion(t, x, thrust)), rows, atol=1e-12)
+
+
+def test_it_is_tried_and_drawn_only_where_there_are_neighbours():
+    assert "downwash" not in LIBRARY  # from which simulated cases draw
+    assert set(effects_for("command", neighbours=True)) - set(effects_for("command")) == {*BESIDE_NEIGHBOURS}
+    assert "downwash" in in_scenarios()  # as a stored diagnosis names it
+
+
+def test_an_effect_is_a_key_with_its_neighbours():
+    above = hovering((0, 0, 2))
+    assert Downwash(0.5).beside([above]) == Downwash(0.5, (above,))
+    assert hash(Downwash(0.5, (above,))) == hash(Downwash(0.5).beside([above]))
+    assert Downwash(0.5).beside([hovering((0, 0, 2))]) != Downwash(0.5, (above,))
