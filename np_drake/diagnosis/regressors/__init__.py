@@ -15,7 +15,7 @@ from np_drake.diagnosis.regressors.library import (
     switched,
     wind_candidates,
 )
-from np_drake.diagnosis.regressors.nuisance import calibration, calibration_terms, tolerance_of, with_input
+from np_drake.diagnosis.regressors.nuisance import calibration, calibration_terms, options_of, tolerance_of, with_input
 from np_drake.diagnosis.regressors.payload import (
     AT_REST,
     SHAPE,
