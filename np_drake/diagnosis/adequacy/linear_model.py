@@ -8,7 +8,7 @@ from operator import add
 import numpy as np
 
 from np_drake.diagnosis.fitting import prior_whitening, scaled_jacobian
-from np_drake.diagnosis.forward_model import predicted_residual
+from np_drake.diagnosis.forward_model import predicted_residual, with_dependants
 from np_drake.diagnosis.numerics import Gram
 from np_drake.diagnosis.regressors import LINEAR, Candidate, generic_candidates, prior_of
 from np_drake.diagnosis.residuals import FlightResiduals
@@ -81,7 +81,7 @@ class LinearModel:
             i: position of the term.
             structure: positions of the generic structure beside the effects.
         """
-        gone = {i, *self._through(i)}
+        gone = with_dependants(self.fit.terms, i)
         names = [t.effect.identifier for t in self.fit.terms]
         left = [name for k, name in enumerate(names) if k not in gone]
         prior = prior_of(names, self._priors) - prior_of(left, self._priors)
@@ -106,9 +106,3 @@ class LinearModel:
     def _index(self, without: Collection[int], structure: Sequence[int]) -> np.ndarray:
         kept = [k for i, own in self._own.items() if i not in without for k in own]
         return np.concatenate([np.array(kept, int), self._nuisance, *(self._columns[g] for g in structure)])
-
-    def _through(self, i: int) -> list[int]:
-        """Return the terms that need term i and have no other through which they act."""
-        terms = self.fit.terms
-        left = {t.effect.identifier for k, t in enumerate(terms) if k != i}
-        return [k for k, t in enumerate(terms) if t.effect.needs and not left & {*t.effect.needs}]

@@ -8,12 +8,12 @@ from scipy import special
 
 from np_drake import attitude
 from np_drake.diagnosis.adequacy import LinearModel
-from np_drake.diagnosis.calibration.spread import SPREAD, of_flight, of_vehicle
+from np_drake.diagnosis.calibration.spread import of_flight, of_vehicle
 from np_drake.diagnosis.cross_validation import Support
 from np_drake.diagnosis.fitting import Fit, impossible, scaled_jacobian
 from np_drake.diagnosis.forward_model import Term, predicted_residual
 from np_drake.diagnosis.held_out import HeldOut
-from np_drake.diagnosis.options import Materiality, Options, Size, Tolerance
+from np_drake.diagnosis.options import SPREAD, Materiality, Options, Size, Tolerance
 from np_drake.diagnosis.regressors import DRAG
 from np_drake.diagnosis.residuals import FORCE, TORQUE, WRENCH, FlightResiduals
 from np_drake.diagnosis.selection import Ranking

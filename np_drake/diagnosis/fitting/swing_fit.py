@@ -17,13 +17,12 @@ from np_drake.diagnosis.forward_model import (
 )
 from np_drake.diagnosis.numerics import NoiseModel
 from np_drake.diagnosis.options import Priors
-from np_drake.diagnosis.regressors import WIDEST
+from np_drake.diagnosis.regressors.payload import SMALL, WIDEST
 from np_drake.diagnosis.residuals import WRENCH, FlightResiduals
 
 STEPS = 3  # Gauss-Newton iterations
 GRID = 128  # swings in the grid of starts; own choice
 TRIED = 3  # best grid points from which to descend, besides the given swing; own choice
-SMALL = 0.02  # step of finite differences [rad]
 WAYS = 32  # posterior samples of a swing, whose mean prediction is used; own choice
 SPANS = (4.0, 8.0)  # growing lengths of a flight over which its swing is fitted [s]
 

@@ -42,6 +42,17 @@ class Term:
         return self.onset.get(flight)
 
 
+def with_dependants(terms: Sequence[Term], i: int) -> set[int]:
+    """Return term i and the terms that act through it alone, as a wind through a drag.
+
+    Args:
+        terms: of a model.
+        i: position of the term.
+    """
+    left = {t.effect.identifier for k, t in enumerate(terms) if k != i}
+    return {i, *(k for k, t in enumerate(terms) if t.effect.needs and not left & {*t.effect.needs})}
+
+
 def pendulum_error(name: str, payload: SuspendedPayload, vehicle: Vehicle, priors: Priors) -> float:
     """Return the standard deviation of a payload parameter that its fit does not account for, in the parameter's unit.
 

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from np_drake.diagnosis.fitting.map_estimate import BLOCK
 from np_drake.diagnosis.forward_model import predicted_residual
 from np_drake.diagnosis.held_out import HeldOut, closed_fraction, pooled, remaining_residual, scored_on_fitted_rows
 from np_drake.diagnosis.held_out.prediction import LEAST_GAP
@@ -14,7 +15,6 @@ from np_drake.diagnosis.result import Cause, GapReduction, Replay, ReplayGap, Ru
 from np_drake.effects.base import Effect
 from np_drake.flight_log import FlightLog
 
-BLOCK = 1.0  # length of a bootstrap block [s]
 FEWEST = 8  # least number of blocks; they are shorter in short flights; own choice
 DRAWS = 400  # bootstrap samples
 SEED = 1  # bootstrap seed

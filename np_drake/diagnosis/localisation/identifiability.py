@@ -10,7 +10,7 @@ from np_drake.diagnosis.held_out import pooled
 from np_drake.diagnosis.localisation.localisation import localise
 from np_drake.diagnosis.numerics import NoiseModel, fit_noise
 from np_drake.diagnosis.regressors import Candidate, hidden_from, library_candidates
-from np_drake.diagnosis.residuals import WRENCH, FlightResiduals
+from np_drake.diagnosis.residuals import QUIET, WRENCH, FlightResiduals
 from np_drake.diagnosis.result import CHANNELS, Confusable, GapReduction, Identifiability
 from np_drake.effects.library import REQUIREMENTS, effect_of
 
@@ -110,7 +110,7 @@ def assess_identifiability(
         if e.log.a is None:
             said = "no acceleration; velocity is differentiated, accelerometer_bias cannot be told."
             warnings.append(f"{e.name}: {said}")
-        if e.attitude_noise > 1e-3:
+        if e.attitude_noise > QUIET:
             how = "turned with it" if e.turned else "free of it"
             warnings.append(f"{e.name}: attitude noise of {1e3 * e.attitude_noise:.1f} mrad; acceleration is {how}.")
     return Identifiability(
@@ -147,7 +147,7 @@ def unexcited_diagnosis(flights: Sequence[FlightResiduals], held_out: Sequence[F
         flights: training flights.
         held_out: held-out flights.
     """
-    noise = fit_noise([e.y - e.y.mean(axis=0) for e in flights], flights[0].grid.step)
+    noise = fit_noise([e.y for e in flights], flights[0].grid.step)
     pairs = _confusables(flights, library_candidates(flights), noise)
     rows = {e.name: np.ones(len(e.t), bool) for e in held_out}
     checked = Identifiability(

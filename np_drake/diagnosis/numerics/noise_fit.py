@@ -66,7 +66,6 @@ def fit_noise(
     inexact: float = 0.0,
     slow: np.ndarray | None = None,
     white: np.ndarray | None = None,
-    order: int = ORDER,
 ) -> NoiseModel:
     """Fit the noise model to the residuals of one or more flights, the mean of each removed: it is a finding.
 
@@ -77,19 +76,18 @@ def fit_noise(
         inexact: relative error of that prediction [1].
         slow: (c,) RMS of errors that hardly change over the memory of the noise model.
         white: (c,) RMS of white errors that the residuals may lack.
-        order: order of the autoregression [1].
     """
     drift, sudden = (np.zeros(residuals[0].shape[1]) if rms is None else rms**2 for rms in (slow, white))
     smear = [inexact * (p - p.mean(axis=0)) for p in explained or []] if inexact else []
     residuals = [r - r.mean(axis=0) for r in residuals]
     channels = residuals[0].shape[1]
-    phi = np.zeros((channels, order))
+    phi = np.zeros((channels, ORDER))
     innovation = np.zeros(channels)
     total = sum(len(r) for r in residuals)
     rms = np.sqrt(sum(np.sum(r**2, axis=0) for r in residuals) / total)
     rms[rms**2 < ACTIVE] = 0.0
     for c in np.flatnonzero(rms):
-        lags = sum((_autocovariance(r[:, c], order) for r in [*residuals, *smear]), np.zeros(order + 1)) / total
+        lags = sum((_autocovariance(r[:, c]) for r in [*residuals, *smear]), np.zeros(ORDER + 1)) / total
         lags += drift[c]
         lags[0] = (1 + RIDGE) * lags[0] + sudden[c]
         # Yule-Walker: the autocovariances at lags 0 … p solve for phi, by Levinson's recursion.
@@ -97,17 +95,17 @@ def fit_noise(
         innovation[c] = lags[0] - phi[c] @ lags[1:]
     plain = NoiseModel(phi, np.eye(channels), rms, innovation, step)
     driven = np.concatenate([plain.whiten(r) for r in [*residuals, *smear]])
-    rows = total - order * len(residuals)
+    rows = total - ORDER * len(residuals)
     sudden = np.where(plain.active, sudden * (1 + np.sum(phi**2, axis=1)), 0.0)
     return dc.replace(plain, mixing=_mixing(driven.T @ driven / rows + np.diag(sudden), plain.active))
 
 
-def _autocovariance(e: np.ndarray, order: int) -> np.ndarray:
-    """Return the sums of lagged products (order + 1,) of e (n,)."""
-    size = 2 ** int(np.ceil(np.log2(len(e) + order + 1)))
+def _autocovariance(e: np.ndarray) -> np.ndarray:
+    """Return the sums of lagged products (`ORDER` + 1,) of e (n,)."""
+    size = 2 ** int(np.ceil(np.log2(len(e) + ORDER + 1)))
     # Wiener-Khinchin: the autocovariance is the inverse transform of the power, zero-padded against wrap-around.
     power = np.abs(np.fft.rfft(e, size)) ** 2
-    return np.fft.irfft(power, size)[: order + 1]
+    return np.fft.irfft(power, size)[: ORDER + 1]
 
 
 def _mixing(covariance: np.ndarray, active: np.ndarray) -> np.ndarray:

@@ -19,7 +19,6 @@ from np_drake.diagnosis.regressors.nuisance import calibration, calibration_term
 from np_drake.diagnosis.regressors.payload import (
     AT_REST,
     SHAPE,
-    WIDEST,
     Guess,
     PayloadColumns,
     heavy_enough,

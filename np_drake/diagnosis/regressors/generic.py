@@ -232,13 +232,13 @@ def _place(states: dict[str, FlightState]) -> Pushes:
 
 
 @lru_cache(maxsize=32)
-def _oscillator(omega: float, damping: float, step: float) -> tuple[np.ndarray, np.ndarray]:
+def _oscillator(omega: float, step: float) -> tuple[np.ndarray, np.ndarray]:
     """Return numerator and denominator of w² / (s² + 2 z w s + w²), discretised at `step` [s]."""
-    b, a, _ = signal.cont2discrete(([omega**2], [1.0, 2 * damping * omega, omega**2]), step, method="bilinear")
+    b, a, _ = signal.cont2discrete(([omega**2], [1.0, 2 * DAMPING * omega, omega**2]), step, method="bilinear")
     return b.ravel(), a
 
 
-def _resonance(frequency: float, damping: float = DAMPING) -> Pushes:
+def _resonance(frequency: float) -> Pushes:
     """Return the response of a lightly damped resonance to the motion: force along an axis, torque across.
 
     Each has two phases. The input is the acceleration that the command gives: the measured one would explain itself.
@@ -246,11 +246,11 @@ def _resonance(frequency: float, damping: float = DAMPING) -> Pushes:
     omega = 2 * np.pi * frequency
 
     def pushes(s: FlightState) -> np.ndarray:
-        b, a = _oscillator(omega, damping, s.step)
+        b, a = _oscillator(omega, s.step)
         drive = s.R[:, :, 2] * (s.u[:, :1] / s.weight * s.gravity)
         answer = signal.lfilter(b, a, (drive - drive.mean(axis=0)) / 2.0, axis=0)
         lagged = signal.lfilter([1.0 / s.step, -1.0 / s.step], [1.0], answer, axis=0) / omega
-        pair = 2 * damping * (np.swapaxes(s.R, 1, 2) @ np.stack([answer, lagged], axis=2))
+        pair = 2 * DAMPING * (np.swapaxes(s.R, 1, 2) @ np.stack([answer, lagged], axis=2))
         parts = [_each(pair[:, i], [i]) for i in range(3)]
         parts += [_each(pair[:, 0], [4]), _each(pair[:, 1], [3])]
         return _joined(*parts)
@@ -258,7 +258,7 @@ def _resonance(frequency: float, damping: float = DAMPING) -> Pushes:
     return pushes
 
 
-def _twist(frequency: float, damping: float = DAMPING, *, priors: Priors) -> Pushes:
+def _twist(frequency: float, priors: Priors) -> Pushes:
     """Return the torque of a lightly damped resonance that the commanded torque drives, separately for every axis.
 
     With G = w² / (D² + 2 z w D + w²) the columns are G, D G / w, G² and D G² / w: its derivatives by w and z.
@@ -266,7 +266,7 @@ def _twist(frequency: float, damping: float = DAMPING, *, priors: Priors) -> Pus
     omega = 2 * np.pi * frequency
 
     def pushes(s: FlightState) -> np.ndarray:
-        b, a = _oscillator(omega, damping, s.step)
+        b, a = _oscillator(omega, s.step)
         rest = signal.lfilter_zi(b, a)[:, None]
 
         def behind(drive: np.ndarray) -> np.ndarray:
@@ -275,7 +275,7 @@ def _twist(frequency: float, damping: float = DAMPING, *, priors: Priors) -> Pus
         once = behind(priors.twist_torque * s.u[:, 1:] / (priors.generic_size * s.weight * s.torque_unit))
         twice = behind(once)
         changes = [np.gradient(g, s.step, axis=0) / omega for g in (once, twice)]
-        peak = 2 * damping  # normalises the peak of G to one
+        peak = 2 * DAMPING  # normalises the peak of G to one
         parts = np.stack([peak * once, peak * changes[0], peak**2 * twice, peak**2 * changes[1]], axis=2)
         return _joined(*(_each(parts[:, i], [3 + i]) for i in range(3)))
 

@@ -1,7 +1,7 @@
 """Residuals of flight logs against the nominal model, on a uniform grid."""
 
 from np_drake.diagnosis.residuals.accelerations import Instants, low_pass
-from np_drake.diagnosis.residuals.attitude_smoothing import smooth_attitude
+from np_drake.diagnosis.residuals.attitude_smoothing import QUIET, smooth_attitude
 from np_drake.diagnosis.residuals.flight_residuals import (
     FORCE,
     POSITION,

@@ -8,7 +8,7 @@ from np_drake.diagnosis.residuals.accelerations import low_pass
 CROSSOVER = 1.0  # [Hz]; own choice: above it the gyro is better than a reading of 1 mrad or worse
 DRIFT = 0.2  # [Hz]; own choice: below it the gyro drifts in W, and the error of a reading drifts in B
 ROUNDS = 3  # iterations that separate the two drifts; own choice
-QUIET = 1e-3  # attitude noise below which readings are used as they are [rad]
+QUIET = 1e-3  # attitude noise below which readings are used as they are, and sensors may be ideal [rad]
 
 
 def _unwound(r: np.ndarray) -> np.ndarray:

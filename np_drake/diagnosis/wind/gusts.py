@@ -17,7 +17,6 @@ from np_drake.diagnosis.wind.wind_onset import ROUNDS, onsets_of, wind_begins
 from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.linear_drag import LinearDrag
 
-TINY = 1e-6  # drag that is none [N·s/m]
 WEAKEST = 1e-4  # level drag through which anything acts [N·s/m]; own choice
 UPWARD = 0.5  # deviation of a mean wind upward: the ground is near [m/s]; own choice
 STRONGEST = next(p.upper for p in GustyWind.parameters if p.name == "deviation")  # of gusts [m/s]
@@ -84,7 +83,7 @@ def _statistics(
 ) -> dict[str, Estimate]:
     """Return the wind's parameters [m/s, s] from those of its force, as uncertain as the drag and the sensors' axes."""
     d = np.array([drag.parameters[f"d_{axis}"].value for axis in "xyz"])
-    d[np.abs(d) < TINY] = TINY
+    d[np.abs(d) < 1e-6] = 1e-6  # avoids a division by zero [N·s/m]
     level = float(np.abs(d[:2]).mean())
     known = max(drag.parameters[f"d_{axis}"].half for axis in "xy") / level
     tolerance = options.tolerance

@@ -19,8 +19,6 @@ from np_drake.diagnosis.wind.gauss_markov import (
 )
 from np_drake.rigid_body import P
 
-TINY = 1e-9  # [m], for a height that is kept
-
 
 def position_p_value(flights: Sequence[FlightResiduals], residual: Mapping[str, np.ndarray], begins: Begins) -> float:
     """Return the probability that gusts follow the position as much as this force does [1].
@@ -34,7 +32,7 @@ def position_p_value(flights: Sequence[FlightResiduals], residual: Mapping[str, 
     """
     wind = wind_force(flights, residual, begins)
     x = np.concatenate([e.rows.x[:, P] for e in flights])
-    middle, size = x.mean(axis=0), x.std(axis=0) + TINY
+    middle, size = x.mean(axis=0), x.std(axis=0) + 1e-9  # [m], for a height that is kept
     first, second = np.triu_indices(3)
     white = []
     for e in flights:

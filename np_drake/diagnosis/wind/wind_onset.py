@@ -8,9 +8,10 @@ from scipy import linalg
 
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.residuals import FlightResiduals
+from np_drake.diagnosis.selection.change_point import EDGE
 from np_drake.diagnosis.wind.gauss_markov import SPAN, Begins, WindForce, factor, forces, instants, width, wind_force
 
-FIRST, LAST = 0.7, 1.0  # of a flight, in which no begin is looked for [s]
+LAST = 1.0  # of a flight, in which no begin is looked for [s]
 LEAST_STILL = 2.0  # that is quiet at least before a wind whose begin is not known at all [s]
 ROUNDS = 2  # of wind and its begins: at first it is that of all the flight
 SIZES = (0.35, 0.5, 0.7, 1.0, 1.4, 2.0)  # of that error, in tolerances [1]; own choice
@@ -47,7 +48,7 @@ def wind_onset(
     root = factor(len(t), width(e), *wind.figures, wind.deviation[0])
     # A stationary process is the same backwards: one solution has those from every bin to the last.
     loss = before + np.cumsum(_loss_of_bins((bins - wind.mean[:2, 0])[::-1], root))[::-1]
-    near = (t > t[0] + (LEAST_STILL if begin is None else FIRST)) & (t < t[-1] - LAST)
+    near = (t > t[0] + (LEAST_STILL if begin is None else EDGE)) & (t < t[-1] - LAST)
     tried = np.union1d(k[near], [0, here])
     best = int(tried[np.argmin(loss[tried])])
     if loss[here] - loss[best] <= 2 * gain:
