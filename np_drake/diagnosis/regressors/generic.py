@@ -24,13 +24,21 @@ DAMPING = 0.1  # damping of the resonances in the grids [1]
 TWISTS = tuple(0.7 * 1.3**k for k in range(9))  # frequencies of resonances between command and torque [Hz]
 ELSEWHERE = "the same trajectory, moved by a metre"  # ends a force tied to a place
 CENTRES = 10  # number of centres of the position group
-WORDS = {  # by what a log holds: what drives the twist, the thrust, and another axis, and what would end a twist
-    "command": ("the commanded torque", "its command", "the command", "log rotor speed on the same trajectory"),
-    "rotor_speed": (
-        *("the torque of the rotors", "the square of rotor speed", "that"),
-        "the same trajectory with battery, cables and loose parts taped down",
+GROUPS = {  # what each is, and the measurement that would end it
+    "rates": ("a torque that goes with body rates", "doublets about each axis, then the same at twice the rate"),
+    "side force": ("a force across velocity and body rate", "level turns at one speed, to the left and to the right"),
+    "velocity": ("a force and torque that go with velocity", "the same trajectory at twice the speed"),
+    "cross flow": (
+        "a force that goes with the product of two velocities",
+        "the same straight leg with headings 45° apart",
     ),
+    "thrust curve": ("thrust that is no straight line of {thrust}", "hover with a known weight, then without it"),
+    "command": ("torque that goes with {other} of another axis", "doublets about one axis at a time"),
+    "height": ("a force that goes with height", "hover at three heights, 5 s each"),
+    "place": ("a force tied to a place", ELSEWHERE),
 }
+WORDS = {"thrust": "its command", "other": "the command", "torque": "the commanded torque"}
+ROTOR_WORDS = {"thrust": "the square of rotor speed", "other": "that", "torque": "the torque of the rotors"}
 # Variance of an axis over that of its noise, below which it is no regressor [1]; own choice.
 LEAST_SIGNAL_TO_NOISE = 4.0
 
@@ -74,53 +82,35 @@ def generic_candidates(flights: Sequence[FlightResiduals], priors: Priors) -> li
     """
     states = {e.name: FlightState(e) for e in flights}
     lacks = {quantity for e in flights for quantity in e.log.lacks}
-    torque, thrust, other, still = WORDS["rotor_speed" if flights[0].log.input == "rotor_speed" else "command"]
-    found = [
-        _candidate(flights, states, priors, name, (text, measurement), pushes)
-        for name, text, measurement, pushes, needed in (
-            (
-                *("rates", "a torque that goes with body rates"),
-                *("doublets about each axis, then the same at twice the rate", _damping, ""),
-            ),
-            (
-                *("side force", "a force across velocity and body rate"),
-                *("level turns at one speed, to the left and to the right", _side_force, "velocity"),
-            ),
-            (
-                *("velocity", "a force and torque that go with velocity"),
-                *("the same trajectory at twice the speed", _velocity, "velocity"),
-            ),
-            (
-                *("cross flow", "a force that goes with the product of two velocities"),
-                *("the same straight leg with headings 45° apart", _cross_flow, "velocity"),
-            ),
-            (
-                *("thrust curve", f"thrust that is no straight line of {thrust}"),
-                *("hover with a known weight, then without it", _thrust_curve, ""),
-            ),
-            (
-                *("command", f"torque that goes with {other} of another axis"),
-                *("doublets about one axis at a time", _coupling, ""),
-            ),
-            ("height", "a force that goes with height", "hover at three heights, 5 s each", _height, "height"),
-            ("place", "a force tied to a place", ELSEWHERE, _place(states), "height"),
-        )
-        if needed not in lacks
-    ]
-    for name, driven, measurement, frequencies, pushes in (
+    measured = flights[0].log.input == "rotor_speed"
+    words = ROTOR_WORDS if measured else WORDS
+    found = []
+    for name, pushes, needed in (
+        ("rates", _damping, ""),
+        ("side force", _side_force, "velocity"),
+        ("velocity", _velocity, "velocity"),
+        ("cross flow", _cross_flow, "velocity"),
+        ("thrust curve", _thrust_curve, ""),
+        ("command", _coupling, ""),
+        ("height", _height, "height"),
+        ("place", _place(states), "height"),
+    ):
+        if needed not in lacks:
+            text, measurement = GROUPS[name]
+            found.append(_candidate(flights, states, priors, name, (text.format(**words), measurement), pushes))
+    loose = "the same trajectory with battery, cables and loose parts taped down"
+    still = loose if measured else "log rotor speed on the same trajectory"
+    for name, driven, measurement, frequencies, resonance in (
         (
             *("resonance", "the motion", "a flight without payload, cables and loose parts"),
             *(() if "attitude" in lacks else RESONANCES, _resonance),
         ),
-        ("twist", torque, still, TWISTS, partial(_twist, priors=priors)),
+        ("twist", words["torque"], still, TWISTS, partial(_twist, priors=priors)),
     ):
-        if not frequencies:
-            continue
-        prior = -math.log(len(frequencies))
         for f in frequencies:
-            text = f"an answer to {driven} with a resonance near {f:.3g} Hz"
-            figures = {"frequency": f}
-            found.append(_candidate(flights, states, priors, name, (text, measurement), pushes(f), prior, figures))
+            said = (f"an answer to {driven} with a resonance near {f:.3g} Hz", measurement)
+            prior = -math.log(len(frequencies))
+            found.append(_candidate(flights, states, priors, name, said, resonance(f), prior, {"frequency": f}))
     return found
 
 
