@@ -38,15 +38,6 @@ class Guess:
     swing: dict[str, np.ndarray] = dc.field(default_factory=dict)
     damping: float = 0.0
 
-    def at(self, flight: str, size: int) -> np.ndarray:
-        """Return the hidden state (size,) in a flight.
-
-        Args:
-            flight: its name.
-            size: of the hidden state there.
-        """
-        return padded(self.swing.get(flight), size)
-
 
 @dc.dataclass(frozen=True)
 class PayloadColumns:
@@ -96,7 +87,7 @@ class PayloadColumns:
     def log_prior(self) -> float:
         """Log prior of swings and damping of the guess; deviations from the guess have their own prior."""
         spans = {name: span.stop - span.start for name, span in self.swings.items()}
-        swings = [self.guess.at(name, n) / swing_units(n, self.rate) for name, n in spans.items()]
+        swings = [padded(self.guess.swing.get(name), n) / swing_units(n, self.rate) for name, n in spans.items()]
         relative = np.concatenate(swings) / self.priors.swing
         return -0.5 * float(np.sum(relative**2) + (self.guess.damping / self.priors.damping) ** 2)
 
@@ -115,7 +106,7 @@ class PayloadColumns:
         for name, span in self.swings.items():
             units = swing_units(span.stop - span.start, self.rate)
             move = np.clip(c[span] / share, -4.0, 4.0) * self.priors.swing
-            known = self.guess.at(name, len(units))
+            known = padded(self.guess.swing.get(name), len(units))
             swing[name] = np.clip(known + move * units, -WIDEST * units, WIDEST * units)
         return Guess(length, hook, swing, damping)
 
@@ -205,7 +196,7 @@ def payload_about(
     for e in flights:
         size = hidden_size(e, (onset or {}).get(e.name))
         moves = SMALL * np.diag(swing_units(size, rate))
-        swing = guess.at(e.name, size) + np.concatenate([np.zeros((1 + SHAPE, size)), moves])
+        swing = padded(guess.swing.get(e.name), size) + np.concatenate([np.zeros((1 + SHAPE, size)), moves])
         lengths, damping = np.full(len(swing), guess.length), np.full(len(swing), guess.damping)
         lengths[1] *= 1 + SMALL
         damping[2] += SMALL

@@ -66,7 +66,7 @@ class Rotors:
             lag = max(lags, default=own)
             thrust = self._commanded if shift == 0.0 else self._held(shift)
             if not lags and own > 0:
-                thrust = self._lagged if shift == 0.0 else self._lag(thrust)
+                chain.insert(0, MotorLag(own))
         for effect in chain:
             thrust = effect.respond(self._vehicle, self._t, thrust)
         return self._at_rows(thrust, kinks=lag > 0), self._mean(thrust)
@@ -104,26 +104,14 @@ class Rotors:
         return np.stack([np.interp(self._t, self._row_t, rotor) for rotor in self._read[0].T], axis=1)
 
     def _held(self, shift: float) -> np.ndarray:
-        command = np.maximum(self._log.u @ self._vehicle.unmixer.T, 0.0)
-        return _held(self._row_t, command, self._t - shift, self._step)
-
-    @cached_property
-    def _lagged(self) -> np.ndarray:
-        """(m, 4) thrust after the lag of the vehicle file [N]."""
-        return self._lag(self._commanded)
-
-    def _lag(self, thrust: np.ndarray) -> np.ndarray:
-        return MotorLag(self._vehicle.rotor_time_constant).respond(self._vehicle, self._t, thrust)
-
-
-def _held(t_row: np.ndarray, command: np.ndarray, t: np.ndarray, h: float) -> np.ndarray:
-    """Return the mean (m, 4) over [t, t + h] of a command that is held between rows and beyond both ends."""
-    total = np.concatenate([np.zeros((1, 4)), np.cumsum(command[:-1] * np.diff(t_row)[:, None], axis=0)])
-    knots = np.concatenate([[t_row[0] - 1e3], t_row, [t_row[-1] + 1e3]])
-    total = np.concatenate([command[:1] * -1e3, total, total[-1:] + command[-1:] * 1e3])
-    edges = np.append(t, t[-1] + h)
-    at = np.stack([np.interp(edges, knots, total[:, i]) for i in range(4)], axis=1)
-    return np.diff(at, axis=0) / h
+        """Return the mean (m, 4) over substeps of a command that is held between rows and beyond both ends [N]."""
+        command, t = np.maximum(self._log.u @ self._vehicle.unmixer.T, 0.0), self._row_t
+        total = np.concatenate([np.zeros((1, 4)), np.cumsum(command[:-1] * np.diff(t)[:, None], axis=0)])
+        knots = np.concatenate([[t[0] - 1e3], t, [t[-1] + 1e3]])
+        total = np.concatenate([command[:1] * -1e3, total, total[-1:] + command[-1:] * 1e3])
+        edges = np.append(self._t, self._t[-1] + self._step) - shift
+        at = np.stack([np.interp(edges, knots, rotor) for rotor in total.T], axis=1)
+        return np.diff(at, axis=0) / self._step
 
 
 def read_thrust(log: FlightLog, vehicle: Vehicle) -> tuple[np.ndarray, np.ndarray]:
