@@ -100,24 +100,17 @@ def library_candidates(flights: Sequence[FlightResiduals], onset: Onset | None =
     for identifier, effect in effects_for(flights[0].log.input, neighbours=beside).items():
         elsewhere = effect.needs or effect.has_hidden_state
         if not elsewhere and identifier not in hidden and (effect.begins or not onset):
-            found += effect_candidates(effect, flights, onset or {}, stages)
+            found += _effect_candidates(effect, flights, onset or {}, stages)
     return found
 
 
-def effect_candidates(
+def _effect_candidates(
     effect: type[Effect],
     flights: Sequence[FlightResiduals],
     onset: Onset,
     stages: Mapping[str, StageCache] | None = None,
 ) -> list[Candidate]:
-    """Return the variants of one effect as candidates.
-
-    Args:
-        effect: class of the effect.
-        flights: the flights.
-        onset: onsets by flight [s].
-        stages: by flight, cache of earlier predictions.
-    """
+    """Return the variants of one effect as candidates, from caches of earlier predictions by flight."""
     stages = stages or {e.name: StageCache() for e in flights}
     settings: list[dict[str, float]] = [{}]
     for p in effect.parameters:

@@ -69,10 +69,10 @@ def make_instants(log: FlightLog, smooth: np.ndarray) -> tuple[Instants, Instant
     x_mid[:, Q] /= np.linalg.norm(x_mid[:, Q], axis=1, keepdims=True)
     if log.a is None:
         rate = np.diff(log.v, axis=0) / dt
-        a = low_pass(corrected_acceleration(t_mid, x_mid[:, P], rate), step, REGRESSOR_BAND)
+        a = low_pass(_corrected_acceleration(t_mid, x_mid[:, P], rate), step, REGRESSOR_BAND)
         mids = Instants(t_mid, x_mid, a, al)
         return mids, mids
-    a = low_pass(corrected_acceleration(log.t, log.p, log.a), step, REGRESSOR_BAND)
+    a = low_pass(_corrected_acceleration(log.t, log.p, log.a), step, REGRESSOR_BAND)
     return Instants(log.t, x, a, al_rows), Instants(t_mid, x_mid, a[:-1], al)
 
 
@@ -93,16 +93,11 @@ def low_pass(values: np.ndarray, step: float, band: float, pad: float = 2.0) -> 
     return signal.sosfiltfilt(sos, values, axis=0, padlen=min(len(values) - 1, int(pad / (band * step))))
 
 
-def corrected_acceleration(t: np.ndarray, p: np.ndarray, a: np.ndarray) -> np.ndarray:
-    """Return the acceleration (n, 3) in W that positions and accelerations show together [m/s²].
+def _corrected_acceleration(t: np.ndarray, p: np.ndarray, a: np.ndarray) -> np.ndarray:
+    """Return the acceleration (n, 3) in W that positions and accelerations (n, 3) show together at times t (n,) [m/s²].
 
     It is the second difference of the path that minimises |path - p|² / s_p² + |path'' - a|² / s_a², with the white
     noise s_p of the positions and s_a of the power of the acceleration error where payloads resonate, by a first path.
-
-    Args:
-        t: (n,) times [s].
-        p: (n, 3) positions in W [m].
-        a: (n, 3) accelerations in W [m/s²].
     Source: Whittaker smoothing as generalised least squares.
     """
     v = cumulative_trapezoid(a, t, axis=0, initial=0.0)

@@ -94,7 +94,7 @@ class Rotors:
 
     @cached_property
     def _read(self) -> tuple[np.ndarray, np.ndarray]:
-        return read_thrust(self._log, self._vehicle)
+        return _read_thrust(self._log, self._vehicle)
 
     @cached_property
     def _commanded(self) -> np.ndarray:
@@ -114,15 +114,11 @@ class Rotors:
         return np.diff(at, axis=0) / self._step
 
 
-def read_thrust(log: FlightLog, vehicle: Vehicle) -> tuple[np.ndarray, np.ndarray]:
+def _read_thrust(log: FlightLog, vehicle: Vehicle) -> tuple[np.ndarray, np.ndarray]:
     """Return rotor thrust (n, 4) at the rows [N] and the deviation (4,) of noise in thrust and torques [N, N·m].
 
     Thrust and torques are filtered, as each has a spectrum of its own. Where the measured motion responds to the
     apparent noise, the readings are returned unfiltered, with zero noise.
-
-    Args:
-        log: the flight log.
-        vehicle: the nominal vehicle.
     """
     noise = white_noise(_measured_pieces(log))
     likely = most_likely(log.u, noise, log.step)

@@ -72,14 +72,10 @@ def slow_force(flights: Sequence[FlightResiduals], residual: Mapping[str, np.nda
     return SlowForce(max(float(sensors.fun - best.fun), 0.0), mass * float(np.exp(best.x[n])))
 
 
-def slow_power(flights: Sequence[FlightResiduals], residual: Mapping[str, np.ndarray]) -> float:
+def _slow_power(flights: Sequence[FlightResiduals], residual: Mapping[str, np.ndarray]) -> float:
     """Return the mean square of the slow force on a level axis, its mean apart [N²], from a residual (m, 15) by flight.
 
     In the body as in W: an attitude that is read askew turns with a vehicle that yaws.
-
-    Args:
-        flights: the flights.
-        residual: by flight, (m, 15) what a model leaves of it.
     """
     spectra = [_spectra(e, residual[e.name], upright=True) for e in flights]
     width = [s.f[0] for s in spectra]
@@ -162,7 +158,7 @@ def gust_probability(
     thresholds = options.thresholds
     matters = both.deviation > options.materiality.force * flights[0].weight
     shown = seen.log_evidence > thresholds.held_out_share * thresholds.slow_force_evidence
-    lost = hidden and slow_power(flights, residual) < thresholds.held_out_share * slow_power(
+    lost = hidden and _slow_power(flights, residual) < thresholds.held_out_share * _slow_power(
         flights, {e.name: e.y for e in flights}
     )
     return both.probability(thresholds.slow_force_evidence) if matters and shown and not lost else 0.0

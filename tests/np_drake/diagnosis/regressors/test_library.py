@@ -12,8 +12,8 @@ from np_drake.diagnosis.forward_model.payload_state import Term
 from np_drake.diagnosis.forward_model.prediction import predicted_residual
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors.library import (
+    _effect_candidates,
     _not_negative,
-    effect_candidates,
     library_candidates,
     switched,
     wind_candidates,
@@ -82,7 +82,7 @@ def test_columns_times_coefficients_are_the_trace_of_their_terms(flights, candid
 @pytest.mark.parametrize("name", [n for n in LIBRARY if n not in ("suspended_payload", "constant_wind", "gusty_wind")])
 def test_small_coefficients_mean_small_effects_of_that_trace(flights, candidates, name):
     for candidate in (c for c in candidates if c.identifiers == (name,)):
-        single = effect_candidates(LIBRARY[name], flights, {})
+        single = _effect_candidates(LIBRARY[name], flights, {})
         assert candidate.variant in {c.variant for c in single}
         c = np.full(candidate.size, 0.5 if not LIBRARY[name].linear and candidate.size == 1 else 0.05)
         for e in flights:
@@ -183,7 +183,7 @@ def test_a_payload_below_zero_by_its_error_is_possible_a_wide_swing_not(flights)
 
 @pytest.mark.parametrize("effect", [LinearDrag, MassError], ids=lambda e: e.identifier)
 def test_a_gated_candidate_is_that_of_its_onset(flights, effect):
-    (plain,) = effect_candidates(effect, flights, {})
+    (plain,) = _effect_candidates(effect, flights, {})
     onset = {"a": 3.0}
     late = switched(plain, flights, onset)
     c = np.full(plain.size, 0.05)
