@@ -52,7 +52,7 @@ EXPERIMENTS = (
     *("prediction", "tracking", "payload", "robustness", "cooperative", "gap", "demo", "challenge"),
     *("identification", "performance", "exports", "cli"),
 )
-MOST_IMPORTS = 11  # modules of the diagnosis that one of them imports; `diagnose` strings the steps together
+MOST_IMPORTS = 10  # modules of the diagnosis that one of them imports; `diagnose` strings the steps together
 SIMULATOR = ("pydrake.systems", "pydrake.multibody", "pydrake.geometry", "pydrake.visualization")
 
 

@@ -27,7 +27,6 @@ GROWN = 1.1  # residual with the causes over that without, and over noise, from 
 HORIZONS = (0.1, 0.25, 0.5, 1.0)  # horizons of the replay [s]
 SCHEMA = "np_drake.diagnosis/1"
 UNKNOWN = "unknown"
-MOST_WARNINGS = 3  # that a notebook shows
 
 
 @dc.dataclass(frozen=True)
@@ -37,6 +36,11 @@ class Estimate:
     value: float
     unit: str
     ci95: tuple[float, float]
+
+    @property
+    def half(self) -> float:
+        """Half of the interval's width."""
+        return 0.5 * (self.ci95[1] - self.ci95[0])
 
 
 @dc.dataclass(frozen=True)
@@ -307,7 +311,7 @@ class Diagnosis:
             for c in self.causes
         ]
         header = ("cause", "probability", "parameters, ± half of the 95 % interval")
-        return html_table(f"{self.vehicle}: {self.headline()}", header, rows, self.warnings[:MOST_WARNINGS])
+        return html_table(f"{self.vehicle}: {self.headline()}", header, rows, self.warnings[:3])
 
     def table(self) -> list[dict[str, Any]]:
         """Return a row for every parameter of a cause: its value, 95 % interval and unit."""
@@ -327,13 +331,43 @@ class Diagnosis:
         return data_frame({name: [line[name] for line in self.table()] for name in names})
 
     def as_json(self) -> dict[str, Any]:
-        """Return the content of `diagnosis.json` in plain types."""
-        return as_json(self)
+        """Return the content of `diagnosis.json` in plain types, without residual series and fitted objects.
+
+        Values that are not finite become None.
+        """
+        identifiability, reduction = self.identifiability, self.gap_reduction
+        return plain(
+            {
+                "schema": SCHEMA,
+                **_named(self, "vehicle", "train", "held_out", "joined", "judged_as", "doubts", "verdict"),
+                **_named(self, "cannot_tell", "unknown_probability"),
+                "calibration": [_difference(difference) for difference in self.calibration],
+                "causes": [_cause(cause) for cause in self.causes],
+                "gap": _gap(self.localisation, reduction.replay_before),
+                "shrink": {
+                    "residual": _named(reduction, "before", "after", "floor", "fraction", "ci95"),
+                    "replay": _both_replays(reduction.replay_before, reduction.replay_after),
+                    "ladder": _fields(reduction.ladder),
+                },
+                "explanations": [explanation.as_json() for explanation in self.explanations],
+                "readings": None if self.readings is None else self.readings.as_json(),
+                "not_identifiable": _fields(identifiability.not_identifiable),
+                "minor": _fields(self.below_threshold),
+                "remains": _fields(self.unexplained),
+                "novel": _fields(self.new_on_held_out),
+                "coverage": self.coverage,
+                "check": _named(identifiability, "usable", "excitation", "noise_floor", "warnings"),
+                **_named(self, "not_flyable", "warnings", "wall"),
+                "refit": None
+                if self.refit is None
+                else {k: v for k, v in self.refit.as_json().items() if k != "schema"},
+            }
+        )
 
 
 def _shown(estimate: Estimate) -> str:
     """Return value, half of the 95 % interval and unit, with the digits that the interval tells."""
-    half, unit = 0.5 * (estimate.ci95[1] - estimate.ci95[0]), "" if estimate.unit in ("", "1") else f" {estimate.unit}"
+    half, unit = estimate.half, "" if estimate.unit in ("", "1") else f" {estimate.unit}"
     if not 0 < half < np.inf:
         return f"{estimate.value:.4g}{unit}"
     digits = max(0, 1 - int(np.floor(np.log10(half))))
@@ -347,49 +381,12 @@ Times of logs and onsets count from the flight's first row.
 """
 
 
-def as_json(diagnosis: Diagnosis) -> dict[str, Any]:
-    """Return the diagnosis in plain types, without residual series and fitted objects.
-
-    Values that are not finite become None.
-    """
-    identifiability, reduction = diagnosis.identifiability, diagnosis.gap_reduction
-    content = {
-        "schema": SCHEMA,
-        "vehicle": diagnosis.vehicle,
-        "train": diagnosis.train,
-        "held_out": diagnosis.held_out,
-        "joined": diagnosis.joined,
-        "judged_as": diagnosis.judged_as,
-        "doubts": diagnosis.doubts,
-        "verdict": diagnosis.verdict,
-        "cannot_tell": diagnosis.cannot_tell,
-        "unknown_probability": diagnosis.unknown_probability,
-        "calibration": [_difference(difference) for difference in diagnosis.calibration],
-        "causes": [_cause(cause) for cause in diagnosis.causes],
-        "gap": _gap(diagnosis.localisation, reduction.replay_before),
-        "shrink": {
-            "residual": {name: getattr(reduction, name) for name in ("before", "after", "floor", "fraction", "ci95")},
-            "replay": _both_replays(reduction.replay_before, reduction.replay_after),
-            "ladder": _dictionaries(reduction.ladder),
-        },
-        "explanations": [explanation.as_json() for explanation in diagnosis.explanations],
-        "readings": None if diagnosis.readings is None else diagnosis.readings.as_json(),
-        "not_identifiable": _dictionaries(identifiability.not_identifiable),
-        "minor": _dictionaries(diagnosis.below_threshold),
-        "remains": _dictionaries(diagnosis.unexplained),
-        "novel": _dictionaries(diagnosis.new_on_held_out),
-        "coverage": diagnosis.coverage,
-        "check": {name: getattr(identifiability, name) for name in ("usable", "excitation", "noise_floor", "warnings")},
-        "not_flyable": diagnosis.not_flyable,
-        "warnings": diagnosis.warnings,
-        "wall": diagnosis.wall,
-        "refit": None if diagnosis.refit is None else _without_schema(as_json(diagnosis.refit)),
-    }
-    return plain(content)
+def _named(item: Any, *names: str) -> dict[str, Any]:
+    return {name: getattr(item, name) for name in names}
 
 
-def _without_schema(content: dict[str, Any]) -> dict[str, Any]:
-    return {key: value for key, value in content.items() if key != "schema"}
+def _fields(items: Iterable[Any]) -> list[dict[str, Any]]:
+    return [_named(item, *(field.name for field in dc.fields(item))) for item in items]
 
 
 def _difference(difference: Difference) -> dict[str, Any]:
@@ -399,9 +396,7 @@ def _difference(difference: Difference) -> dict[str, Any]:
 def _cause(cause: Cause) -> dict[str, Any]:
     return {
         "effect": cause.identifier,
-        "probability": cause.probability,
-        "share": cause.share,
-        "held_out_gain": cause.held_out_gain,
+        **_named(cause, "probability", "share", "held_out_gain"),
         "parameters": {name: dc.asdict(estimate) for name, estimate in cause.parameters.items()},
         "onset": cause.onset,
         "absent_from": [flight for flight, time in cause.onset.items() if time == float("inf")],
@@ -414,13 +409,11 @@ def _gap(localisation: Localisation, replay: ReplayGap | None) -> dict[str, Any]
     gap: dict[str, Any] = {"force": {}, "torque": {}}
     for channel in localisation.channels:
         kind, axis = channel.channel.split()
-        figures = {name: getattr(channel, name) for name in ("unit", "rms", "noise_floor", "after", "explained")}
-        gap.setdefault(kind, {})[axis] = figures
-    gap["kinds"] = [dc.asdict(kind) for kind in gap_kinds(localisation.channels)]
-    gap["replay"] = None if replay is None else {"horizon": replay.horizon, **_medians(replay)}
-    for name in ("segments", "regimes", "bands"):
-        gap[name] = _dictionaries(getattr(localisation, name))
-    return gap
+        gap[kind][axis] = _named(channel, "unit", "rms", "noise_floor", "after", "explained")
+    medians = {} if replay is None else {name: of[:, 0].tolist() for name, of in _quantities(replay).items()}
+    gap["kinds"] = _fields(gap_kinds(localisation.channels))
+    gap["replay"] = None if replay is None else {"horizon": replay.horizon, **medians}
+    return gap | {name: _fields(getattr(localisation, name)) for name in ("segments", "regimes", "bands")}
 
 
 def gap_kinds(every: Sequence[ChannelGap]) -> list[GapKind]:
@@ -438,28 +431,18 @@ def gap_kinds(every: Sequence[ChannelGap]) -> list[GapKind]:
 
 
 def _both_replays(before: ReplayGap | None, after: ReplayGap | None) -> dict[str, Any] | None:
-    """Return medians and 95 % intervals of the replay, nominal and with the causes added."""
+    """Return medians (h,) and 95 % intervals (h, 2) of the replay [m], [m/s], [deg], nominal and with the causes."""
     known = before or after
     if known is None:
         return None
-    both = {"before": before, "after": after}
-    figures = {name: None if gap is None else {**_medians(gap), **_intervals(gap)} for name, gap in both.items()}
-    return {"horizon": known.horizon, "starts": known.starts, **figures}
+    found: dict[str, Any] = {**_named(known, "horizon", "starts"), "before": None, "after": None}
+    for name, gap in (("before", before), ("after", after)):
+        if gap is not None:
+            every = _quantities(gap).items()
+            found[name] = {key: of[:, 0].tolist() for key, of in every}
+            found[name] |= {f"{key}_ci95": of[:, 1:].tolist() for key, of in every}
+    return found
 
 
-def _medians(gap: ReplayGap) -> dict[str, list[float]]:
-    """Return the medians (h,) by quantity [m], [m/s], [deg]."""
-    return {name: values[:, 0].tolist() for name, values in _quantities(gap)}
-
-
-def _intervals(gap: ReplayGap) -> dict[str, list[list[float]]]:
-    """Return the 95 % intervals (h, 2) by quantity."""
-    return {f"{name}_ci95": values[:, 1:].tolist() for name, values in _quantities(gap)}
-
-
-def _quantities(gap: ReplayGap) -> Iterable[tuple[str, Any]]:
-    return (("position", gap.position), ("velocity", gap.velocity), ("attitude_deg", gap.attitude))
-
-
-def _dictionaries(items: Iterable[Any]) -> list[dict[str, Any]]:
-    return [{field.name: getattr(item, field.name) for field in dc.fields(item)} for item in items]
+def _quantities(gap: ReplayGap) -> dict[str, np.ndarray]:
+    return {"position": gap.position, "velocity": gap.velocity, "attitude_deg": gap.attitude}

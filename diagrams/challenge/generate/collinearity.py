@@ -14,7 +14,7 @@ from np_drake.diagnosis.regressors import (
     at_value,
     calibration,
     library_candidates,
-    payload_candidates,
+    payloads_of,
     wind_candidates,
 )
 from np_drake.diagnosis.residuals import FlightResiduals
@@ -101,7 +101,7 @@ class Collinearity:
 
     def _library(self, onset: Onset) -> list[Candidate]:
         plain = library_candidates(self._flights, onset or None)
-        payloads = payload_candidates(self._flights, TETHERS, Priors(), onset)
+        payloads = [p.candidate(self._flights) for p in payloads_of(self._flights, TETHERS, Priors(), onset)]
         return [*plain, *wind_candidates(self._flights, plain, onset), *payloads]
 
     def _mirror_images(self, term: Term, onset: Onset) -> list[Candidate]:

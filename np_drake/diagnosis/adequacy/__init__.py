@@ -2,5 +2,3 @@
 
 from np_drake.diagnosis.adequacy.linear_model import LinearModel
 from np_drake.diagnosis.adequacy.unexplained import Unexplained, find_unexplained
-
-__all__ = ["LinearModel", "Unexplained", "find_unexplained"]

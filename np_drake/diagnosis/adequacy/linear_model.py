@@ -8,7 +8,7 @@ from operator import add
 import numpy as np
 
 from np_drake.diagnosis.fitting import prior_whitening, scaled_jacobian
-from np_drake.diagnosis.forward_model import predicted_residual
+from np_drake.diagnosis.forward_model import predicted_residual, with_dependants
 from np_drake.diagnosis.numerics import Gram
 from np_drake.diagnosis.regressors import LINEAR, Candidate, generic_candidates, prior_of
 from np_drake.diagnosis.residuals import FlightResiduals
@@ -42,10 +42,8 @@ class LinearModel:
         # Linearised about the fit z0: y - h(z) = y - h(z0) + J (z0 - neutral) - J (z - neutral), in scaled parameters.
         J = scaled_jacobian(fit.everything, free, e)
         target = e.y - predicted_residual(e, fit.everything) + J @ away
-        columns = [J @ self._root, *(c.columns[e.name] for c in (*drifting, *self.structure)), target[..., None]]
-        products = ranking.noise.products([e.bridged(X) for X in columns], e.name)
-        rows = len(e.t) - ranking.noise.phi.shape[1]
-        return Gram(products[:-1, :-1], products[:-1, -1], float(products[-1, -1]), rows)
+        columns = [J @ self._root, *(c.columns[e.name] for c in (*drifting, *self.structure))]
+        return e.gram(ranking.noise, columns, target)
 
     def evidence(self, without: Collection[int] = (), structure: Sequence[int] = ()) -> float:
         """Return the log evidence, priors of structure included, without some terms and with some structure [nat].
@@ -63,11 +61,9 @@ class LinearModel:
     ) -> tuple[float, tuple[int, ...]]:
         """Return the log evidence with the structure that describes the rest best, and that structure.
 
-        Forward selection from `first`, one variant of each kind.
-
         Args:
             without: positions of terms that are left out.
-            first: structure from which the selection begins.
+            first: structure from which forward selection begins, one variant of each kind.
         """
         found, best = tuple(first), self.evidence(without, first)
         while True:
@@ -81,13 +77,11 @@ class LinearModel:
     def margin(self, i: int, structure: Sequence[int]) -> float:
         """Return the log odds of term i, priors included, against structure of any kind in its place [nat].
 
-        What acts through the term alone goes with it.
-
         Args:
             i: position of the term.
             structure: positions of the generic structure beside the effects.
         """
-        gone = {i, *self._through(i)}
+        gone = with_dependants(self.fit.terms, i)
         names = [t.effect.identifier for t in self.fit.terms]
         left = [name for k, name in enumerate(names) if k not in gone]
         prior = prior_of(names, self._priors) - prior_of(left, self._priors) + self.fit.onset_prior_of(i)
@@ -110,9 +104,3 @@ class LinearModel:
     def _index(self, without: Collection[int], structure: Sequence[int]) -> np.ndarray:
         kept = [k for i, own in self._own.items() if i not in without for k in own]
         return np.concatenate([np.array(kept, int), self._nuisance, *(self._columns[g] for g in structure)])
-
-    def _through(self, i: int) -> list[int]:
-        """Return the terms that need term i and have no other through which they act."""
-        terms = self.fit.terms
-        left = {t.effect.identifier for k, t in enumerate(terms) if k != i}
-        return [k for k, t in enumerate(terms) if t.effect.needs and not left & {*t.effect.needs}]

@@ -1,8 +1,4 @@
-"""Statistics of the residual: spectral lines, slow torques and bursts.
-
-What has no shape that a held-out flight would repeat (a vibration, a stuck axis now and then) is not found by
-regression; it is found by where its power lies, or by when.
-"""
+"""Statistics of the residual: spectral lines, slow torques and bursts."""
 
 import dataclasses as dc
 from collections.abc import Sequence
@@ -47,15 +43,15 @@ class Burst:
 def strongest_burst(flights: Sequence[FlightResiduals], residual: dict[str, np.ndarray]) -> Burst:
     """Return the largest slow force, axis by axis, over its usual deviation by the median of all flights.
 
-    Noise and sensor drift are normal, and stay within five deviations in minutes of flight; what acts now and
-    then does not count in a median.   Source: own choice.
-
     Args:
         flights: the flights.
         residual: by flight, (m, 15) what a model leaves of it.
     """
-    parts = [_slow_force(e, residual[e.name]) for e in flights]
-    parts = [f - np.median(f, axis=0) for f in parts]
+    parts = []
+    for e in flights:
+        edge = min(round(EDGE / e.grid.step), (len(e.t) - 1) // 2)
+        force = low_pass(residual[e.name][:, FORCE], e.grid.step, BRIEF)[edge : len(e.t) - edge]
+        parts.append(force - np.median(force, axis=0))
     every = np.abs(np.concatenate(parts))
     usual = NORMAL * np.median(every, axis=0)
     ratio = np.divide(every, usual, out=np.zeros_like(every), where=usual > 0)
@@ -67,22 +63,12 @@ def strongest_burst(flights: Sequence[FlightResiduals], residual: dict[str, np.n
     return Burst(int(axis), e.name, float(e.t[first + i]), float(every[row, axis]), float(ratio[row, axis]))
 
 
-def _slow_force(e: FlightResiduals, residual: np.ndarray) -> np.ndarray:
-    """Return (n, 3) the low-passed force of what is left (m, 15) of a flight, without its edges [N]."""
-    edge = min(round(EDGE / e.grid.step), (len(residual) - 1) // 2)
-    return low_pass(residual[:, FORCE], e.grid.step, BRIEF)[edge : len(residual) - edge]
-
-
 def strongest_line(
     flights: Sequence[FlightResiduals], residual: dict[str, np.ndarray], least: np.ndarray | None = None
 ) -> Line:
     """Return the strongest line of force and torque in body axes, over all flights together.
 
-    A smaller one does not hide one that is material; where none is, it is the strongest of all.
-
-    Periodograms of all flights on one frequency axis are averaged; the line is the bin with the largest ratio to the
-    median about it. In noise that ratio of an average of n flights is a gamma variate of shape n.   Where slow noise
-    is steep (gusts), the neighbourhood is narrow: a median over slower and much faster ones would be too low.
+    It is the bin of the mean periodogram with the largest ratio to the median about it, material where one is.
 
     Args:
         flights: the flights.
@@ -118,9 +104,8 @@ def _floor(power: np.ndarray, frequency: np.ndarray, lobe: float) -> np.ndarray:
 def slow_torque(flights: Sequence[FlightResiduals], residual: dict[str, np.ndarray]) -> tuple[float, float, float]:
     """Return the largest ratio over axes of slow torque to that of gyro noise [1], its share [1] and its RMS [N·m].
 
-    The noise is that of the middle band. The share is of the slow torque of that axis before anything was explained.
-
-    The derivative of white gyro noise has power proportional to frequency squared; noise of rotor speed is white.
+    The share is of the slow torque of that axis before anything was explained. Differentiated white gyro noise, of a
+    power proportional to frequency squared, is known from the middle band; noise of rotor speed is white.
 
     Args:
         flights: the flights.

@@ -4,10 +4,10 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.calibration.spread import SPREAD, Deviation, Spread, of_flight, of_vehicle
+from np_drake.diagnosis.calibration.spread import Deviation, of_flight, of_vehicle
 from np_drake.diagnosis.fitting import Fit
 from np_drake.diagnosis.forward_model import StageCache, Term, predicted_residual
-from np_drake.diagnosis.options import Priors, Tolerance
+from np_drake.diagnosis.options import SPREAD, Priors, Spread, Tolerance
 from np_drake.diagnosis.regressors.generic import PREFIX, generic_candidates
 from np_drake.diagnosis.regressors.library import LINEAR, Candidate
 from np_drake.diagnosis.regressors.nuisance import calibration

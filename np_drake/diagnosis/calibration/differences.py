@@ -6,10 +6,10 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from np_drake.diagnosis.calibration.columns import drift_columns
-from np_drake.diagnosis.calibration.spread import SPREAD, Deviation, of_flight, of_vehicle, parameter_names
+from np_drake.diagnosis.calibration.spread import Deviation, of_flight, of_vehicle, parameter_names
 from np_drake.diagnosis.fitting import Fit
 from np_drake.diagnosis.fitting.map_estimate import LinearPart
-from np_drake.diagnosis.options import Tolerance
+from np_drake.diagnosis.options import SPREAD, Tolerance
 from np_drake.diagnosis.regressors import calibration_terms
 from np_drake.diagnosis.residuals import FORCE, TORQUE, FlightResiduals
 from np_drake.diagnosis.result import Difference

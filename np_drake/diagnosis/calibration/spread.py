@@ -8,7 +8,7 @@ import dataclasses as dc
 
 import numpy as np
 
-from np_drake.diagnosis.options import Tolerance
+from np_drake.diagnosis.options import SPREAD, Spread, Tolerance
 from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.effects.accelerometer_bias import AccelerometerBias
 from np_drake.effects.attitude_bias import AttitudeBias
@@ -33,49 +33,6 @@ from np_drake.effects.weak_rotor import WeakRotor
 from np_drake.published_vehicles import published_priors
 
 ROTORS = (1.0, 2.0, 3.0, 4.0)
-
-
-@dc.dataclass(frozen=True)
-class Spread:
-    """Standard deviations of healthy vehicles and of their flights.
-
-    Source: the priors of the identification (`np_drake.identification.priors`) where a field names none.
-    """
-
-    # Of a vehicle about its file.
-    rotor_gain: float = 0.03  # thrust of one rotor [1]
-    center_of_mass: float = 0.05  # in the plane of the rotors [arm]
-    center_of_mass_height: float = 0.1  # [arm]
-    inertia: float = 0.15  # each moment [1]; source: files give drawings or swings to this
-    # Torque about each axis: rotors trim moments that no model has, sampled commands miss most of it, and arms, torque
-    # over thrust and inertia are known by their ratio [1]; source: the usual size of `mixer_gain`.
-    torque_gain: float = 0.5
-    flapping: float = 0.2  # moment against velocity [arm/s]
-    lift: float = 0.03  # thrust against velocity squared, over mass [1/m]
-    mounting: float = 0.02  # of the IMU against the rotors [rad]; source: one degree
-    accelerometer_offset: float = 0.2  # of any accelerometer [m/s²]; source: data sheet of the BMI088, 20 mg
-    latency: float = 0.01  # of attitude against velocity [s]
-    command_time: float = 0.01  # at which a command acts [s]
-    rotor_speed_time: float = 0.005  # at which measured rotor speed acts [s]
-    lags: tuple[float, ...] = (0.01, 0.03, 0.08)  # of rotors, each of which may act whole or not [s]
-    # Of a flight about its vehicle.
-    tilt: float = 0.02  # of the frame of the motion capture, or of an estimator [rad]; source: one degree
-    gyro: float = 0.02  # bias [rad/s]
-    velocity: float = 0.02  # bias [m/s]
-    accelerometer: float = 0.1  # bias [m/s²]
-    rotor_trim: float = 0.015  # thrust of one rotor, as a battery moves the centre of mass [1]
-    charge: float = 0.03  # thrust over throttle [1]
-    known_charge: float = 0.01  # thrust over rotor speed, or over a command in newtons [1]
-    sag: float = 0.002  # rate of the thrust over throttle [1/s]
-    known_sag: float = 0.0005  # over rotor speed or a command in newtons [1/s]
-    # Slow changes within a flight.
-    drift_time: float = 5.0  # between independent values [s]
-    tilt_drift: float = 0.008  # of the attitude [rad]
-    torque_drift: float = 0.01  # about roll and pitch [weight times arm]
-    yaw_drift: float = 0.2  # about yaw, over that about roll [1]
-
-
-SPREAD = Spread()
 
 
 @dc.dataclass(frozen=True)

@@ -10,7 +10,7 @@ from np_drake.diagnosis.calibration.columns import errors_of, vehicle_columns
 from np_drake.diagnosis.calibration.spread import of_flight, of_vehicle
 from np_drake.diagnosis.cross_validation.blocks import Blocks, blocks_of, scores
 from np_drake.diagnosis.fitting import Fit, Free, prior_whitening, scaled_jacobian
-from np_drake.diagnosis.forward_model import NEVER, STATE, Term, predicted_residual
+from np_drake.diagnosis.forward_model import NEVER, STATE, Term, predicted_residual, with_dependants
 from np_drake.diagnosis.numerics import NoiseModel
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.residuals import FlightResiduals
@@ -102,7 +102,7 @@ def support_of(
     calibrated = {t.effect.identifier for t in fit.calibration}
     calibrated |= {d.effect.identifier for of in (of_vehicle, of_flight) for d in of(flights[0], options.tolerance)}
     for i, term in enumerate(fit.terms):
-        gone = _with_dependants(fit, i)
+        gone = with_dependants(fit.terms, i)
         # A wind is in the derivatives of the drag through which it acts.
         rest = linear_without(gone).scores(set()) if term.effect.needs else whole.scores(gone)
         gains = best[1] - rest[1]
@@ -146,13 +146,6 @@ class _Linear:
 def _left(size: int, owners: Sequence[int], gone: set[int]) -> np.ndarray:
     """Return the indices of `size` columns, of which the first belong to terms, without those of some terms."""
     return np.array([k for k in range(size) if not (k < len(owners) and owners[k] in gone)], int)
-
-
-def _with_dependants(fit: Fit, i: int) -> set[int]:
-    """Return term i and the terms that act through it alone, as a wind through a drag."""
-    left = {t.effect.identifier for k, t in enumerate(fit.terms) if k != i}
-    through = {k for k, t in enumerate(fit.terms) if t.effect.needs and not left & {*t.effect.needs}}
-    return {i, *through}
 
 
 def _swings(fit: Fit, e: FlightResiduals, now: Sequence[Term]) -> list[Free]:

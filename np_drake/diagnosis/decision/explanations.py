@@ -80,7 +80,7 @@ def _material(ranking: Ranking, fit: Fit, held: HeldOut) -> tuple[str, ...]:
     unseen = [(e, held.terms[e.name]) for e in held.flights] if best else []
     found = []
     for i, term in enumerate(fit.terms):
-        size = size_of(fit, i, ranking.problem.flights, ranking.noise, options.tolerance, unseen)
+        size = size_of(fit, i, ranking.problem.flights, ranking.noise.rms, options.tolerance, unseen)
         sensor = options.tolerance.of(term.effect) > 0
         if size.material(options.materiality, calibration=within_calibration(term, options), sensor=sensor) or _needed(
             term.effect.identifier, fit

@@ -9,13 +9,12 @@ from scipy import special
 
 from np_drake import attitude
 from np_drake.diagnosis.adequacy import LinearModel
-from np_drake.diagnosis.calibration.spread import ROTORS, SPREAD, of_flight, of_vehicle
+from np_drake.diagnosis.calibration.spread import ROTORS, of_flight, of_vehicle
 from np_drake.diagnosis.cross_validation import Support
 from np_drake.diagnosis.fitting import Fit, greatest_height, impossible, scaled_jacobian
 from np_drake.diagnosis.forward_model import Term, predicted_residual
 from np_drake.diagnosis.held_out import HeldOut
-from np_drake.diagnosis.numerics import NoiseModel
-from np_drake.diagnosis.options import Materiality, Options, Size, Tolerance
+from np_drake.diagnosis.options import SPREAD, Materiality, Options, Size, Tolerance
 from np_drake.diagnosis.regressors import DRAG
 from np_drake.diagnosis.residuals import FORCE, TORQUE, WRENCH, FlightResiduals
 from np_drake.diagnosis.selection import Ranking
@@ -100,7 +99,7 @@ def assess_term(
     brought = priors.generic - priors.of_effect(DRAG) if through_drag else 0.0
     in_model = named * float(special.expit(linear.margin(i, structure) + brought))
     unseen = [(e, held.terms[e.name]) for e in held.flights]
-    size = size_of(fit, i, flights, ranking.noise, tolerance, unseen)
+    size = size_of(fit, i, flights, ranking.noise.rms, tolerance, unseen)
     material = material_share(
         size,
         relative_sizes(fit, i, flights),
@@ -150,7 +149,7 @@ def size_of(
     fit: Fit,
     i: int,
     flights: Sequence[FlightResiduals],
-    noise: NoiseModel,
+    rms: np.ndarray,
     tolerance: Tolerance,
     unseen: Sequence[tuple[FlightResiduals, Sequence[Term]]] = (),
 ) -> Size:
@@ -163,13 +162,13 @@ def size_of(
         fit: of the model.
         i: position of the term.
         flights: training flights.
-        noise: noise model of the channels.
+        rms: (15,) of the noise.
         tolerance: of the sensors.
         unseen: held-out flights with their adapted terms.
     Source: own choice.
     """
     force = torque = command = rows = own = gap = 0.0
-    inverse = np.where(noise.rms > 0, 1.0 / np.maximum(noise.rms, 1e-12), 0.0)
+    inverse = np.where(rms > 0, 1.0 / np.maximum(rms, 1e-12), 0.0)
     fitted = [(e, fit.everything) for e in flights]
     for k, (e, terms) in enumerate([*fitted, *unseen]):
         part = _part_of(terms, i, e)
@@ -179,7 +178,7 @@ def size_of(
         rows += len(part)
         if k < len(fitted):
             own += np.sum((part * inverse) ** 2)
-            gap += np.sum((e.y * inverse) ** 2) - e.y.shape[0] * np.sum(noise.rms > 0)
+            gap += np.sum((e.y * inverse) ** 2) - e.y.shape[0] * np.sum(rms > 0)
     effect = fit.terms[i].effect
     return Size(
         float(np.sqrt(force / rows)) / flights[0].weight,

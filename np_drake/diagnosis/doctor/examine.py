@@ -15,8 +15,7 @@ from np_drake.diagnosis.doctor.smallest_sizes import Information, Smallest, smal
 from np_drake.diagnosis.doctor.swing_test import swing_test
 from np_drake.diagnosis.doctor.traces import GUSTS, explain, nearest_usual, payload_traces, traces
 from np_drake.diagnosis.localisation.identifiability import excitation, excited, manoeuvre, tells_apart
-from np_drake.diagnosis.options import Options
-from np_drake.diagnosis.regressors import DRAG, PAYLOAD, WIND, hidden_from, tolerance_of, with_input
+from np_drake.diagnosis.regressors import DRAG, PAYLOAD, WIND, hidden_from, options_of
 from np_drake.diagnosis.residuals import FORCE, LEAST_DURATION, FlightResiduals, make_flight_residuals, natural_step
 from np_drake.effects.library import LIBRARY, effects_for, unobservable
 from np_drake.effects.parameter import usual_size
@@ -91,8 +90,7 @@ def _with_answers(report: LogReport, logs: Sequence[FlightLog], vehicle: Vehicle
     flights = [make_flight_residuals(log, vehicle, step) for log in logs]
     first_of_all = [doubt for e in flights for doubt in doubts(e)]
     moving = excitation(flights)
-    real = any(f.imported for f in report.flights) or tolerance_of(flights).real
-    options = with_input(Options.for_sensors(real), flights)
+    options = options_of(flights, real=True if any(f.imported for f in report.flights) else None)
     nuisance = nuisance_of(flights, options.tolerance, options.priors)
     tell(0.4, "effects")
     every = traces(flights, options.priors)

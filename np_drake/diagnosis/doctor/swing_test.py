@@ -18,9 +18,9 @@ from np_drake.diagnosis.doctor.log_report import SwingTest
 from np_drake.diagnosis.numerics import Gram, NoiseModel, fit_noise, scale_only
 from np_drake.diagnosis.options import Options, Priors
 from np_drake.diagnosis.regressors import AT_REST, payloads_of
-from np_drake.diagnosis.regressors.payload import SWING_TEST_LENGTHS
 from np_drake.diagnosis.residuals import FlightResiduals
 
+SWING_TEST_LENGTHS = np.geomspace(0.15, 2.5, 32)  # of pendulums in the swing test [m]: 9 % apart
 LATERAL = slice(0, 2)  # channels: force across body z
 PIECE = 10.0  # of a flight, each with a swing of its own [s]: longer, and a linear swing is out of step
 MOST_PIECES = 6  # of a flight that are used
@@ -91,13 +91,9 @@ def _fitted(
 
 
 def _regression(y, X, pieces: Sequence[slice], noise: NoiseModel, temperature: float) -> tuple[np.ndarray, float]:
-    total = Gram(np.zeros((X.shape[-1],) * 2), np.zeros(X.shape[-1]), 0.0, 0)
-    for rows in pieces:
-        products = noise.products([X[rows], y[rows][..., None]])
-        total += Gram(products[:-1, :-1], products[:-1, -1], float(products[-1, -1]), rows.stop - rows.start)
-    every = np.arange(X.shape[-1])
-    total = total.tempered(temperature)
+    products = np.sum([noise.products([X[rows], y[rows][..., None]]) for rows in pieces], axis=0) / temperature
+    total, every = Gram(products[:-1, :-1], products[:-1, -1]), np.arange(X.shape[-1])
     mean, _ = total.posterior(every)
-    samples = (total.samples - len(pieces) * noise.phi.shape[1]) / temperature
+    samples = sum(rows.stop - rows.start - noise.phi.shape[1] for rows in pieces) / temperature
     spread = float(np.log(np.diag(noise.mixing)[noise.active]).sum())
-    return mean, total.log_evidence(every) - 0.5 * total.yy + samples * spread
+    return mean, total.log_evidence(every) - 0.5 * float(products[-1, -1]) + samples * spread

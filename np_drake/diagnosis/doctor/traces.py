@@ -20,7 +20,6 @@ from np_drake.diagnosis.regressors import (
     payloads_of,
     wind_candidates,
 )
-from np_drake.diagnosis.regressors.payload import TRACE_LENGTHS
 from np_drake.diagnosis.residuals import WRENCH, FlightResiduals, find_outliers
 from np_drake.diagnosis.result import CHANNELS
 from np_drake.diagnosis.selection.conditioning import noise_of
@@ -30,6 +29,7 @@ from np_drake.effects.library import LIBRARY, effect_of
 from np_drake.effects.parameter import usual_size
 from np_drake.effects.parameter_prior import correlation_root
 
+TRACE_LENGTHS = np.geomspace(0.3, 1.5, 5)  # of tethers at which an examination asks for a payload [m]; own choice
 GUSTS = GustyWind.identifier
 LEAST_DRAG = 2.0  # posterior deviations from which a drag is taken as that of the vehicle [1]
 

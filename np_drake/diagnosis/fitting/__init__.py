@@ -5,19 +5,3 @@ from np_drake.diagnosis.fitting.multi_start import first_fit, refit, restart
 from np_drake.diagnosis.fitting.parameters import Free, prior_whitening
 from np_drake.diagnosis.fitting.physical_bounds import greatest_height, impossible, interval, is_possible
 from np_drake.diagnosis.fitting.swing_fit import SwingFit, fitted_to_whole_flight
-
-__all__ = [
-    "Fit",
-    "Free",
-    "SwingFit",
-    "first_fit",
-    "fitted_to_whole_flight",
-    "greatest_height",
-    "impossible",
-    "interval",
-    "is_possible",
-    "prior_whitening",
-    "refit",
-    "restart",
-    "scaled_jacobian",
-]

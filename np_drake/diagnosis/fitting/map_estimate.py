@@ -36,7 +36,6 @@ class Fit:
     terms, calibration: fitted terms.
     free, values: free parameters and their values (k,) in physical units; covariance (k, k): of these.
     log_evidence: log evidence of the model on the flights of the fit [nat].
-    loss: whitened sum of squares on these flights; samples: number of their rows.
     sensor_drift: by flight, (m, 15) contribution of linear nuisance: sensor errors and calibration.
     linear: the same part by part, in the order of the candidates.
     onset_prior: log prior of the onsets.
@@ -48,8 +47,6 @@ class Fit:
     values: np.ndarray
     covariance: np.ndarray
     log_evidence: float
-    loss: float
-    samples: int
     sensor_drift: dict[str, np.ndarray] = dc.field(default_factory=dict)
     onset_prior: float = 0.0
     linear: tuple[LinearPart, ...] = ()
@@ -110,11 +107,8 @@ def refine(
     everything = [*terms, *(t for t, _ in calibration)]
     scales = {len(terms) + i: s for i, (_, s) in enumerate(calibration)}
     free = free_parameters(everything, flights, scales, priors)
-    scale = np.array([f.scale for f in free])
-    neutral = np.array([f.neutral for f in free])
-    root = 1.0 / np.sqrt(temperature)
-
-    n, sizes_of = len(free), [c.size for c in linear]
+    scale, neutral, lower, upper = np.array([(f.scale, f.neutral, f.lower, f.upper) for f in free]).reshape(-1, 4).T
+    root, n, sizes_of = 1.0 / np.sqrt(temperature), len(free), [c.size for c in linear]
     k = sum(sizes_of)
     sizes = [(len(e.t) - noise.phi.shape[1]) * noise.phi.shape[0] for e in flights]
     spans = [slice(*ends) for ends in pairwise(np.cumsum([0, *sizes]).tolist())]
@@ -149,8 +143,7 @@ def refine(
             np.multiply(columns.reshape(-1, n), -root, out=J[own, :n])
         return J
 
-    lower = np.array([f.lower for f in free]) / scale
-    upper = np.array([f.upper for f in free]) / scale
+    lower, upper = lower / scale, upper / scale
     start = np.clip(read(everything, free) / scale, lower + 1e-6, upper - 1e-6)
     wide = np.full(k, 20.0)  # bounds of linear coefficients, in deviations of their prior
     best = minimise(
@@ -179,8 +172,6 @@ def refine(
         best.z[:n] * scale,
         covariance[:n, :n] * np.outer(scale, scale),
         float(-best.cost - 0.5 * logdet + np.linalg.slogdet(W)[1]),
-        float(np.sum(best.residual[: -(n + k)] ** 2)),
-        sum(len(e.t) for e in flights),
         drifted,
         linear=parts,
     )
@@ -188,8 +179,6 @@ def refine(
 
 def scaled_jacobian(now: Sequence[Term], free: Sequence[Free], flight: FlightResiduals) -> np.ndarray:
     """Return the derivative (m, 15, k) of the predicted residual by the free parameters over their scales.
-
-    By finite differences; only terms that interact with the changed one are evaluated again.
 
     Args:
         now: terms at the point of linearisation.
@@ -205,7 +194,8 @@ def scaled_jacobian(now: Sequence[Term], free: Sequence[Free], flight: FlightRes
     for k, f in enumerate(free):
         if f.flight and f.flight != flight.name:
             continue
-        step = max(0.01 * scale[k], _least_step(now[f.term], flight))
+        # A force at rows changes with a delay only when a jump of the held command passes a row.
+        step = max(0.01 * scale[k], flight.log.step if now[f.term].effect.pure_delay else 0.0)
         if values[k] + step > f.upper:
             step = -step
         moved = write(now, [f], np.array([values[k] + step]))
@@ -225,20 +215,8 @@ def scaled_jacobian(now: Sequence[Term], free: Sequence[Free], flight: FlightRes
     return columns
 
 
-def _least_step(term: Term, flight: FlightResiduals) -> float:
-    """Return the least step of a parameter for its derivative, in its unit.
-
-    A held command jumps at every row, and a force at rows changes with a delay only when a jump passes a row. The step
-    must be long enough to contain one.
-    """
-    return flight.log.step if term.effect.pure_delay else 0.0
-
-
 def _group(terms: Sequence[Term], i: int) -> tuple[int, ...]:
-    """Return the positions of the terms whose predicted residuals interact with that of term i.
-
-    A payload is taken as independent of other mass effects, which holds to first order.
-    """
+    """Return the positions of the terms whose predicted residuals interact with that of term i, to first order."""
 
     def alone(t: Term) -> bool:
         sensor = isinstance(t.effect, SensorEffect) and not t.effect.shifts_commands

@@ -1,7 +1,6 @@
 """Multi-start fit of a set of candidates: `refine` from several starts where there is a hidden swing."""
 
 import dataclasses as dc
-from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
@@ -25,8 +24,6 @@ def refit(
 ) -> Fit:
     """Fit a model's parameters, starting from a known fit of the same effects where there is one.
 
-    With a hidden swing the descent may stop early, as where a tether snaps; it then starts from the posterior as well.
-
     Args:
         problem: the regression that holds the candidates.
         model: the candidates to fit.
@@ -36,8 +33,8 @@ def refit(
     """
     noise = noise or problem.noise
     terms = _terms_at_posterior(problem, model)
-    starts = [terms]
-    if known is not None and _same(known.terms, terms):
+    starts, kind = [terms], [(type(t.effect), t.onset) for t in terms]
+    if known is not None and [(type(t.effect), t.onset) for t in known.terms] == kind:
         starts = [list(known.terms), terms] if any(t.has_hidden_state for t in terms) else [list(known.terms)]
     fits = [_descend(problem, model, start, noise, iterations) for start in starts]
     return max(fits, key=lambda f: f.log_evidence)
@@ -46,8 +43,7 @@ def refit(
 def first_fit(problem: RegressionProblem, model: Model, iterations: int) -> Fit:
     """Fit a model's parameters where no fit is known; its residual becomes the noise of the next.
 
-    A swing that is not yet fitted is part of the noise, whose resonance then hides it. The start is therefore the swing
-    that suits the posterior's other parameters, flight by flight, under white noise.
+    A swing starts as it suits the posterior's other parameters, flight by flight, under white noise.
 
     Args:
         problem: the regression that holds the candidates.
@@ -57,10 +53,14 @@ def first_fit(problem: RegressionProblem, model: Model, iterations: int) -> Fit:
     flights, terms = problem.flights, _terms_at_posterior(problem, model)
     if not any(t.has_hidden_state for t in terms):
         return refit(problem, model, None, iterations=iterations)
-    same_scale = scale_only(
-        [e.known(e.bridged(e.y - predicted_residual(e, terms))) for e in flights], flights[0].grid.step
-    )
-    return _descend(problem, model, _swung(terms, problem, same_scale), same_scale, iterations)
+    left = [e.known(e.bridged(e.y - predicted_residual(e, terms))) for e in flights]
+    same_scale = scale_only(left, flights[0].grid.step)
+    found = {e.name: fitted_to_whole_flight(terms, e, same_scale, problem.options.priors) for e in flights}
+    swung = [
+        dc.replace(t, hidden={n: now[i].hidden[n] for n, now in found.items() if n in now[i].hidden})
+        for i, t in enumerate(terms)
+    ]
+    return _descend(problem, model, swung, same_scale, iterations)
 
 
 def restart(problem: RegressionProblem, model: Model, fit: Fit, noise: NoiseModel) -> Fit:
@@ -80,28 +80,15 @@ def restart(problem: RegressionProblem, model: Model, fit: Fit, noise: NoiseMode
 
 
 def _descend(problem: RegressionProblem, model: Model, start: list[Term], noise: NoiseModel, iterations: int) -> Fit:
-    drifting = [c for c in problem.nuisance if c.variant == LINEAR]
     fit = refine(
-        start,
-        calibration_terms(problem.flights[0].vehicle, problem.options.tolerance),
-        problem.flights,
-        noise,
+        *(start, calibration_terms(problem.flights[0].vehicle, problem.options.tolerance), problem.flights, noise),
         temperature=problem.temperature,
-        linear=drifting,
+        linear=[c for c in problem.nuisance if c.variant == LINEAR],
         white=partial(problem.white, noise),
         evaluations=iterations,
         priors=problem.options.priors,
     )
     return dc.replace(fit, onset_prior=sum(problem.candidates[i].onset_prior for i in model.members))
-
-
-def _swung(terms: Sequence[Term], problem: RegressionProblem, noise: NoiseModel) -> list[Term]:
-    """Return the terms with the swings that suit each flight, given the other parameters."""
-    found = {e.name: fitted_to_whole_flight(terms, e, noise, problem.options.priors) for e in problem.flights}
-    return [
-        dc.replace(t, hidden={n: now[i].hidden[n] for n, now in found.items() if n in now[i].hidden})
-        for i, t in enumerate(terms)
-    ]
 
 
 def _terms_at_posterior(problem: RegressionProblem, model: Model) -> list[Term]:
@@ -116,8 +103,3 @@ def _terms_at_posterior(problem: RegressionProblem, model: Model) -> list[Term]:
         # Conditioning of a Gaussian: fixing some coefficients moves the others by their covariance with them.
         mean = mean + covariance[:, own] @ np.linalg.solve(covariance[own, own], coefficients - mean[own])
     return [term for candidate, own in parts for term in candidate.terms(mean[own])]
-
-
-def _same(a: Sequence[Term], b: Sequence[Term]) -> bool:
-    """Return whether both have the same effects with the same onsets in the same order."""
-    return [(type(t.effect), t.onset) for t in a] == [(type(t.effect), t.onset) for t in b]

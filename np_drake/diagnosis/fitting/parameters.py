@@ -50,7 +50,9 @@ def free_parameters(
             continue
         for e in flights:
             if term.begins(e.name) != NEVER:
-                scales_of = [priors.swing * (1 if k % STATE < 2 else 3) for k in range(_size(term, e))]
+                scales_of = [
+                    priors.swing * (1 if k % STATE < 2 else 3) for k in range(hidden_size(e, term.begins(e.name)))
+                ]
                 found += [Free(i, "swing", s, 0.0, -4.0, 4.0, e.name, k) for k, s in enumerate(scales_of)]
     return found
 
@@ -80,10 +82,6 @@ def _width(term: Term, vehicle: Vehicle) -> float:
     return max(1.0, float(np.sqrt(np.mean(np.square(sizes)))))
 
 
-def _size(term: Term, e: FlightResiduals) -> int:
-    return hidden_size(e, term.begins(e.name))
-
-
 def read(terms: Sequence[Term], free: Sequence[Free]) -> np.ndarray:
     """Return the values (k,) of the free parameters.
 
@@ -91,14 +89,13 @@ def read(terms: Sequence[Term], free: Sequence[Free]) -> np.ndarray:
         terms: that hold the values.
         free: free parameters of the terms.
     """
-    return np.array(
-        [
-            padded(terms[f.term].hidden.get(f.flight), f.entry + 1)[f.entry]
-            if f.flight
-            else getattr(terms[f.term].effect, f.name)
-            for f in free
-        ]
-    )
+
+    def value(f: Free) -> float:
+        if f.flight:
+            return padded(terms[f.term].hidden.get(f.flight), f.entry + 1)[f.entry]
+        return getattr(terms[f.term].effect, f.name)
+
+    return np.array([value(f) for f in free])
 
 
 def write(terms: Sequence[Term], free: Sequence[Free], values: np.ndarray) -> list[Term]:

@@ -37,10 +37,7 @@ def greatest_height(flights: Sequence[FlightResiduals]) -> float:
 
 
 def at_its_bound(effect: Effect) -> bool:
-    """Return whether a parameter lies at a physical bound that is not its neutral value.
-
-    Such an effect stands in for another, which would need more of it.
-    """
+    """Return whether a parameter lies at a physical bound that is not its neutral value."""
     for p in effect.parameters:
         value, edge = float(getattr(effect, p.name)), EDGE * (p.upper - p.lower)
         ends = value <= p.lower + edge or value >= p.upper - edge

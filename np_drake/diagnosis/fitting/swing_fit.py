@@ -17,13 +17,12 @@ from np_drake.diagnosis.forward_model import (
 )
 from np_drake.diagnosis.numerics import NoiseModel
 from np_drake.diagnosis.options import Priors
-from np_drake.diagnosis.regressors import WIDEST
+from np_drake.diagnosis.regressors.payload import SMALL, WIDEST
 from np_drake.diagnosis.residuals import WRENCH, FlightResiduals
 
 STEPS = 3  # Gauss-Newton iterations
 GRID = 128  # swings in the grid of starts; own choice
 TRIED = 3  # best grid points from which to descend, besides the given swing; own choice
-SMALL = 0.02  # step of finite differences [rad]
 WAYS = 32  # posterior samples of a swing, whose mean prediction is used; own choice
 SPANS = (4.0, 8.0)  # growing lengths of a flight over which its swing is fitted [s]
 
@@ -42,7 +41,7 @@ class SwingFit:
         onset: time at which the payload begins [s]; None: from the start.
         rows: (m,) bool, rows that count.
         priors: priors of parameters, swings and onsets.
-    Source: nonlinear least squares from a grid. The grid is own choice: after a snap any swing is possible.
+    Source: nonlinear least squares from a grid; the grid is own choice.
     """
 
     def __init__(
@@ -115,9 +114,7 @@ class SwingFit:
         return best
 
     def posterior_swings(self, free: slice) -> np.ndarray:
-        """Return deviations (`WAYS`, size) from the term's own swing, drawn from the posterior of its free entries.
-
-        The draws are quasi-random and the same at each call.
+        """Return deviations (`WAYS`, size) from the term's own swing, quasi-random draws of its posterior.
 
         Source: Laplace approximation.
         """
@@ -148,9 +145,7 @@ class SwingFit:
 def fitted_to_whole_flight(
     terms: Sequence[Term], flight: FlightResiduals, noise: NoiseModel, priors: Priors
 ) -> list[Term]:
-    """Return the terms with hidden states, jumps included, that fit the whole flight.
-
-    What remains of the flight is then not due to the swing. These swings are no prediction: they have seen the flight.
+    """Return the terms with hidden states, jumps included, that fit the whole flight; they are no prediction.
 
     Args:
         terms: terms of a model, with their onsets and hidden states.

@@ -12,21 +12,6 @@ from np_drake.diagnosis.forward_model.payload_state import (
     specific_pull,
     swing_units,
     swing_wrenches,
+    with_dependants,
 )
 from np_drake.diagnosis.forward_model.prediction import StageCache, predicted_residual
-
-__all__ = [
-    "MOST_JUMPS",
-    "NEVER",
-    "STATE",
-    "StageCache",
-    "Term",
-    "hidden_size",
-    "jumps",
-    "padded",
-    "pendulum_error",
-    "predicted_residual",
-    "specific_pull",
-    "swing_units",
-    "swing_wrenches",
-]

@@ -31,10 +31,9 @@ class ModifiedInertia:
     def needs(self, added: np.ndarray, ahead: np.ndarray) -> np.ndarray:
         """Return the residual wrench (m, 6) in B that the changed mass properties leave [N, N·m].
 
-        The motion follows from the real mass properties m', c, J' by forward dynamics, so that no measured acceleration
-        enters: al = J'^-1 (tau - c x F - w x J' w), s = F / m' - al x c - w x (w x c). The residual is m s - thrust and
-        J al + w x J w - tau_nominal. Where the log follows the centre of mass, s = F / m'. Where accelerations are
-        logged, force is that at the rows and torque the mean around them; `ahead` converts between the two.
+        By forward dynamics with the real m', c, J': al = J'^-1 (tau - c x F - w x J' w), s = F / m' - al x c -
+        w x (w x c), or F / m' where the log follows the centre of mass. The residual is m s - thrust and
+        J al + w x J w - tau_nominal.
 
         Args:
             added: (m, 6) wrench in B in addition to the nominal one [N, N·m].

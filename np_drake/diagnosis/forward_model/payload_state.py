@@ -42,19 +42,29 @@ class Term:
         return self.onset.get(flight)
 
 
+def with_dependants(terms: Sequence[Term], i: int) -> set[int]:
+    """Return term i and the terms that act through it alone, as a wind through a drag.
+
+    Args:
+        terms: of a model.
+        i: position of the term.
+    """
+    left = {t.effect.identifier for k, t in enumerate(terms) if k != i}
+    return {i, *(k for k, t in enumerate(terms) if t.effect.needs and not left & {*t.effect.needs})}
+
+
 def pendulum_error(name: str, payload: SuspendedPayload, vehicle: Vehicle, priors: Priors) -> float:
     """Return the standard deviation of a payload parameter that its fit does not account for, in the parameter's unit.
 
-    The motion that drives the pendulum is measured with noise, and a tether that goes slack is no pendulum. The air
-    that damps a payload is the downwash, which pushes it down as well: c w / g more weight makes the mass too large and
-    the tether too short by that share. The downwash w is between none and twice the induced velocity of hover.
+    The downwash w that damps a payload pushes it down as well: c w / g more weight makes the mass too large and the
+    tether too short by that share. It is between none and twice the induced velocity of hover.
 
     Args:
         name: name of the parameter, beginning with mass, length, hook or damping.
         payload: as fitted, with the damping c.
         vehicle: of whose rotors the downwash is.
         priors: hold the other errors.
-    Source: own choice, from errors in simulated flights; downwash: `SuspendedPayload`, w from momentum theory.
+    Source: own choice, from errors in simulated flights; w from momentum theory.
     """
     kind, value = name.split("_")[0], float(getattr(payload, name))
     own = priors.pendulum * PENDULUM[kind]
@@ -93,9 +103,7 @@ def hidden_size(flight: FlightResiduals, onset: float | None) -> int:
 
 
 def swing_units(size: int, rate: float) -> np.ndarray:
-    """Return the scale (size,) of a hidden state at natural rate `rate` [1/s].
-
-    It is 1 rad for angles, and for rates the value of equal energy.
+    """Return the scale (size,) of a hidden state: 1 rad for angles, and for rates the value of equal energy.
 
     Args:
         size: of the hidden state.
@@ -115,25 +123,19 @@ def padded(hidden: np.ndarray | None, size: int) -> np.ndarray:
     return np.concatenate([known, np.zeros(size - len(known))])
 
 
-def at_hooks(motion: np.ndarray, hooks: np.ndarray) -> np.ndarray:
-    """Return the motion of hooks in W at the middles of the grid's steps.
+def _at_hooks(motion: np.ndarray, hooks: np.ndarray) -> np.ndarray:
+    """Return the motion (n-1, m, 3) in W of hooks (m, 3) at the middles of the grid's steps; m is 1 where all are one.
 
-    Args:
-        motion: (n-1, 3, 4) of Bo and of its levers: `FlightResiduals.driving` [m/s², 1/s²] or `moving` [m/s, 1/s].
-        hooks: (m, 3) positions p_BoTo_B [m].
-    Returns: (n-1, m, 3), or (n-1, 1, 3) where all hooks are the same.
+    motion: (n-1, 3, 4) of Bo and of its levers, `FlightResiduals.driving` [m/s², 1/s²] or `moving` [m/s, 1/s].
     """
     own = hooks[:1] if np.all(hooks == hooks[0]) else hooks
     return motion[:, None, :, 0] + np.swapaxes(motion[..., 1:] @ own.T, 1, 2)
 
 
-def start_of_swing(lengths: np.ndarray, swing: np.ndarray, pull: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the initial position r (m, 3) [m] and velocity (m, 3) [m/s] of payloads relative to their hooks, in W.
+def _start_of_swing(lengths: np.ndarray, swing: np.ndarray, pull: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the initial position (m, 3) [m] and velocity (m, 3) [m/s] of payloads relative to their hooks, in W.
 
-    Args:
-        lengths: (m,) tether lengths [m].
-        swing: (m, 4) angles [rad] and rates [rad/s] from rest.
-        pull: (3,) specific force at the hook in W [m/s²]; the tether rests along -`pull`.
+    lengths: (m,) [m].   swing: (m, 4) angles [rad] and rates [rad/s] from rest, along -`pull`, (3,) in W [m/s²].
     """
     down = -pull / np.linalg.norm(pull)
     e_x, e_y = across(down)
@@ -155,8 +157,6 @@ def specific_pull(
 ) -> np.ndarray:
     """Return the force (n, m, 3) of payloads on their hooks in B per payload mass, on the grid [m/s²].
 
-    It is zero before the onset, smeared as the grid's low-pass smears a step.
-
     Args:
         flight: the flight.
         lengths: (m,) tether lengths [m].
@@ -165,15 +165,15 @@ def specific_pull(
         onset: time at which the payload is attached [s]; None: from the start.
         damping: of all or of each, (m,) [1/s].
     """
-    a = at_hooks(flight.driving, hooks)
+    a = _at_hooks(flight.driving, hooks)
     first = 0 if onset is None else int(np.clip(np.searchsorted(flight.t, onset), 0, len(a) - 2))
     weight = np.array([0.0, 0.0, flight.vehicle.gravity])
     window = a[first : first + 25, 0].mean(axis=0)
-    r, r_rate = start_of_swing(lengths, swing[:, :STATE], window + weight)
+    r, r_rate = _start_of_swing(lengths, swing[:, :STATE], window + weight)
     at = zip(jumps(flight, onset) - first, range(STATE, swing.shape[1], STATE), strict=False)
     jumped = {int(k): swing[:, j : j + STATE] for k, j in at}
     driving = a[first:, 0] if a.shape[1] == 1 else a[first:]
-    v_hook = at_hooks(flight.moving, hooks)[first:] if np.any(damping) else None
+    v_hook = _at_hooks(flight.moving, hooks)[first:] if np.any(damping) else None
     middle = swing_many(
         *(lengths, r, r_rate, driving, flight.grid.step, flight.vehicle.gravity, jumped), damping=damping, v_hook=v_hook
     )
@@ -188,11 +188,9 @@ def specific_pull(
 def swing_wrenches(flight: FlightResiduals, terms: Sequence[Term]) -> np.ndarray:
     """Return the wrenches (n, m, 6) of payloads in B on the grid [N, N·m].
 
-    All payloads begin at the onset of the first. Many cost little more than one.
-
     Args:
         flight: the flight.
-        terms: payloads.
+        terms: payloads, which begin at the onset of the first.
     """
     onset = terms[0].begins(flight.name)
     if onset == NEVER:
@@ -208,9 +206,7 @@ def swing_wrenches(flight: FlightResiduals, terms: Sequence[Term]) -> np.ndarray
 
 
 def swing_wrench(flight: FlightResiduals, term: Term) -> np.ndarray:
-    """Return the wrench (n, 6) of one suspended payload in B on the grid [N, N·m].
-
-    Where its hidden state has several samples, this is their mean.
+    """Return the wrench (n, 6) of one suspended payload in B on the grid, the mean over samples of its state [N, N·m].
 
     Args:
         flight: the flight.

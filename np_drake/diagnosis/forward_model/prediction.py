@@ -1,9 +1,8 @@
 """Predicted residual: what a set of effects leaves in the channels of `FlightResiduals`, for all places of effects."""
 
-import dataclasses as dc
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -12,7 +11,7 @@ from np_drake.diagnosis.forward_model.payload_state import NEVER, Term, swing_wr
 from np_drake.diagnosis.forward_model.sensor_residual import sensor_residual, without_errors
 from np_drake.diagnosis.residuals import FlightResiduals, Instants
 from np_drake.diagnosis.residuals import flight_residuals as channels
-from np_drake.effects.base import ActuatorEffect, MassEffect, MassProperties, Motion, SensorEffect, WrenchEffect
+from np_drake.effects.base import ActuatorEffect, Effect, MassEffect, MassProperties, Motion, SensorEffect, WrenchEffect
 from np_drake.effects.motor_lag import MotorLag
 
 
@@ -39,9 +38,7 @@ class StageCache:
 
 
 def predicted_residual(flight: FlightResiduals, terms: Sequence[Term], stages: StageCache | None = None) -> np.ndarray:
-    """Return the sum (m, 15) of what the terms leave in the channels of a flight.
-
-    Wind acts through the drag effects among the terms.
+    """Return the sum (m, 15) of what the terms leave in the channels of a flight; wind acts through drags among them.
 
     Args:
         flight: the flight.
@@ -103,35 +100,37 @@ Thrust = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]  # at rows, mids 
 def _thrust(flight: FlightResiduals, terms: Sequence[Term]) -> Thrust:
     """Return the actual thrust; effects that begin later are switched in at their onset."""
     log, vehicle = flight.log, flight.vehicle
-    acting = [(t.effect, t.begins(log.name) or -NEVER) for t in terms if isinstance(t.effect, ActuatorEffect)]
-    acting.sort(key=lambda pair: not pair[0].turns_rotor)  # the motor comes before the propeller
+    # The motor comes before the propeller.
+    ordered = sorted(terms, key=lambda t: not (isinstance(t.effect, ActuatorEffect) and t.effect.turns_rotor))
     shift = sum(t.effect.clock_shift for t in terms if isinstance(t.effect, SensorEffect))
-    always = [effect for effect, begin in acting if begin == -NEVER]
-    rows, mids = flight.rotors.thrust(always, shift=-shift)
-    for onset in sorted({begin for _, begin in acting} - {-NEVER, NEVER}):
-        now = [effect for effect, begin in acting if begin <= onset]
+    acting = dict(_acting(flight, ordered, ActuatorEffect))
+    rows, mids = flight.rotors.thrust(acting.pop(-NEVER, ()), shift=-shift)
+    for onset, now in acting.items():
         late_rows, late_mids = flight.rotors.thrust(now, shift=-shift)
         rows = np.where(gate(log.t, onset) > 0, late_rows, rows)
         mids = np.where(gate(flight.mids.t, onset) > 0, late_mids, mids)
     lagged = (
         log.input == "rotor_speed"
         or vehicle.rotor_time_constant > 0
-        or any(isinstance(effect, MotorLag) for effect, _ in acting)
+        or any(isinstance(t.effect, MotorLag) for t in terms)
     )
     speed = np.sqrt(np.maximum(rows, 0.0) / vehicle.thrust_coefficient)
     rate = np.diff(speed, axis=0) / np.diff(log.t)[:, None] if lagged else np.zeros_like(mids)
     return rows, mids, np.concatenate([rate, rate[-1:]]), rate
 
 
-@dc.dataclass(frozen=True)
-class Turned:
+def _acting(flight: FlightResiduals, terms: Sequence[Term], kind: type[Effect]) -> Iterator[tuple[float, tuple]]:
+    """Yield every onset [s] of effects of a kind in a flight (-`NEVER`: the start), with those that act from then."""
+    acting = [(t.effect, t.begins(flight.name) or -NEVER) for t in terms if isinstance(t.effect, kind)]
+    for onset in sorted({begin for _, begin in acting} - {NEVER}):
+        yield onset, tuple(effect for effect, begin in acting if begin <= onset)
+
+
+class Turned(NamedTuple):
     """Response of the rotors on the grid: wrench (m, 6) in excess of the nominal one in B [N, N·m].
 
-    Where accelerations are logged:
-    after (m,): mean thrust until the next row less thrust at the row, in excess of the nominal difference, over mass
-        [m/s²]. It is the part of dv/dt - a along the thrust.
-    ahead (m, 4): thrust and torques at rows less their mean around the rows [N, N·m]. A held command at a row leads its
-        mean over the adjacent intervals by half a row.
+    after (m,): part of dv/dt - a along the thrust in excess of the nominal one (`FlightResiduals.after`) [m/s²].
+    ahead (m, 4): as `FlightResiduals.ahead`, of the actual rotors [N, N·m].
     """
 
     wrench: np.ndarray
@@ -159,11 +158,10 @@ def _after_rows(flight: FlightResiduals, terms: Sequence[Term], excess: np.ndarr
 
     excess (m,): `Turned.after`, which counts with the mass of the vehicle file.
     """
-    acting = [(t.effect, t.begins(flight.name) or -NEVER) for t in terms if isinstance(t.effect, MassEffect)]
     share = np.ones(len(flight.t))
-    for onset in sorted({begin for _, begin in acting} - {NEVER}):
+    for onset, effects in _acting(flight, terms, MassEffect):
         real = MassProperties.of(flight.vehicle)
-        for effect in (effect for effect, begin in acting if begin <= onset):
+        for effect in effects:
             real = effect.properties(real)
         begun = 1.0 if onset == -NEVER else flight.begun(onset)[:, 11]
         share += begun * (flight.vehicle.mass / real.mass - share)
@@ -213,14 +211,9 @@ def _through_mass(
 
     Without mass effects it is `added` (m, 6). ahead: as in `ModifiedInertia.needs`; body: makes its object for effects.
     """
-    acting = [(t.effect, t.begins(flight.name) or -NEVER) for t in terms if isinstance(t.effect, MassEffect)]
     out = added
-    for onset in sorted({begin for _, begin in acting} - {NEVER}):
-        now = tuple(effect for effect, begin in acting if begin <= onset)
-        moved = body(now).needs(added, ahead)
-        if onset == -NEVER:
-            out = moved
-        else:
-            begun = flight.begun(onset)[:, channels.WRENCH]
-            out = begun * moved + (1 - begun) * out
+    for onset, effects in _acting(flight, terms, MassEffect):
+        moved = body(effects).needs(added, ahead)
+        begun = 1.0 if onset == -NEVER else flight.begun(onset)[:, channels.WRENCH]
+        out = begun * moved + (1 - begun) * out
     return out

@@ -17,18 +17,14 @@ DIFFERENTIATED_BAND = 2.0
 
 
 def sensor_residual(flight: FlightResiduals, effect: SensorEffect) -> np.ndarray:
-    """Return the channels as measured less the true ones (m, 15), exact to third order in the sensor error.
-
-    Of a small error to first order.
+    """Return the channels as measured less the true ones (m, 15), to third order in the error, to first in a small one.
 
     Args:
         flight: the flight.
         effect: a sensor error.
     """
-    return _small(flight, effect) if effect.small else _exact(flight, effect)
-
-
-def _small(flight: FlightResiduals, effect: SensorEffect) -> np.ndarray:
+    if not effect.small:
+        return _exact(flight, effect)
     known, kind = flight.small_errors, type(effect)
     if kind not in known:
         units = [{p.name: p.typical} for p in kind.parameters]
@@ -59,9 +55,9 @@ def _exact(flight: FlightResiduals, effect: SensorEffect) -> np.ndarray:
             y[:, channels.VELOCITY] = rate
     if moved[:, W].any():
         dw = flight.from_mids(0.5 * (moved[1:, W] + moved[:-1, W]))
-        y[:, channels.TORQUE], y[:, channels.ATTITUDE] = _gyroscopic(flight, dw), -dw
-        rate = np.diff(moved[:, W], axis=0) / np.diff(log.t)[:, None]
-        y[:, channels.TORQUE] += flight.from_mids(rate) @ flight.vehicle.J.T
+        J, w, rate = flight.vehicle.J, flight.w - dw, np.diff(moved[:, W], axis=0) / np.diff(log.t)[:, None]
+        y[:, channels.TORQUE] = flight.gyroscopic - np.cross(w, w @ J.T) + flight.from_mids(rate) @ J.T
+        y[:, channels.ATTITUDE] = -dw
     turned, biased = bool(moved[:, Q].any()), log.a is not None and bool(np.any(read.a != truth.a))
     if turned:
         y[:, channels.ATTITUDE] += flight.from_mids(_turn_rate(log.t, read) - _turn_rate(log.t, truth))
@@ -87,16 +83,8 @@ def _specific_force(flight: FlightResiduals, read: Measurement) -> np.ndarray:
     return attitude.rotate_back(read.x[:, Q], a + np.array([0.0, 0.0, flight.vehicle.gravity]))
 
 
-def _gyroscopic(flight: FlightResiduals, dw: np.ndarray) -> np.ndarray:
-    """Return the error (m, 3) of w x J w from an error dw (m, 3) of the measured rates [N·m]."""
-    J, w = flight.vehicle.J, flight.w - dw
-    return flight.gyroscopic - np.cross(w, w @ J.T)
-
-
 def without_errors(flight: FlightResiduals, effects: Sequence[SensorEffect]) -> FlightResiduals:
-    """Return the flight with its instants and rates corrected for the sensor errors.
-
-    Other effects act on the true motion. Channels and log stay as measured.
+    """Return the flight with its instants and rates corrected for the sensor errors; channels stay as measured.
 
     Args:
         flight: the flight.

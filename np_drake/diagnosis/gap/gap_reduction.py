@@ -5,7 +5,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.forward_model import Term, predicted_residual
+from np_drake.diagnosis.fitting.map_estimate import BLOCK
+from np_drake.diagnosis.forward_model import predicted_residual
 from np_drake.diagnosis.held_out import HeldOut, closed_fraction, pooled, remaining_residual, scored_on_fitted_rows
 from np_drake.diagnosis.held_out.prediction import LEAST_GAP
 from np_drake.diagnosis.numerics import NoiseModel
@@ -14,7 +15,6 @@ from np_drake.diagnosis.result import Cause, GapReduction, Replay, ReplayGap, Ru
 from np_drake.effects.base import Effect
 from np_drake.flight_log import FlightLog
 
-BLOCK = 1.0  # length of a bootstrap block [s]
 FEWEST = 8  # least number of blocks; they are shorter in short flights; own choice
 DRAWS = 400  # bootstrap samples
 SEED = 1  # bootstrap seed
@@ -39,9 +39,7 @@ def measure_gap_reduction(
     named = {c.identifier for c in causes}
     kept = {name: held.kept(name, named) for name in held.terms}
     after = {e.name: (e.y - predicted_residual(e, kept[e.name]))[held.rows[e.name]] for e in flights}
-    floor = 1.0
-    ladder = _ladder(causes, noise, held)
-    fraction = closed_fraction(pooled(list(before.values()), noise), pooled(list(after.values()), noise), floor)
+    floor, (size, left) = 1.0, (pooled(list(part.values()), noise) for part in (before, after))
     interval = _bootstrap(before, after, noise, flights[0].grid.step)
     replays: tuple[ReplayGap | None, ReplayGap | None] = (None, None)
     warnings = [
@@ -50,24 +48,22 @@ def measure_gap_reduction(
         if scored_on_fitted_rows(held.terms[e.name], e)
     ]
     if replay is not None:
+
+        def onset_of(identifier: str, e: FlightResiduals) -> float | None:
+            """Return the onset from the first row of the log on [s]."""
+            begin = next((t.begins(e.name) for t in kept[e.name] if t.effect.identifier == identifier), None)
+            return None if begin is None else begin - float(e.log.t[0])
+
         effects = [
-            (c.effect.predicted, {e.name: _onset_of(kept[e.name], c.identifier, e) for e in flights})
+            (c.effect.predicted, {e.name: onset_of(c.identifier, e) for e in flights})
             for c in causes
             if c.effect is not None
         ]
         logs = [_judging(e, [onset[e.name] for _, onset in effects]) for e in flights]
         effects += [(effect, {e.name: None for e in flights}) for effect in calibration]
         replays = (replay(logs, []), _with_effects(replay, logs, effects, warnings))
-    return GapReduction(
-        pooled(list(before.values()), noise),
-        pooled(list(after.values()), noise),
-        floor,
-        fraction,
-        interval,
-        ladder,
-        *replays,
-        tuple(warnings),
-    )
+    ladder, fraction = _ladder(causes, noise, held), closed_fraction(size, left, floor)
+    return GapReduction(size, left, floor, fraction, interval, ladder, *replays, tuple(warnings))
 
 
 def held_out_gains(causes: Sequence[Cause], noise: NoiseModel, held: HeldOut) -> list[float]:
@@ -89,8 +85,7 @@ def held_out_gains(causes: Sequence[Cause], noise: NoiseModel, held: HeldOut) ->
 def _judging(flight: FlightResiduals, onsets: Sequence[float | None]) -> FlightLog:
     """Return the rows of the log that did not join the fit, from shortly before a cause acts on.
 
-    Before that the simulator is the same with and without the causes. Times count from the first row of the log.
-    onsets: of the causes, from the first row [s].
+    Times and the onsets of the causes count from the first row of the log [s].
     """
     log = dc.replace(flight.log, t=flight.log.t - flight.log.t[0])
     first = 0
@@ -113,17 +108,6 @@ def _with_effects(replay: Replay, logs, effects, warnings: list[str]) -> ReplayG
         return None
 
 
-def _onset_of(terms: Sequence[Term], identifier: str, flight: FlightResiduals) -> float | None:
-    """Return the onset from the first row of the log on [s]."""
-    begin = next((t.begins(flight.name) for t in terms if t.effect.identifier == identifier), None)
-    return None if begin is None else begin - float(flight.log.t[0])
-
-
-def _order(cause: Cause) -> tuple[bool, float]:
-    """Return the sort key that puts the largest share first, and a wind after the drag through which it acts."""
-    return bool(cause.effect is not None and type(cause.effect).needs), -float(np.nan_to_num(cause.share))
-
-
 def _ladder(causes: Sequence[Cause], noise: NoiseModel, held: HeldOut) -> tuple[Rung, ...]:
     """Return the residual of the nominal model, with effects added in order of share, and of noise alone."""
     nominal = pooled([e.against_file[held.rows[e.name]] for e in held.flights], noise)
@@ -131,7 +115,8 @@ def _ladder(causes: Sequence[Cause], noise: NoiseModel, held: HeldOut) -> tuple[
     if held.calibrated:
         rungs.append(Rung("+ calibration", remaining_residual([], noise, held)))
     so_far: list[Cause] = []
-    for cause in sorted(causes, key=_order):
+    # The largest share first, and a wind after the drag through which it acts.
+    for cause in sorted(causes, key=lambda c: (bool(c.effect and c.effect.needs), -float(np.nan_to_num(c.share)))):
         so_far.append(cause)
         rungs.append(Rung(f"+ {cause.identifier}", remaining_residual(so_far, noise, held)))
     return (*rungs, Rung("noise floor", 1.0))

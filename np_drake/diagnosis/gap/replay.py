@@ -69,48 +69,30 @@ def true_states(log: FlightLog, vehicle: Vehicle, effects: Sequence[SensorEffect
 def smooth_states(t: np.ndarray, x: np.ndarray) -> np.ndarray:
     """Return states (n, 13) with less noise in attitude, velocity and body rates, at zero phase.
 
-    Positions are unchanged. The attitude error of an initial state grows into a position error g θ t² / 2, so that
-    attitude matters most.
-
     Args:
         t: (n,) times [s].
         x: (n, 13) states.
     """
     smooth, step = x.copy(), float(np.median(np.diff(t)))
     smooth[:, Q], _ = smooth_attitude(t, x[:, Q], x[:, W])
-    velocity = x[:, V] + slow_velocity_error(t, x, step)
-    smooth[:, V] = local_polynomial(velocity, step, VELOCITY_SPAN, order=3)
-    smooth[:, W] = local_polynomial(x[:, W], step, RATE_SPAN, order=3)
+    smooth[:, V] = _local_polynomial(x[:, V] + _slow_velocity_error(t, x, step), step, VELOCITY_SPAN, order=3)
+    smooth[:, W] = _local_polynomial(x[:, W], step, RATE_SPAN, order=3)
     return smooth
 
 
-def slow_velocity_error(t: np.ndarray, x: np.ndarray, step: float) -> np.ndarray:
+def _slow_velocity_error(t: np.ndarray, x: np.ndarray, step: float) -> np.ndarray:
     """Return the slow error (n, 3) of the velocity against the position, without its mean over the flight [m/s].
 
-    An estimator's velocity is off by some cm/s for about a second, which moves a replay by as many cm. The position
-    corrects this. A constant offset is left: it is an effect to be found (`velocity_bias`).
-
-    Args:
-        t: (n,) times [s].
-        x: (n, 13) states.
-        step: sample interval [s].
-    Source: complementary filter, run in both directions; the span is own choice.
+    An estimator's velocity is off by some cm/s for about a second. A constant offset is left: it is an effect to be
+    found.   Source: complementary filter, run in both directions; the span is own choice.
     """
     missed = x[:, P] - cumulative_trapezoid(x[:, V], t, axis=0, initial=0.0)
-    slope = local_polynomial(missed, step, POSITION_SPAN, order=2, derivative=1)
+    slope = _local_polynomial(missed, step, POSITION_SPAN, order=2, derivative=1)
     return slope - slope.mean(axis=0)
 
 
-def local_polynomial(value: np.ndarray, step: float, span: float, *, order: int, derivative: int = 0) -> np.ndarray:
-    """Return the centred local polynomial fit (n, m), or its derivative; `value` unchanged where rows are too few.
-
-    Args:
-        value: (n, m) samples.
-        step: sample interval [s].
-        span: half width of the fit [s].
-        order: order of the polynomial.
-        derivative: order of the derivative.
-    """
+def _local_polynomial(value: np.ndarray, step: float, span: float, *, order: int, derivative: int = 0) -> np.ndarray:
+    """Return the centred local polynomial fit (n, m), or its derivative; `value` unchanged where rows are too few."""
     window = 2 * int(span / step + 1e-6) + 1
     window = min(window, len(value) - (len(value) + 1) % 2)
     if derivative:
@@ -147,17 +129,16 @@ def payload_track(
         vehicle: the nominal vehicle.
         effects: all effects except the payload.
         payload: the payload.
-    Source: Newton's second law for the quadrotor.
     """
     step = float(np.median(np.diff(states.t)))
     gravity = np.array([0.0, 0.0, vehicle.gravity])
-    specific = local_polynomial(states.x[:, V], step, PAYLOAD_SPAN, order=2, derivative=1) + gravity
-    pushed = local_polynomial(_other_forces(log, states, vehicle, effects), step, PAYLOAD_SPAN, order=2)
+    specific = _local_polynomial(states.x[:, V], step, PAYLOAD_SPAN, order=2, derivative=1) + gravity
+    pushed = _local_polynomial(_other_forces(log, states, vehicle, effects), step, PAYLOAD_SPAN, order=2)
     pull = mass_properties(vehicle, effects.mass).mass * specific - pushed
     strong = np.linalg.norm(pull, axis=1, keepdims=True) > SLACK * payload.mass * vehicle.gravity
     down = np.where(strong, pull, -specific)
     r = payload.length * down / np.maximum(np.linalg.norm(down, axis=1, keepdims=True), 1e-9)
-    return Track(states.t, r, local_polynomial(r, step, PAYLOAD_SPAN, order=2, derivative=1))
+    return Track(states.t, r, _local_polynomial(r, step, PAYLOAD_SPAN, order=2, derivative=1))
 
 
 def _other_forces(log: FlightLog, states: States, vehicle: Vehicle, effects: EffectsByPlace) -> np.ndarray:

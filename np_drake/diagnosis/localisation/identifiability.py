@@ -10,7 +10,7 @@ from np_drake.diagnosis.held_out import pooled
 from np_drake.diagnosis.localisation.localisation import localise
 from np_drake.diagnosis.numerics import NoiseModel, fit_noise
 from np_drake.diagnosis.regressors import Candidate, hidden_from, library_candidates
-from np_drake.diagnosis.residuals import WRENCH, FlightResiduals
+from np_drake.diagnosis.residuals import QUIET, WRENCH, FlightResiduals
 from np_drake.diagnosis.result import CHANNELS, Confusable, GapReduction, Identifiability
 from np_drake.effects.library import REQUIREMENTS, effect_of
 
@@ -49,19 +49,13 @@ def excited(excitations: dict[str, float]) -> bool:
     return any(named[key] >= least for key, least in LEAST_EXCITATION.items())
 
 
-def confusables(
+def _confusables(
     flights: Sequence[FlightResiduals], candidates: Sequence[Candidate], noise: NoiseModel
 ) -> list[Confusable]:
     """Return the effects that cannot be seen at their usual size, and pairs that are the same when just visible.
 
     An effect scaled to whitened size `BARELY_VISIBLE` is the same as another if its squared distance to the other's
-    columns is below `SAME_DISTANCE`. Effects of one sign alone, as a delay and a clock that is ahead, are the same
-    where signs agree.
-
-    Args:
-        flights: the flights.
-        candidates: library candidates; generic ones and those of several effects are skipped.
-        noise: noise model that whitens.
+    columns is below `SAME_DISTANCE`; effects of one sign alone, as a delay and an early clock, where signs agree.
     """
     blocks: dict[str, np.ndarray] = {}
     one_sided: set[str] = set()
@@ -69,22 +63,16 @@ def confusables(
         name = c.identifiers[-1]
         if name in blocks or len(c.identifiers) > 1 or c.generic:
             continue
-        parts = [noise.whiten(c.columns[e.name]).reshape(-1, c.size) for e in flights]
-        blocks[name] = np.concatenate(parts)
+        blocks[name] = np.concatenate([noise.whiten(c.columns[e.name]).reshape(-1, c.size) for e in flights])
         if c.size == 1 and c.possible is not None:
             one_sided.add(name)
     sizes = {n: float(np.sqrt(np.max(np.sum(X**2, axis=0)))) for n, X in blocks.items()}
-    invisible = tuple(n for n, s in sizes.items() if s < 3.0)
-    out = [
-        Confusable((n,), "at its usual size it leaves no trace in these flights", manoeuvre((n,))) for n in invisible
-    ]
-    bases = {
-        n: np.linalg.qr(X[:, np.linalg.norm(X, axis=0) > 1e-9])[0] for n, X in blocks.items() if n not in invisible
-    }
+    no_trace = "at its usual size it leaves no trace in these flights"
+    out = [Confusable((n,), no_trace, manoeuvre((n,))) for n, s in sizes.items() if s < 3.0]
+    visible = {n: X for n, X in blocks.items() if sizes[n] >= 3.0}
+    bases = {n: np.linalg.qr(X[:, np.linalg.norm(X, axis=0) > 1e-9])[0] for n, X in visible.items()}
     found: set[tuple[str, str]] = set()
-    for a, X in blocks.items():
-        if a in invisible:
-            continue
+    for a, X in visible.items():
         direction = X[:, np.argmax(np.sum(X**2, axis=0))]
         direction = BARELY_VISIBLE * direction / np.linalg.norm(direction)
         for b, Q in bases.items():
@@ -120,17 +108,16 @@ def assess_identifiability(
         warnings += [f"{REQUIREMENTS[quantity]}: {names} cannot be told."] * bool(names)
     for e in [*train, *held_out]:
         if e.log.a is None:
-            warnings.append(
-                f"{e.name}: no acceleration; velocity is differentiated, accelerometer_bias cannot be told."
-            )
-        if e.attitude_noise > 1e-3:
+            said = "no acceleration; velocity is differentiated, accelerometer_bias cannot be told."
+            warnings.append(f"{e.name}: {said}")
+        if e.attitude_noise > QUIET:
             how = "turned with it" if e.turned else "free of it"
             warnings.append(f"{e.name}: attitude noise of {1e3 * e.attitude_noise:.1f} mrad; acceleration is {how}.")
     return Identifiability(
         usable=True,
         excitation=excitation(train),
         noise_floor={name: float(noise.rms[WRENCH][c]) for c, name in enumerate(CHANNELS)},
-        not_identifiable=tuple(confusables(train, candidates, noise)),
+        not_identifiable=tuple(_confusables(train, candidates, noise)),
         warnings=tuple(warnings),
     )
 
@@ -160,8 +147,8 @@ def unexcited_diagnosis(flights: Sequence[FlightResiduals], held_out: Sequence[F
         flights: training flights.
         held_out: held-out flights.
     """
-    noise = fit_noise([e.y - e.y.mean(axis=0) for e in flights], flights[0].grid.step)
-    pairs = confusables(flights, library_candidates(flights), noise)
+    noise = fit_noise([e.y for e in flights], flights[0].grid.step)
+    pairs = _confusables(flights, library_candidates(flights), noise)
     rows = {e.name: np.ones(len(e.t), bool) for e in held_out}
     checked = Identifiability(
         False, excitation(flights), {}, tuple(pairs), ("nothing is excited: these logs cannot tell.",)

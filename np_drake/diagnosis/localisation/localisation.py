@@ -35,27 +35,20 @@ def localise(
     before = {e.name: e.against_file[:, WRENCH] for e in flights}
     residual = {e.name: after[e.name][:, WRENCH] for e in flights}
     return Localisation(
-        channels=channel_gaps(before, residual, noise, rows),
-        segments=tuple(s for e in flights for s in segments(e, noise)),
-        regimes=regimes(flights, residual, noise),
-        bands=bands(flights, residual, noise),
+        channels=_channel_gaps(before, residual, noise, rows),
+        segments=tuple(s for e in flights for s in _segments(e, noise)),
+        regimes=_regimes(flights, residual, noise),
+        bands=_bands(flights, residual, noise),
         times={e.name: e.t for e in flights},
         before=before,
         after=residual,
     )
 
 
-def channel_gaps(
+def _channel_gaps(
     before: dict[str, np.ndarray], after: dict[str, np.ndarray], noise: NoiseModel, rows: dict[str, np.ndarray]
 ) -> tuple[ChannelGap, ...]:
-    """Return the RMS residual before and after by channel, pooled over the rows that count.
-
-    Args:
-        before: by flight, (m, 6) residual of the nominal model [N, N·m].
-        after: by flight, (m, 6) residual after the causes [N, N·m].
-        noise: noise model of the channels.
-        rows: by flight, (m,) bool, the rows that count.
-    """
+    """Return the RMS residual (m, 6) by flight before and after, by channel, pooled over the rows that count."""
 
     def rms(parts: dict[str, np.ndarray], c: int) -> float:
         return float(np.sqrt(np.mean(np.concatenate([parts[n][rows[n], c] for n in parts]) ** 2)))
@@ -67,25 +60,19 @@ def channel_gaps(
     return tuple(out)
 
 
-def segments(flight: FlightResiduals, noise: NoiseModel) -> list[Segment]:
+def _segments(flight: FlightResiduals, noise: NoiseModel) -> list[Segment]:
     """Return the segments of a flight between change points of the residual's mean.
 
-    Args:
-        flight: the flight.
-        noise: noise model of the channels.
-    Source: exact segmentation by dynamic programming, PELT (Killick et al. 2012), as in ruptures; the penalty is own
-        choice.
+    Source: exact segmentation by dynamic programming, PELT (Killick et al. 2012); the penalty is own choice.
     """
     scaled = flight.against_file[:, WRENCH] / np.maximum(noise.rms[WRENCH], 1e-12)
     bin_ = max(1, round(COARSE / flight.grid.step))
     n = len(scaled) // bin_
     coarse = scaled[: n * bin_].reshape(n, bin_, 6).mean(axis=1)
     spread = np.maximum(coarse.std(axis=0), 1e-9)
-    model = ruptures.Pelt(model="l2", min_size=5, jump=1).fit(coarse / spread)
-    ends = model.predict(pen=PENALTY)
-    edges = [0, *ends]
+    ends = ruptures.Pelt(model="l2", min_size=5, jump=1).fit(coarse / spread).predict(pen=PENALTY)
     out = []
-    for a, b in pairwise(edges):
+    for a, b in pairwise([0, *ends]):
         part = scaled[a * bin_ : b * bin_]
         start, end = flight.t[a * bin_], flight.t[min(b * bin_, len(flight.t) - 1)]
         out.append(Segment(flight.name, float(start), float(end), tuple(np.sqrt(np.mean(part**2, axis=0)).tolist())))
@@ -110,14 +97,8 @@ def quantities(flight: FlightResiduals) -> dict[str, tuple[np.ndarray, str]]:
     }
 
 
-def regimes(flights: Sequence[FlightResiduals], after: dict[str, np.ndarray], noise: NoiseModel) -> tuple[Regime, ...]:
-    """Return the RMS residual before and after in ranges of each quantity with round bounds.
-
-    Args:
-        flights: the flights.
-        after: by flight, (m, 6) residual after the causes [N, N·m].
-        noise: noise model of the channels.
-    """
+def _regimes(flights: Sequence[FlightResiduals], after: dict[str, np.ndarray], noise: NoiseModel) -> tuple[Regime, ...]:
+    """Return the RMS residual before and after, (m, 6) by flight, in ranges of each quantity with round bounds."""
     all_of = [quantities(e) for e in flights]
     before = np.concatenate([e.against_file[:, WRENCH] for e in flights]) / np.maximum(noise.rms[WRENCH], 1e-12)
     residual = np.concatenate([after[e.name] for e in flights]) / np.maximum(noise.rms[WRENCH], 1e-12)
@@ -126,7 +107,7 @@ def regimes(flights: Sequence[FlightResiduals], after: dict[str, np.ndarray], no
         value = np.concatenate([q[name][0] for q in all_of])
         if np.ptp(value) < LEAST_SPAN:
             continue
-        edges = round_bounds(value)
+        edges = _round_bounds(value)
         for i in range(len(edges) - 1):
             inside = (value >= edges[i]) & ((value < edges[i + 1]) | (i == len(edges) - 2))
             if not inside.any():
@@ -137,7 +118,7 @@ def regimes(flights: Sequence[FlightResiduals], after: dict[str, np.ndarray], no
     return tuple(out)
 
 
-def round_bounds(value: np.ndarray) -> np.ndarray:
+def _round_bounds(value: np.ndarray) -> np.ndarray:
     """Return increasing multiples of 1, 2 or 5 times a power of ten that hold all values, some `BINS` ranges."""
     low, high = np.quantile(value, (RARE, 1 - RARE))
     width = max(high - low, LEAST_SPAN) / BINS
@@ -148,14 +129,8 @@ def round_bounds(value: np.ndarray) -> np.ndarray:
     return step * np.unique([outer[0], *inner, outer[1]])
 
 
-def bands(flights: Sequence[FlightResiduals], after: dict[str, np.ndarray], noise: NoiseModel) -> tuple[Band, ...]:
-    """Return Welch spectra by channel before and after, averaged over flights, with those of the noise model.
-
-    Args:
-        flights: the flights.
-        after: by flight, (m, 6) residual after the causes [N, N·m].
-        noise: noise model of the channels.
-    """
+def _bands(flights: Sequence[FlightResiduals], after: dict[str, np.ndarray], noise: NoiseModel) -> tuple[Band, ...]:
+    """Return Welch spectra by channel before and after, averaged over flights, with those of the noise model."""
     rate = 1.0 / flights[0].grid.step
     length = min(256, *(len(e.t) for e in flights))
 

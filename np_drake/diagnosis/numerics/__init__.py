@@ -3,17 +3,4 @@
 from np_drake.diagnosis.numerics.bayesian_linear_regression import Gram
 from np_drake.diagnosis.numerics.gauss_newton import minimise
 from np_drake.diagnosis.numerics.noise_fit import fit_noise, no_worse, scale_only, with_loudness
-from np_drake.diagnosis.numerics.noise_model import NoiseModel, Readings, banded, filtered
-
-__all__ = [
-    "Gram",
-    "NoiseModel",
-    "Readings",
-    "banded",
-    "filtered",
-    "fit_noise",
-    "minimise",
-    "no_worse",
-    "scale_only",
-    "with_loudness",
-]
+from np_drake.diagnosis.numerics.noise_model import NoiseModel, Readings

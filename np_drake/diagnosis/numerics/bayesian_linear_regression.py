@@ -1,68 +1,64 @@
 """Bayesian linear regression on Gram matrices: log evidence and posterior of any subset of columns.
 
 y = X c + n, n white with unit variance, c ~ N(0, 1) for each column (columns carry the scale of the prior).
-log p(y) = -1/2 (y'y - b' A^-1 b) - 1/2 log det A + const, with A = X'X + 1, b = X'y.
-
-Source: standard.
+log p(y) = -1/2 (y'y - b' A^-1 b) - 1/2 log det A + const, with A = X'X + 1, b = X'y.   Source: standard.
 """
 
 import dataclasses as dc
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from scipy.linalg import lapack
+from scipy import linalg
 
 AT_ONCE = 200_000  # matrix entries of the sets that are solved together
 
 
 @dc.dataclass(frozen=True)
 class Gram:
-    """Sufficient statistics of a regression: X'X (k, k), X'y (k,), y'y and the number of samples."""
+    """Statistics of a regression on which its posterior depends: X'X (k, k) and X'y (k,)."""
 
     XX: np.ndarray
     Xy: np.ndarray
-    yy: float
-    samples: int
 
     def __add__(self, other: "Gram") -> "Gram":
-        return Gram(self.XX + other.XX, self.Xy + other.Xy, self.yy + other.yy, self.samples + other.samples)
+        return Gram(self.XX + other.XX, self.Xy + other.Xy)
 
     def tempered(self, temperature: float) -> "Gram":
         """Return the statistics as if the noise had `temperature` times its variance."""
-        return Gram(self.XX / temperature, self.Xy / temperature, self.yy / temperature, self.samples)
+        return Gram(self.XX / temperature, self.Xy / temperature)
 
     def only(self, index: np.ndarray) -> "Gram":
         """Return the statistics of the columns `index` alone."""
-        return Gram(self.XX[np.ix_(index, index)], self.Xy[index], self.yy, self.samples)
+        return Gram(self.XX[np.ix_(index, index)], self.Xy[index])
 
-    def given(self, n: int) -> tuple["Gram", float]:
-        """Return the statistics of the other columns when every model holds the first n, and the log evidence of these.
+    def given(self, n: int) -> "Gram":
+        """Return the statistics of the other columns when every model holds the first n.
 
-        The log evidence of any set together with the first n is the sum of that of the set here and that of the n. The
-        posterior of a set together with the first n is, for the coefficients of the set, that of the set here.
+        The log evidence of a set together with the first n is that of the set here plus that of the n alone; the
+        posterior of its coefficients is the same.
         """
         # Block elimination: the Schur complement of the first n columns is the Gram matrix of what they leave.
         factor = np.linalg.cholesky(self.XX[:n, :n] + np.eye(n))
         B = np.linalg.solve(factor, self.XX[:n, n:])
         b = np.linalg.solve(factor, self.Xy[:n])
-        rest = Gram(self.XX[n:, n:] - B.T @ B, self.Xy[n:] - B.T @ b, float(self.yy - b @ b), self.samples)
-        return rest, float(0.5 * b @ b - np.log(np.diag(factor)).sum())
+        return Gram(self.XX[n:, n:] - B.T @ B, self.Xy[n:] - B.T @ b)
 
     def log_evidence(self, index: np.ndarray) -> float:
         """Return the log evidence of the columns `index`, less that of the empty model [nat]."""
         if len(index) == 0:
             return 0.0
-        return _solved(self.XX[index[:, None], index], self.Xy[index])[1]
+        factor, _ = linalg.cho_factor(
+            self.XX[index[:, None], index] + np.eye(len(index)), lower=True, check_finite=False
+        )
+        mean = linalg.cho_solve((factor, True), self.Xy[index], check_finite=False)
+        return float(0.5 * self.Xy[index] @ mean - np.log(factor.diagonal()).sum())
 
     def evidence_of_sets(self, sets: Sequence[Sequence[np.ndarray]], wide: Sequence[Sequence[bool]]) -> np.ndarray:
         """Return the log evidence (n,) of n sets of column groups, less that of the empty model [nat].
 
-        Where `wide`, the prior of a group widens to the size of its estimate. A large effect then does not lose to two
-        effects of the usual size.
-
         Args:
             sets: for each set, the column indices of its groups.
-            wide: for each set, by group, whether its prior may widen.
+            wide: for each set, by group, whether its prior may widen to the size of its estimate.
         Source: local empirical Bayes (Liang et al. 2008, Mixtures of g priors); one width for each group, at least 1.
         """
         evidence = np.zeros(len(sets))
@@ -108,14 +104,3 @@ def _alike(sizes: Sequence[int], at_once: int = AT_ONCE) -> Iterator[np.ndarray]
         same = np.flatnonzero(np.equal(sizes, size))
         most = max(1, at_once // size**2)
         yield from (same[first : first + most] for first in range(0, len(same), most))
-
-
-def _solved(XX: np.ndarray, Xy: np.ndarray) -> tuple[np.ndarray, float]:
-    """Return the posterior mean (k,) and the log evidence from one Cholesky factor."""
-    A = XX.copy()
-    A[np.diag_indices(len(A))] += 1.0
-    factor, failed = lapack.dpotrf(A, lower=1)
-    if failed:
-        raise np.linalg.LinAlgError("the Gram matrix of a set of columns is not positive definite")
-    mean, _ = lapack.dpotrs(factor, Xy, lower=1)
-    return mean, float(0.5 * Xy @ mean - np.log(factor.diagonal()).sum())

@@ -1,7 +1,6 @@
 """Damped Gauss-Newton within bounds on the normal equations, for tall problems with costly evaluations.
 
-Source: own choice over scipy's trust region, which decomposes the tall Jacobian at every step. That costs more than
-everything else.
+Source: own choice over scipy's trust region, which decomposes the tall Jacobian at every step.
 """
 
 import dataclasses as dc
@@ -9,7 +8,6 @@ from collections.abc import Callable
 
 import numpy as np
 
-ITERATIONS = 8
 TRIES = 4  # damping values tried in one iteration
 DONE = 0.1  # change of the cost that ends the descent; costs are negative log likelihoods [nat]
 
@@ -31,12 +29,10 @@ def minimise(
     start: np.ndarray,
     lower: np.ndarray,
     upper: np.ndarray,
-    iterations: int = ITERATIONS,
+    iterations: int = 8,
     settled: np.ndarray | None = None,
 ) -> Minimum:
     """Minimise 1/2 |r(z)|² within bounds, from `start`.
-
-    A parameter at its bound stays there while the descent direction points outwards.
 
     Args:
         residual: maps z (n,) to r (m,).

@@ -20,8 +20,6 @@ QUIETEST = 0.1  # least error of a flight over that of all, so that a flight at 
 def scale_only(residuals: list[np.ndarray], step: float) -> NoiseModel:
     """Return white noise with the RMS of the residuals.
 
-    With it, generalised least squares becomes ordinary least squares on scaled channels.
-
     Args:
         residuals: (m, c) residuals of each flight.
         step: sample interval [s].
@@ -42,20 +40,14 @@ def with_loudness(noise: NoiseModel, residuals: list[np.ndarray], flights: Seque
     Source: feasible generalised least squares with one variance for each group.
     """
     usual = np.sqrt(np.maximum(noise.innovation, 1e-300))
-    driven = [np.sqrt(np.mean(_innovations(noise, r) ** 2, axis=0)) for r in residuals]
+    channels = range(len(usual))
+    driven = [np.array([np.sqrt(np.mean(noise.driven_in(c, r[:, c]) ** 2)) for c in channels]) for r in residuals]
     own = [np.where(noise.active, np.maximum(d / usual, QUIETEST), 1.0) for d in driven]
     return dc.replace(noise, loudness=dict(zip(flights, own, strict=True)))
 
 
-def _innovations(noise: NoiseModel, residual: np.ndarray) -> np.ndarray:
-    """Return the innovations (m - p, c) of a residual (m, c)."""
-    return np.stack([noise.driven_in(c, residual[:, c]) for c in range(residual.shape[1])], axis=1)
-
-
 def no_worse(residuals: list[np.ndarray], before: list[np.ndarray]) -> list[np.ndarray]:
     """Return the residuals, except in channels that a fit has made worse: there return those `before` the fit.
-
-    A poor fit would otherwise raise the noise level and so excuse itself.
 
     Args:
         residuals: (m, c) residuals of each flight after the fit.
@@ -74,11 +66,8 @@ def fit_noise(
     inexact: float = 0.0,
     slow: np.ndarray | None = None,
     white: np.ndarray | None = None,
-    order: int = ORDER,
 ) -> NoiseModel:
-    """Fit the noise model to the residuals of one or more flights.
-
-    The mean of each flight is removed first: noise has none, and a mean is a finding.
+    """Fit the noise model to the residuals of one or more flights, the mean of each removed: it is a finding.
 
     Args:
         residuals: (m, c) residuals of each flight.
@@ -87,19 +76,18 @@ def fit_noise(
         inexact: relative error of that prediction [1].
         slow: (c,) RMS of errors that hardly change over the memory of the noise model.
         white: (c,) RMS of white errors that the residuals may lack.
-        order: order of the autoregression [1].
     """
     drift, sudden = (np.zeros(residuals[0].shape[1]) if rms is None else rms**2 for rms in (slow, white))
     smear = [inexact * (p - p.mean(axis=0)) for p in explained or []] if inexact else []
     residuals = [r - r.mean(axis=0) for r in residuals]
     channels = residuals[0].shape[1]
-    phi = np.zeros((channels, order))
+    phi = np.zeros((channels, ORDER))
     innovation = np.zeros(channels)
     total = sum(len(r) for r in residuals)
     rms = np.sqrt(sum(np.sum(r**2, axis=0) for r in residuals) / total)
     rms[rms**2 < ACTIVE] = 0.0
     for c in np.flatnonzero(rms):
-        lags = sum((_autocovariance(r[:, c], order) for r in [*residuals, *smear]), np.zeros(order + 1)) / total
+        lags = sum((_autocovariance(r[:, c]) for r in [*residuals, *smear]), np.zeros(ORDER + 1)) / total
         lags += drift[c]
         lags[0] = (1 + RIDGE) * lags[0] + sudden[c]
         # Yule-Walker: the autocovariances at lags 0 … p solve for phi, by Levinson's recursion.
@@ -107,17 +95,17 @@ def fit_noise(
         innovation[c] = lags[0] - phi[c] @ lags[1:]
     plain = NoiseModel(phi, np.eye(channels), rms, innovation, step)
     driven = np.concatenate([plain.whiten(r) for r in [*residuals, *smear]])
-    rows = total - order * len(residuals)
+    rows = total - ORDER * len(residuals)
     sudden = np.where(plain.active, sudden * (1 + np.sum(phi**2, axis=1)), 0.0)
     return dc.replace(plain, mixing=_mixing(driven.T @ driven / rows + np.diag(sudden), plain.active))
 
 
-def _autocovariance(e: np.ndarray, order: int) -> np.ndarray:
-    """Return the sums of lagged products (order + 1,) of e (n,)."""
-    size = 2 ** int(np.ceil(np.log2(len(e) + order + 1)))
+def _autocovariance(e: np.ndarray) -> np.ndarray:
+    """Return the sums of lagged products (`ORDER` + 1,) of e (n,)."""
+    size = 2 ** int(np.ceil(np.log2(len(e) + ORDER + 1)))
     # Wiener-Khinchin: the autocovariance is the inverse transform of the power, zero-padded against wrap-around.
     power = np.abs(np.fft.rfft(e, size)) ** 2
-    return np.fft.irfft(power, size)[: order + 1]
+    return np.fft.irfft(power, size)[: ORDER + 1]
 
 
 def _mixing(covariance: np.ndarray, active: np.ndarray) -> np.ndarray:

@@ -2,63 +2,18 @@
 
 Each channel follows e_k = sum_i phi_i e_(k-i) + n_k. The innovations are correlated across channels, n ~ N(0, Sigma).
 Least squares on whitened channels is generalised least squares.
-
-Source of the filters: own choice over scipy's, which take the columns one by one and three times as long.
 """
 
 import dataclasses as dc
-import math
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.lib.stride_tricks import as_strided
+from numpy.lib.stride_tricks import sliding_window_view
 
 from np_drake.diagnosis.options import Tolerance
 from np_drake.files.stored_number import stored_numbers
-
-BLOCK = 32  # output rows that are filtered at a time
-
-
-def banded(taps: np.ndarray, every: int = 1) -> np.ndarray:
-    """Return the banded matrix that applies taps to `BLOCK` output rows at once.
-
-    Args:
-        taps: (..., p) weights.
-        every: decimation: input rows for each output row.
-    Returns: (..., `BLOCK`, q) matrix that maps q input rows to `BLOCK` outputs.
-    """
-    p = taps.shape[-1]
-    band = np.zeros((*taps.shape[:-1], BLOCK, (BLOCK - 1) * every + p))
-    for i in range(BLOCK):
-        band[..., i, i * every : i * every + p] = taps
-    return band
-
-
-def filtered(band: np.ndarray, values: np.ndarray, every: int = 1) -> np.ndarray:
-    """Return weighted sums of neighbouring rows.
-
-    Args:
-        band: matrix of the taps (p,) from `banded`.
-        values: (n, k) input; the first output covers its first p rows.
-        every: decimation, as given to `banded`.
-    Returns: ((n - p) // every + 1, k) outputs.
-    """
-    p, (n, k) = band.shape[1] - (BLOCK - 1) * every, values.shape
-    count = (n - p) // every + 1
-    whole, rest = divmod(count, BLOCK)
-    out = np.empty((count, k))
-    if whole:
-        row, item = values.strides
-        shape, steps = (whole, band.shape[1], k), (BLOCK * every * row, row, item)
-        blocks = as_strided(values, shape, steps, writeable=False)
-        np.matmul(band, blocks, out=out[: whole * BLOCK].reshape(whole, BLOCK, k))
-    if rest:
-        last = (rest - 1) * every + p
-        out[whole * BLOCK :] = band[:rest, :last] @ values[whole * BLOCK * every :][:last]
-    return out
-
 
 # What a stored noise model may hold, own choice: beyond it a file is damaged.
 MOST_LAGS, LARGEST = 1000, 1e12
@@ -90,27 +45,14 @@ class NoiseModel:
         return self.rms > 0
 
     def head(self, channels: int) -> "NoiseModel":
-        """Return the model of the first channels alone.
-
-        This is exact because the mixing matrix is lower triangular.
-        """
-        return NoiseModel(
-            self.phi[:channels],
-            self.mixing[:channels, :channels],
-            self.rms[:channels],
-            self.innovation[:channels],
-            self.step,
-        )
+        """Return the model of the first channels alone; exact, as the mixing matrix is lower triangular."""
+        own = slice(channels)
+        return NoiseModel(self.phi[own], self.mixing[own, own], self.rms[own], self.innovation[own], self.step)
 
     @cached_property
     def weight(self) -> np.ndarray:
         """(c, c) inverse covariance of the innovations; zero for absent channels."""
         return self.mixing.T @ self.mixing
-
-    @cached_property
-    def _bands(self) -> np.ndarray:
-        """(c, ...) banded filter of each channel that maps its values to its innovations (`banded`)."""
-        return banded(np.concatenate([-self.phi[:, ::-1], np.ones((len(self.phi), 1))], axis=1))
 
     def whiten(self, values: np.ndarray, flight: str = "") -> np.ndarray:
         """Return the channels of a flight whitened to unit variance.
@@ -120,27 +62,13 @@ class NoiseModel:
             flight: name of the flight, whose `loudness` applies.
         Returns: (m - p, c, ...) whitened values; the first p rows are dropped.
         """
-        channels, driven = self.driven(values, flight)
-        flat = driven.reshape(*driven.shape[:2], math.prod(values.shape[2:]))
-        mixed = np.matmul(np.ascontiguousarray(self.mixing[:, channels]), flat)
-        return mixed.reshape(len(mixed), *values.shape[1:])
-
-    def driven(self, values: np.ndarray, flight: str = "") -> tuple[np.ndarray, np.ndarray]:
-        """Return the innovations of the active channels that are not all zero.
-
-        Args:
-            values: (m, c, ...) channels, or columns in these channels.
-            flight: name of the flight, whose `loudness` applies.
-        Returns: (a,) indices of these channels, and (m - p, a, ...) their innovations.
-        """
         flat = np.asarray(values, float).reshape(*values.shape[:2], -1)
         parts = self._driven([flat], flight)
-        n, k = len(flat) - self.phi.shape[1], flat.shape[2]
-        driven = np.zeros((n, len(parts), k))
+        driven = np.zeros((len(flat) - self.phi.shape[1], len(parts), flat.shape[2]))
         for i, (_, some, part) in enumerate(parts):
-            driven[:, i, slice(None) if len(some) == k else some] = part
-        channels = np.array([c for c, _, _ in parts], dtype=int)
-        return channels, driven.reshape(n, len(parts), *values.shape[2:])
+            driven[:, i, some] = part
+        mixed = np.matmul(self.mixing[:, [c for c, _, _ in parts]], driven)
+        return mixed.reshape(len(mixed), *values.shape[1:])
 
     def driven_in(self, channel: int, values: np.ndarray, flight: str = "") -> np.ndarray:
         """Return the innovations (m - p, ...) of one channel with values (m, ...).
@@ -150,15 +78,14 @@ class NoiseModel:
             values: (m, ...) of the channel.
             flight: name of the flight, whose `loudness` applies.
         """
-        flat = np.ascontiguousarray(values, float).reshape(len(values), math.prod(values.shape[1:]))
-        driven = filtered(self._bands[channel], flat) if self.phi[channel].any() else flat[self.phi.shape[1] :]
-        driven = driven.reshape(len(driven), *values.shape[1:])
+        phi, values = self.phi[channel], np.ascontiguousarray(values, float)
+        driven = values[len(phi) :]
+        if phi.any() and len(driven):
+            driven = driven - sliding_window_view(values[:-1], len(phi), axis=0) @ phi[::-1]
         return driven if flight not in self.loudness else driven / self.loudness[flight][channel]
 
     def products(self, columns: Sequence[np.ndarray], flight: str = "") -> np.ndarray:
         """Return the inner products of whitened columns.
-
-        Columns that are zero in a channel are skipped there; most effects act in few channels.
 
         Args:
             columns: groups (m, c, k_i) of columns of one flight.
@@ -184,10 +111,9 @@ class NoiseModel:
         groups = list(zip(columns, there, strict=True))
         parts = []
         for c in np.flatnonzero(self.active & acts.any(axis=0)).tolist():
-            own = [_columns(X[:, c], some[c]) for (X, some), here in zip(groups, acts[:, c], strict=True) if here]
+            own = [X[:, c, some[c]] for (X, some), here in zip(groups, acts[:, c], strict=True) if here]
             where = np.flatnonzero(np.concatenate([some[c] for some in there]))
-            values = own[0] if len(own) == 1 else np.concatenate(own, axis=1)
-            parts.append((c, where, self.driven_in(c, values, flight)))
+            parts.append((c, where, self.driven_in(c, np.concatenate(own, axis=1), flight)))
         return parts
 
     def spectrum(self, frequency: np.ndarray) -> np.ndarray:
@@ -195,11 +121,6 @@ class NoiseModel:
         z = np.exp(-2j * np.pi * frequency * self.step)
         powers = z[None, :] ** np.arange(1, self.phi.shape[1] + 1)[:, None]
         return 2 * self.step * self.innovation[:, None] / np.abs(1 - self.phi @ powers) ** 2
-
-
-def _columns(values: np.ndarray, some: np.ndarray) -> np.ndarray:
-    """Return the columns of values (n, k) selected by `some` (k,); a view where all are."""
-    return values if some.all() else values[:, some]
 
 
 @dc.dataclass(frozen=True)

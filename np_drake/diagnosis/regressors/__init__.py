@@ -15,9 +15,16 @@ from np_drake.diagnosis.regressors.library import (
     switched,
     wind_candidates,
 )
-from np_drake.diagnosis.regressors.nuisance import calibration, calibration_terms, tolerance_of, with_input
-from np_drake.diagnosis.regressors.payload import AT_REST, SHAPE, WIDEST, Guess, PayloadColumns, heavy_enough
-from np_drake.diagnosis.regressors.payload_grid import payload_about, payload_candidates, payloads_of
+from np_drake.diagnosis.regressors.nuisance import calibration, calibration_terms, options_of, tolerance_of, with_input
+from np_drake.diagnosis.regressors.payload import (
+    AT_REST,
+    SHAPE,
+    Guess,
+    PayloadColumns,
+    heavy_enough,
+    payload_about,
+    payloads_of,
+)
 from np_drake.diagnosis.regressors.regression_problem import Model, RegressionProblem, prior_of
 from np_drake.diagnosis.regressors.switched_regressors import (
     Sums,
@@ -25,40 +32,3 @@ from np_drake.diagnosis.regressors.switched_regressors import (
     SwitchedSums,
     onset_log_likelihood,
 )
-
-__all__ = [
-    "AT_REST",
-    "DRAG",
-    "GUSTY",
-    "LINEAR",
-    "PAYLOAD",
-    "PREFIX",
-    "SHAPE",
-    "WIDEST",
-    "WIND",
-    "Candidate",
-    "Guess",
-    "Model",
-    "Onset",
-    "PayloadColumns",
-    "RegressionProblem",
-    "Sums",
-    "SwitchedRegressors",
-    "SwitchedSums",
-    "at_value",
-    "calibration",
-    "calibration_terms",
-    "generic_candidates",
-    "heavy_enough",
-    "hidden_from",
-    "library_candidates",
-    "onset_log_likelihood",
-    "payload_about",
-    "payload_candidates",
-    "payloads_of",
-    "prior_of",
-    "switched",
-    "tolerance_of",
-    "wind_candidates",
-    "with_input",
-]

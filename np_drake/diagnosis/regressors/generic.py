@@ -1,7 +1,4 @@
-"""Generic structure: groups of columns that compete with the library for the same evidence.
-
-Each group depends on one signal: body rates, position, command, height, or a resonance. A library effect that explains
-as much with fewer parameters wins over it.
+"""Generic structure: groups of columns, each of one signal, that compete with the library for the same evidence.
 
 Source: own choice of groups.
 """
@@ -14,9 +11,12 @@ import numpy as np
 from scipy import signal
 from scipy.cluster.vq import kmeans2
 
+from np_drake import attitude
 from np_drake.diagnosis.options import Priors
 from np_drake.diagnosis.regressors.library import Candidate
-from np_drake.diagnosis.residuals import FlightResiduals, FlightState, flight_state
+from np_drake.diagnosis.residuals import WRENCH, FlightResiduals
+from np_drake.effects.random_sizes import arm
+from np_drake.rigid_body import P, V
 
 PREFIX = "unknown:"
 RESONANCES = (0.4, 0.6, 0.8, 1.05, 1.4, 1.8, 2.4, 3.2, 4.2)  # [Hz]
@@ -24,13 +24,52 @@ DAMPING = 0.1  # damping of the resonances in the grids [1]
 TWISTS = tuple(0.7 * 1.3**k for k in range(9))  # frequencies of resonances between command and torque [Hz]
 ELSEWHERE = "the same trajectory, moved by a metre"  # ends a force tied to a place
 CENTRES = 10  # number of centres of the position group
-WORDS = {  # by what a log holds: what drives the twist, the thrust, and another axis, and what would end a twist
-    "command": ("the commanded torque", "its command", "the command", "log rotor speed on the same trajectory"),
-    "rotor_speed": (
-        *("the torque of the rotors", "the square of rotor speed", "that"),
-        "the same trajectory with battery, cables and loose parts taped down",
+GROUPS = {  # what each is, and the measurement that would end it
+    "rates": ("a torque that goes with body rates", "doublets about each axis, then the same at twice the rate"),
+    "side force": ("a force across velocity and body rate", "level turns at one speed, to the left and to the right"),
+    "velocity": ("a force and torque that go with velocity", "the same trajectory at twice the speed"),
+    "cross flow": (
+        "a force that goes with the product of two velocities",
+        "the same straight leg with headings 45° apart",
     ),
+    "thrust curve": ("thrust that is no straight line of {thrust}", "hover with a known weight, then without it"),
+    "command": ("torque that goes with {other} of another axis", "doublets about one axis at a time"),
+    "height": ("a force that goes with height", "hover at three heights, 5 s each"),
+    "place": ("a force tied to a place", ELSEWHERE),
 }
+WORDS = {"thrust": "its command", "other": "the command", "torque": "the commanded torque"}
+ROTOR_WORDS = {"thrust": "the square of rotor speed", "other": "that", "torque": "the torque of the rotors"}
+# Variance of an axis over that of its noise, below which it is no regressor [1]; own choice.
+LEAST_SIGNAL_TO_NOISE = 4.0
+
+
+class FlightState:
+    """State of a flight on its grid, with noise removed from velocity and body rates.
+
+    v, w (m, 3): velocity and body rates in B [m/s, rad/s]; p (m, 3): position in W [m]; R (m, 3, 3): R_WB.
+    u (m, 4): nominal thrust and torques [N, N·m]; rotor (m, 4): nominal rotor thrusts [N].
+    torque_unit (3,): lever arms that scale torque priors [m]; weight [N]; gravity [m/s²]; step [s].
+    """
+
+    def __init__(self, e: FlightResiduals):
+        self.vehicle, self.weight, self.gravity, self.step = e.vehicle, e.weight, e.vehicle.gravity, e.grid.step
+        v_B = attitude.rotate_back(e.mids.q, e.wrench_states[1][:, V])
+        self.v, self.w = _above_noise(e.from_mids(v_B), e.log.v), _above_noise(e.w, e.log.w)
+        self.p, self.R = e.from_mids(e.mids.x[:, P]), e.from_mids(attitude.rotation_matrix(e.mids.q))
+        self.u = e.nominal[:, 2:]
+        self.rotor = self.u @ e.vehicle.unmixer.T
+        self.torque_unit = arm(e.vehicle) * np.array([0.3, 0.3, 0.1])
+
+
+def _above_noise(values: np.ndarray, read: np.ndarray) -> np.ndarray:
+    """Return values (m, 3) with each axis shrunk by its share of signal, given the white noise of the readings (n, 3).
+
+    The noise is the mean over the three axes, because v is rotated from W to B.   Source: Wiener gain.
+    """
+    noise = np.mean(np.diff(read, n=2, axis=0) ** 2) / 6.0  # second differences have six times the variance
+    return values * np.clip(1 - LEAST_SIGNAL_TO_NOISE * noise / np.maximum(values.var(axis=0), 1e-12), 0.0, 1.0)
+
+
 Pushes = Callable[[FlightState], np.ndarray]  # (m, 6, k) force and torque in B in units of their prior
 
 
@@ -41,55 +80,37 @@ def generic_candidates(flights: Sequence[FlightResiduals], priors: Priors) -> li
         flights: the flights.
         priors: priors of parameters, swings and onsets.
     """
-    states = {e.name: flight_state(e) for e in flights}
+    states = {e.name: FlightState(e) for e in flights}
     lacks = {quantity for e in flights for quantity in e.log.lacks}
-    torque, thrust, other, still = WORDS["rotor_speed" if flights[0].log.input == "rotor_speed" else "command"]
-    found = [
-        _candidate(flights, states, priors, name, (text, measurement), pushes)
-        for name, text, measurement, pushes, needed in (
-            (
-                *("rates", "a torque that goes with body rates"),
-                *("doublets about each axis, then the same at twice the rate", _damping, ""),
-            ),
-            (
-                *("side force", "a force across velocity and body rate"),
-                *("level turns at one speed, to the left and to the right", _side_force, "velocity"),
-            ),
-            (
-                *("velocity", "a force and torque that go with velocity"),
-                *("the same trajectory at twice the speed", _velocity, "velocity"),
-            ),
-            (
-                *("cross flow", "a force that goes with the product of two velocities"),
-                *("the same straight leg with headings 45° apart", _cross_flow, "velocity"),
-            ),
-            (
-                *("thrust curve", f"thrust that is no straight line of {thrust}"),
-                *("hover with a known weight, then without it", _thrust_curve, ""),
-            ),
-            (
-                *("command", f"torque that goes with {other} of another axis"),
-                *("doublets about one axis at a time", _coupling, ""),
-            ),
-            ("height", "a force that goes with height", "hover at three heights, 5 s each", _height, "height"),
-            ("place", "a force tied to a place", ELSEWHERE, _place(states), "height"),
-        )
-        if needed not in lacks
-    ]
-    for name, driven, measurement, frequencies, pushes in (
+    measured = flights[0].log.input == "rotor_speed"
+    words = ROTOR_WORDS if measured else WORDS
+    found = []
+    for name, pushes, needed in (
+        ("rates", _damping, ""),
+        ("side force", _side_force, "velocity"),
+        ("velocity", _velocity, "velocity"),
+        ("cross flow", _cross_flow, "velocity"),
+        ("thrust curve", _thrust_curve, ""),
+        ("command", _coupling, ""),
+        ("height", _height, "height"),
+        ("place", _place(states), "height"),
+    ):
+        if needed not in lacks:
+            text, measurement = GROUPS[name]
+            found.append(_candidate(flights, states, priors, name, (text.format(**words), measurement), pushes))
+    loose = "the same trajectory with battery, cables and loose parts taped down"
+    still = loose if measured else "log rotor speed on the same trajectory"
+    for name, driven, measurement, frequencies, resonance in (
         (
             *("resonance", "the motion", "a flight without payload, cables and loose parts"),
             *(() if "attitude" in lacks else RESONANCES, _resonance),
         ),
-        ("twist", torque, still, TWISTS, partial(_twist, priors=priors)),
+        ("twist", words["torque"], still, TWISTS, partial(_twist, priors=priors)),
     ):
-        if not frequencies:
-            continue
-        prior = -math.log(len(frequencies))
         for f in frequencies:
-            text = f"an answer to {driven} with a resonance near {f:.3g} Hz"
-            figures = {"frequency": f}
-            found.append(_candidate(flights, states, priors, name, (text, measurement), pushes(f), prior, figures))
+            said = (f"an answer to {driven} with a resonance near {f:.3g} Hz", measurement)
+            prior = -math.log(len(frequencies))
+            found.append(_candidate(flights, states, priors, name, said, resonance(f), prior, {"frequency": f}))
     return found
 
 
@@ -99,13 +120,11 @@ def _candidate(
     """Return a group as a candidate; `said` is what it is, and the measurement that would end it."""
 
     def columns(e: FlightResiduals, pushes: Pushes = pushes) -> np.ndarray:
-        state = states.get(e.name) or flight_state(e)
-        weight = e.weight
-        arm = float(np.mean(np.linalg.norm(np.array(e.vehicle.rotor_positions), axis=1)))
-        size = priors.generic_size * weight * np.array([1, 1, 1, 0.3 * arm, 0.3 * arm, 0.1 * arm])
+        state = states.get(e.name) or FlightState(e)
+        size = priors.generic_size * e.weight * np.append(np.ones(3), state.torque_unit)
         unscaled = pushes(state)
         X = np.zeros((*e.y.shape, unscaled.shape[-1]))
-        X[:, :6] = size[:, None] * unscaled
+        X[:, WRENCH] = size[:, None] * unscaled
         return X
 
     return Candidate(
@@ -161,7 +180,7 @@ def _thrust_curve(s: FlightState) -> np.ndarray:
     """Return square and cube of every rotor's relative thrust, the same curve for all four rotors."""
     relative = s.rotor / s.rotor.mean() - 1
     powers = np.stack([relative**2, relative**3], axis=2)
-    u = np.einsum("ij,mjk->mik", s.mixer, powers)
+    u = np.einsum("ij,mjk->mik", s.vehicle.mixer, powers)
     out = np.zeros((len(u), 6, 2))
     out[:, 2] = 4 * u[:, 0]
     out[:, 3:] = u[:, 1:] * (1.0 / s.torque_unit)[:, None]
@@ -203,26 +222,25 @@ def _place(states: dict[str, FlightState]) -> Pushes:
 
 
 @lru_cache(maxsize=32)
-def _oscillator(omega: float, damping: float, step: float) -> tuple[np.ndarray, np.ndarray]:
+def _oscillator(omega: float, step: float) -> tuple[np.ndarray, np.ndarray]:
     """Return numerator and denominator of w² / (s² + 2 z w s + w²), discretised at `step` [s]."""
-    b, a, _ = signal.cont2discrete(([omega**2], [1.0, 2 * damping * omega, omega**2]), step, method="bilinear")
+    b, a, _ = signal.cont2discrete(([omega**2], [1.0, 2 * DAMPING * omega, omega**2]), step, method="bilinear")
     return b.ravel(), a
 
 
-def _resonance(frequency: float, damping: float = DAMPING) -> Pushes:
+def _resonance(frequency: float) -> Pushes:
     """Return the response of a lightly damped resonance to the motion: force along an axis, torque across.
 
-    Each has two phases. The input is the acceleration that the command gives. The measured one contains every force and
-    would explain itself.
+    Each has two phases. The input is the acceleration that the command gives: the measured one would explain itself.
     """
     omega = 2 * np.pi * frequency
 
     def pushes(s: FlightState) -> np.ndarray:
-        b, a = _oscillator(omega, damping, s.step)
+        b, a = _oscillator(omega, s.step)
         drive = s.R[:, :, 2] * (s.u[:, :1] / s.weight * s.gravity)
         answer = signal.lfilter(b, a, (drive - drive.mean(axis=0)) / 2.0, axis=0)
         lagged = signal.lfilter([1.0 / s.step, -1.0 / s.step], [1.0], answer, axis=0) / omega
-        pair = 2 * damping * (np.swapaxes(s.R, 1, 2) @ np.stack([answer, lagged], axis=2))
+        pair = 2 * DAMPING * (np.swapaxes(s.R, 1, 2) @ np.stack([answer, lagged], axis=2))
         parts = [_each(pair[:, i], [i]) for i in range(3)]
         parts += [_each(pair[:, 0], [4]), _each(pair[:, 1], [3])]
         return _joined(*parts)
@@ -230,16 +248,15 @@ def _resonance(frequency: float, damping: float = DAMPING) -> Pushes:
     return pushes
 
 
-def _twist(frequency: float, damping: float = DAMPING, *, priors: Priors) -> Pushes:
+def _twist(frequency: float, priors: Priors) -> Pushes:
     """Return the torque of a lightly damped resonance that the commanded torque drives, separately for every axis.
 
-    With G = w² / (D² + 2 z w D + w²) the columns are G, D G / w, G² and D G² / w. They span G and its derivatives by w
-    and z, so that a resonance between two grid frequencies, or with other damping, is matched to first order.
+    With G = w² / (D² + 2 z w D + w²) the columns are G, D G / w, G² and D G² / w: its derivatives by w and z.
     """
     omega = 2 * np.pi * frequency
 
     def pushes(s: FlightState) -> np.ndarray:
-        b, a = _oscillator(omega, damping, s.step)
+        b, a = _oscillator(omega, s.step)
         rest = signal.lfilter_zi(b, a)[:, None]
 
         def behind(drive: np.ndarray) -> np.ndarray:
@@ -248,7 +265,7 @@ def _twist(frequency: float, damping: float = DAMPING, *, priors: Priors) -> Pus
         once = behind(priors.twist_torque * s.u[:, 1:] / (priors.generic_size * s.weight * s.torque_unit))
         twice = behind(once)
         changes = [np.gradient(g, s.step, axis=0) / omega for g in (once, twice)]
-        peak = 2 * damping  # normalises the peak of G to one
+        peak = 2 * DAMPING  # normalises the peak of G to one
         parts = np.stack([peak * once, peak * changes[0], peak**2 * twice, peak**2 * changes[1]], axis=2)
         return _joined(*(_each(parts[:, i], [3 + i]) for i in range(3)))
 

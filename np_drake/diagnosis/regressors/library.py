@@ -45,9 +45,7 @@ class Candidate:
     onset: Onset = dc.field(default_factory=dict)
     possible: Callable[[np.ndarray], bool] | None = None  # whether coefficients are physical
     mended: Callable[[np.ndarray, np.ndarray], Mended] | None = None  # physical coefficients near a bound
-    generic: Callable[[FlightResiduals], np.ndarray] | None = (
-        None  # columns on any flight; None for effects of the library
-    )
+    generic: Callable[[FlightResiduals], np.ndarray] | None = None  # columns on any flight; None for library effects
     figures: dict[str, float] = dc.field(default_factory=dict)
     measurement: str = ""  # that would end what is generic
     onset_prior: float = 0.0
@@ -89,9 +87,7 @@ def hidden_from(flights: Sequence[FlightResiduals]) -> dict[str, str]:
 
 
 def library_candidates(flights: Sequence[FlightResiduals], onset: Onset | None = None) -> list[Candidate]:
-    """Return candidates for all effects of the library except wind and payload.
-
-    Winds act through drag effects, and payloads have hidden states; both are built elsewhere.
+    """Return candidates for all effects of the library except wind and payload, which are built elsewhere.
 
     Args:
         flights: the flights.
@@ -102,35 +98,25 @@ def library_candidates(flights: Sequence[FlightResiduals], onset: Onset | None =
     hidden = hidden_from(flights)
     beside = any(e.log.neighbours for e in flights)
     for identifier, effect in effects_for(flights[0].log.input, neighbours=beside).items():
-        if effect.needs or effect.has_hidden_state or (onset and not effect.begins):
-            continue
-        if identifier in hidden:
-            continue
-        found += effect_candidates(effect, flights, onset or {}, stages)
+        elsewhere = effect.needs or effect.has_hidden_state
+        if not elsewhere and identifier not in hidden and (effect.begins or not onset):
+            found += _effect_candidates(effect, flights, onset or {}, stages)
     return found
 
 
-def effect_candidates(
+def _effect_candidates(
     effect: type[Effect],
     flights: Sequence[FlightResiduals],
     onset: Onset,
     stages: Mapping[str, StageCache] | None = None,
 ) -> list[Candidate]:
-    """Return the variants of one effect as candidates.
-
-    Args:
-        effect: class of the effect.
-        flights: the flights.
-        onset: onsets by flight [s].
-        stages: by flight, cache of earlier predictions.
-    """
+    """Return the variants of one effect as candidates, from caches of earlier predictions by flight."""
     stages = stages or {e.name: StageCache() for e in flights}
-    discrete = [p for p in effect.parameters if p.choices]
     settings: list[dict[str, float]] = [{}]
-    for p in discrete:
-        settings = [{**s, p.name: choice} for s in settings for choice in p.choices]
+    for p in effect.parameters:
+        settings = [{**s, p.name: choice} for s in settings for choice in p.choices] if p.choices else settings
     grid = effect.grid(flights[0].vehicle)
-    if effect.linear or discrete or not grid:
+    if effect.linear or settings != [{}] or not grid:
         return [_linear(effect, flights, onset, s, len(settings), stages) for s in settings]
     return [at_value(effect, flights, onset, values, len(grid), stages) for values in grid]
 
@@ -143,7 +129,9 @@ def _linear(effect, flights, onset, fixed: dict[str, float], variants: int, stag
     def one(evidence: FlightResiduals) -> np.ndarray:
         columns = []
         for p in free:
-            step = _step_of(effect, p)
+            # Small where the effect is linear to first order only.
+            step = 0.1 * p.typical if effect.place in ("mass", "measurement") else p.typical
+            step = step if p.neutral + step <= p.upper else -step
             values = {**neutral, p.name: p.neutral + step}
             residual = predicted_residual(evidence, [Term(effect.of(values), onset)], stages[evidence.name])
             columns.append(residual / step)
@@ -156,30 +144,20 @@ def _linear(effect, flights, onset, fixed: dict[str, float], variants: int, stag
     label = ",".join(f"{k}={v:g}" for k, v in fixed.items())
     columns = {e.name: one(e) for e in flights}
     one_sided = np.array([p.lower == p.neutral for p in free])
-    mended = partial(not_negative, root, one_sided) if one_sided.any() else None
+    mended = partial(_not_negative, root, one_sided) if one_sided.any() else None
     prior = -math.log(variants)
     return Candidate((effect.identifier,), label, columns, terms, prior, onset, mended=mended)
 
 
-def not_negative(root: np.ndarray, one_sided: np.ndarray, mean: np.ndarray, covariance: np.ndarray) -> Mended:
-    """Return coefficients (k,) whose one-sided parameters are not negative, and the log probability of that.
+def _not_negative(root: np.ndarray, one_sided: np.ndarray, mean: np.ndarray, covariance: np.ndarray) -> Mended:
+    """Return coefficients (k,) whose one-sided parameters (k,) are not negative, and the log probability of that.
 
-    Args:
-        root: (k, k) matrix that maps coefficients to distances of the parameters from neutral.
-        one_sided: (k,) whether a parameter cannot be below its neutral value, as a drag that takes power.
-        mean: (k,) of the posterior.
-        covariance: (k, k) likewise.
+    root (k, k) maps coefficients, of posterior `mean` and `covariance`, to distances of the parameters from neutral.
     Source: own choice: each axis by itself.
     """
     away, spread = root @ mean, np.sqrt(np.diag(root @ covariance @ root.T))
     log_probability = special.log_ndtr(away / spread)[one_sided].sum()
     return np.linalg.solve(root, np.where(one_sided, np.maximum(away, 0.0), away)), float(log_probability)
-
-
-def _step_of(effect: type[Effect], p) -> float:
-    """Return the step of a parameter: small where the effect is linear to first order only, typical otherwise."""
-    step = 0.1 * p.typical if effect.place in ("mass", "measurement") else p.typical
-    return step if p.neutral + step <= p.upper else -step
 
 
 def at_value(effect, flights, onset, values: dict[str, float], variants: int, stages) -> Candidate:
@@ -215,29 +193,24 @@ def wind_candidates(
 ) -> list[Candidate]:
     """Return a steady wind with each drag of `plain`, as the columns of the drag and three more.
 
-    A drag that is weak or negative starts as a weak positive one, with a wind of the same force. Drag and wind of
-    opposite sign push alike, and a local optimiser cannot pass from one to the other.
+    A drag that is weak or negative starts as a weak positive one, with a wind of the same force: both of opposite sign
+    push alike, and a local optimiser cannot pass from one to the other.
 
     Args:
         flights: the flights.
         plain: candidates, the drags among which are taken.
         onset: onsets of the wind by flight [s].
     """
-    if WIND not in LIBRARY or DRAG not in LIBRARY:
-        return []
-    wind_class, drag_class = LIBRARY[WIND], LIBRARY[DRAG]
-    onset = onset or {}
-    vehicle = flights[0].vehicle
-    typical = usual_size(drag_class.parameters[0], vehicle)
-    speeds = np.array([usual_size(p, vehicle) for p in wind_class.parameters])
+    onset, vehicle = onset or {}, flights[0].vehicle
+    typical = usual_size(LinearDrag.parameters[0], vehicle)
+    speeds = np.array([usual_size(p, vehicle) for p in ConstantWind.parameters])
     out = []
     for drag in (c for c in plain if c.identifiers == (DRAG,)):
         columns = {}
         for e in flights:
-            unit = Term(drag_class.of(dict.fromkeys(("d_x", "d_y", "d_z"), typical)), drag.onset)
-            stages = StageCache()
+            unit, stages = Term(LinearDrag(typical, typical, typical), drag.onset), StageCache()
             still = predicted_residual(e, [unit], stages)
-            winds = [wind_class.of({"x": 0.0, "y": 0.0, "z": 0.0, axis: 1.0}) for axis in "xyz"]
+            winds = [ConstantWind(*axis) for axis in np.eye(3).tolist()]
             windy = [predicted_residual(e, [unit, Term(wind, onset)], stages) for wind in winds]
             extra = np.stack([w - still for w in windy], axis=-1) * speeds
             columns[e.name] = np.concatenate([drag.columns[e.name], extra], axis=-1)
@@ -246,8 +219,10 @@ def wind_candidates(
             (own,) = drag.terms(c[:3])
             d = {name: max(value, 0.2 * typical) for name, value in own.effect.values.items()}
             wind = speeds * c[3:] * typical / np.array(list(d.values()))
-            values = dict(zip("xyz", np.clip(wind, -14.0, 14.0).tolist(), strict=True))
-            return [dc.replace(own, effect=drag_class.of(d)), Term(wind_class.of(values), onset)]
+            return [
+                dc.replace(own, effect=LinearDrag(**d)),
+                Term(ConstantWind(*np.clip(wind, -14.0, 14.0).tolist()), onset),
+            ]
 
         out.append(Candidate((DRAG, WIND), drag.variant, columns, terms, drag.log_prior, onset))
     return out

@@ -10,9 +10,9 @@ import numpy as np
 
 from np_drake.diagnosis.forward_model import Term, predicted_residual
 from np_drake.diagnosis.numerics import fit_noise
-from np_drake.diagnosis.options import IDEAL_SENSORS, Options, Tolerance
+from np_drake.diagnosis.options import IDEAL_SENSORS, SPREAD, Options, Tolerance
 from np_drake.diagnosis.regressors.library import Candidate
-from np_drake.diagnosis.residuals import FlightResiduals
+from np_drake.diagnosis.residuals import QUIET, FlightResiduals
 from np_drake.effects.attitude_latency import AttitudeLatency
 from np_drake.effects.battery_sag import BatterySag
 from np_drake.effects.clock_offset import ClockOffset
@@ -22,22 +22,16 @@ from np_drake.effects.throttle_curve import ThrottleCurve
 from np_drake.effects.thrust_scale import ThrustScale
 from np_drake.vehicle import Vehicle
 
-REAL_ATTITUDE_NOISE = 1e-3  # attitude noise above which sensors are taken as real [rad]
 THROTTLE_SCALE = 0.2  # of thrust over throttle [1]; source: own choice, hover throttles are known to a fifth
 # Of thrust over rotor speed squared [1]; source: density of air, 2 % for 6 K or 20 hPa.
 ROTOR_SPEED_SCALE = 0.02
 THROTTLE_CURVE = 0.3  # of its exponent, once it is fitted [1]; source: own choice
-THROTTLE_DRIFT = 0.002  # of thrust over throttle [1/s]; source: own choice, a tenth in a minute
-MOUNTING = 0.02  # of an autopilot's axes [rad]; source: own choice, one degree
 # Deviations by which motion is ahead of commands, from which these are not held from their row [1].
 EARLY = 3.0
-LATENCY = 0.01  # of an estimator's attitude [s]; source: own choice, a few samples of its filters
 
 
 def calibration_terms(vehicle: Vehicle, tolerance: Tolerance) -> list[tuple[Term, float]]:
     """Return the terms that all flights share, each with the standard deviation of its prior.
-
-    Mass and thrust of the vehicle file, and what the input of the logs leaves open.
 
     Args:
         vehicle: the nominal vehicle.
@@ -78,14 +72,22 @@ def calibration(flights: Sequence[FlightResiduals], tolerance: Tolerance) -> lis
 def tolerance_of(flights: Sequence[FlightResiduals]) -> Tolerance:
     """Return the tolerance for real sensors, or for ideal ones where the logs look like those of a simulator.
 
-    These have attitudes without noise, commands in newtons, and state when a command acts. An estimator's attitude has
-    little noise as well, but such logs miss one of the others.
+    These have attitudes without noise, commands in newtons, and state when a command acts.
     """
     ideal = all(
-        e.attitude_noise <= REAL_ATTITUDE_NOISE and e.log.input == "command" and e.knows_torque and e.log.timing == 0
-        for e in flights
+        e.attitude_noise <= QUIET and e.log.input == "command" and e.knows_torque and e.log.timing == 0 for e in flights
     )
     return IDEAL_SENSORS if ideal else Tolerance()
+
+
+def options_of(flights: Sequence[FlightResiduals], *, real: bool | None = None) -> Options:
+    """Return the options of these flights (`with_input`).
+
+    Args:
+        flights: the flights.
+        real: whether their sensors are; None: as the logs look.
+    """
+    return with_input(Options.for_sensors(tolerance_of(flights).real if real is None else real), flights)
 
 
 def with_input(options: Options, flights: Sequence[FlightResiduals]) -> Options:
@@ -105,18 +107,17 @@ def with_input(options: Options, flights: Sequence[FlightResiduals]) -> Options:
         open_["thrust"] = max(tolerance.thrust, THROTTLE_SCALE)
         open_["throttle_curve"] = max(tolerance.throttle_curve, THROTTLE_CURVE)
     if log_input == "normalised" and not unmeasured:  # the calibration of an unmeasured vehicle holds these
-        open_["throttle_drift"] = max(tolerance.throttle_drift, THROTTLE_DRIFT)
-        open_["mounting"] = max(tolerance.mounting, MOUNTING)
-        open_["latency"] = max(tolerance.latency, LATENCY)
+        open_["throttle_drift"] = max(tolerance.throttle_drift, SPREAD.sag)
+        open_["mounting"] = max(tolerance.mounting, SPREAD.mounting)
+        open_["latency"] = max(tolerance.latency, SPREAD.latency)
     return dc.replace(options, tolerance=dc.replace(tolerance, **open_, unmeasured=unmeasured))
 
 
 def command_timing(flights: Sequence[FlightResiduals]) -> float:
     """Return the deviation of the time at which a row's command acts [s].
 
-    It is what the logs state, or half a row where the flights show that the command of a row does not act from it until
-    the next: so a command looks that changed between the rows, as in a log of which rows were left out. Lags and delays
-    look the other way. A vehicle file can state that commands are held (`command_timing: held`).
+    It is what the logs state, or half a row where motion is ahead of commands, as in a log of which rows were left out.
+    A vehicle file can state that commands are held (`command_timing: held`).
     """
     if flights[0].measured_rotors:
         return 0.0

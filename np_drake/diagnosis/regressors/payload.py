@@ -1,25 +1,24 @@
-"""Payload columns of the regression, linear about a guess of tether length, hook, damping and swing."""
+"""Payload columns of the regression: at many tether lengths at once, or linear about a guess of all parameters."""
 
 import dataclasses as dc
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from scipy import special
 
-from np_drake.diagnosis.forward_model import Term, padded, swing_units
+from np_drake import attitude
+from np_drake.diagnosis.forward_model import NEVER, STATE, Term, hidden_size, padded, specific_pull, swing_units
 from np_drake.diagnosis.options import Priors
 from np_drake.diagnosis.regressors.library import PAYLOAD, Candidate, Mended, Onset
-from np_drake.diagnosis.residuals import WRENCH, FlightResiduals
+from np_drake.diagnosis.residuals import FORCE, TORQUE, WRENCH, FlightResiduals
 from np_drake.effects.library import LIBRARY
 
 SMALL = 0.02  # difference quotients: of a swing [rad], of a length, relative [1], of a damping [1/s]
 WIDEST = 1.2  # swing [rad], and with the natural rate its rate, that a guess may have
 LONGEST_TETHER, SHORTEST_TETHER = 3.0, 0.1  # that a guess may have [m]
 SEARCH_LENGTHS = (0.15, 2.5, 96)  # of tethers in the search: shortest, longest [m], number: 3 % apart
-SWING_TEST_LENGTHS = np.geomspace(0.15, 2.5, 32)  # of pendulums in the swing test [m]: 9 % apart
-TRACE_LENGTHS = np.geomspace(0.3, 1.5, 5)  # of tethers at which an examination asks for a payload [m]; own choice
 MOST_DAMPING = 1.0  # that a guess may have [1/s]
 LEAST_MASS_DEVIATIONS = 2.0  # least mass over its posterior deviation [1]; own choice
 LIGHTEST = 0.02  # least mass, as a share of `unit`, by which products with the mass are divided [1]
@@ -38,15 +37,6 @@ class Guess:
     hook: np.ndarray = dc.field(default_factory=lambda: np.zeros(3))
     swing: dict[str, np.ndarray] = dc.field(default_factory=dict)
     damping: float = 0.0
-
-    def at(self, flight: str, size: int) -> np.ndarray:
-        """Return the hidden state (size,) in a flight.
-
-        Args:
-            flight: its name.
-            size: of the hidden state there.
-        """
-        return padded(self.swing.get(flight), size)
 
 
 @dc.dataclass(frozen=True)
@@ -97,11 +87,9 @@ class PayloadColumns:
     def log_prior(self) -> float:
         """Log prior of swings and damping of the guess; deviations from the guess have their own prior."""
         spans = {name: span.stop - span.start for name, span in self.swings.items()}
-        relative = [
-            self.guess.at(name, n) / (self.priors.swing * swing_units(n, self.rate)) for name, n in spans.items()
-        ]
-        damping = self.guess.damping / self.priors.damping
-        return -0.5 * float(np.sum(np.concatenate(relative) ** 2) + damping**2)
+        swings = [padded(self.guess.swing.get(name), n) / swing_units(n, self.rate) for name, n in spans.items()]
+        relative = np.concatenate(swings) / self.priors.swing
+        return -0.5 * float(np.sum(relative**2) + (self.guess.damping / self.priors.damping) ** 2)
 
     def moved(self, c: np.ndarray) -> Guess:
         """Return the guess to which coefficients (k,) point.
@@ -118,7 +106,7 @@ class PayloadColumns:
         for name, span in self.swings.items():
             units = swing_units(span.stop - span.start, self.rate)
             move = np.clip(c[span] / share, -4.0, 4.0) * self.priors.swing
-            known = self.guess.at(name, len(units))
+            known = padded(self.guess.swing.get(name), len(units))
             swing[name] = np.clip(known + move * units, -WIDEST * units, WIDEST * units)
         return Guess(length, hook, swing, damping)
 
@@ -130,7 +118,11 @@ class PayloadColumns:
         return [Term(LIBRARY[PAYLOAD].of(values), self.onset, guess.swing)]
 
     def candidate(self, flights: Sequence[FlightResiduals]) -> Candidate:
-        """Return a candidate with columns for all channels."""
+        """Return a candidate with columns for all channels, physical where mass is positive and swings are small."""
+
+        def hangs(c: np.ndarray) -> bool:
+            return bool(c[0] > 0.01 and np.all(np.abs(c[self.first :]) < 7.0 * c[0]))
+
         columns = {}
         for e in flights:
             columns[e.name] = np.zeros((*e.y.shape, self.size))
@@ -142,20 +134,15 @@ class PayloadColumns:
             self.terms,
             self.log_prior,
             self.onset,
-            self._hangs,
+            hangs,
             heavy_enough,
         )
-
-    def _hangs(self, c: np.ndarray) -> bool:
-        """Return whether the mass is positive and the swing within what a payload can reach."""
-        return bool(c[0] > 0.01 and np.all(np.abs(c[self.first :]) < 7.0 * c[0]))
 
 
 def heavy_enough(mean: np.ndarray, covariance: np.ndarray) -> Mended:
     """Return coefficients (k,) conditioned on a mass that is significantly positive, and its log probability.
 
-    Hook and swing are known by their products with the mass. A mass that is too small or negative makes them too large
-    for the descent to return. This occurs where the tolerance of the vehicle file is as large as the payload's mass.
+    Hook and swing are known by their products with the mass: one that is too small makes them too large.
 
     Args:
         mean: (k,) posterior mean, the mass first, in units of the prior's deviations.
@@ -168,3 +155,95 @@ def heavy_enough(mean: np.ndarray, covariance: np.ndarray) -> Mended:
         return mean, log_probability
     more = covariance[:, 0] / covariance[0, 0] * (LEAST_MASS_DEVIATIONS * deviation - mean[0])
     return mean + more, log_probability
+
+
+def payloads_of(
+    flights: Sequence[FlightResiduals], lengths: np.ndarray, priors: Priors, onset: Onset | None = None
+) -> list[PayloadColumns]:
+    """Return payload columns at each tether length, with mass, hook and initial swings free, without damping.
+
+    Args:
+        flights: the flights.
+        lengths: of tethers [m].
+        priors: of mass, hook and swing.
+        onset: when the payload is hung, by flight [s].
+    """
+    lengths = np.asarray(lengths, float)
+    rates = np.sqrt(flights[0].vehicle.gravity / lengths)
+    swing = np.repeat(np.concatenate([np.zeros((1, STATE)), SMALL * np.eye(STATE)])[None], len(lengths), axis=0)
+    swing[:, :, 2:] *= rates[:, None, None]
+    many = np.repeat(lengths, 1 + STATE), swing.reshape(-1, STATE)
+    pulls = {e.name: _pulls(e, *many, np.zeros(3), onset).reshape(-1, len(lengths), 1 + STATE, 3) for e in flights}
+    return [
+        _columns(flights, Guess(float(length)), {n: p[:, i] for n, p in pulls.items()}, priors, onset or {})
+        for i, length in enumerate(lengths)
+    ]
+
+
+def payload_about(
+    flights: Sequence[FlightResiduals], guess: Guess, priors: Priors, onset: Onset | None = None
+) -> PayloadColumns:
+    """Return payload columns linearised about a guess, with its length and damping free as well.
+
+    Args:
+        flights: the flights.
+        guess: point of linearisation.
+        priors: priors of parameters, swings and onsets.
+        onset: onsets by flight [s].
+    """
+    rate = math.sqrt(flights[0].vehicle.gravity / guess.length)
+    pulls = {}
+    for e in flights:
+        size = hidden_size(e, (onset or {}).get(e.name))
+        moves = SMALL * np.diag(swing_units(size, rate))
+        swing = padded(guess.swing.get(e.name), size) + np.concatenate([np.zeros((1 + SHAPE, size)), moves])
+        lengths, damping = np.full(len(swing), guess.length), np.full(len(swing), guess.damping)
+        lengths[1] *= 1 + SMALL
+        damping[2] += SMALL
+        pulls[e.name] = _pulls(e, lengths, swing, guess.hook, onset, damping)
+    return _columns(flights, guess, pulls, priors, onset or {}, shaped=True)
+
+
+def _columns(
+    flights: Sequence[FlightResiduals],
+    guess: Guess,
+    pulls: Mapping[str, np.ndarray],
+    priors: Priors,
+    onset: Onset,
+    *,
+    shaped: bool = False,
+) -> PayloadColumns:
+    """Return the columns from the pulls at the guess, of other shape (if `shaped`), and at each displaced swing.
+
+    shaped: at a longer tether, and with more damping.
+    """
+    mass = priors.payload_mass * flights[0].vehicle.mass
+    rate = math.sqrt(flights[0].vehicle.gravity / guess.length)
+    hooks = [guess.hook, *(priors.hook * np.eye(3))]
+    own = {}
+    for name, pull in pulls.items():
+        force = np.swapaxes(mass * pull, 1, 2)  # (m, 3, k)
+        widths = np.array([priors.length, priors.damping, priors.swing]) / SMALL
+        more = np.repeat(widths, [int(shaped), int(shaped), pull.shape[1] - 1 - SHAPE * shaped])
+        moved = (force[..., 1:] - force[..., :1]) * more
+        X = np.zeros((len(force), 6, AT_REST + len(more)))
+        X[:, FORCE, 0], X[:, FORCE, AT_REST:] = force[..., 0], moved
+        X[:, TORQUE, :AT_REST] = np.stack([force[..., 0] @ attitude.skew(h).T for h in hooks], axis=-1)
+        X[:, TORQUE, AT_REST:] = attitude.skew(guess.hook) @ moved
+        own[name] = X
+    return PayloadColumns(guess, own, onset, mass, rate, priors, shaped)
+
+
+def _pulls(
+    flight: FlightResiduals,
+    lengths: np.ndarray,
+    swing: np.ndarray,
+    hook: np.ndarray,
+    onset: Onset | None,
+    damping: float | np.ndarray = 0.0,
+) -> np.ndarray:
+    """Return the specific pulls (m, k, 3) of k payloads (`specific_pull`); zero where the flight has no payload."""
+    begin = (onset or {}).get(flight.name)
+    if begin == NEVER:
+        return np.zeros((len(flight.t), len(lengths), 3))
+    return specific_pull(flight, lengths, swing, np.asarray(hook)[None], begin, damping)

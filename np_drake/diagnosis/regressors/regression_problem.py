@@ -18,12 +18,11 @@ from np_drake.effects.library import LIBRARY, effect_of
 def prior_of(identifiers: Iterable[str], priors: Priors) -> float:
     """Return the log prior of a set of effects.
 
-    An effect that needs another is acting through it, as a wind through drag; the other then adds no cost.
+    An effect through which another acts, as a wind through drag, adds no cost.   Source: own choice.
 
     Args:
         identifiers: of the effects.
         priors: priors of parameters, swings and onsets.
-    Source: own choice: a wind without drag has no influence.
     """
     every = set(identifiers)
     needs = [LIBRARY[name].needs for name in every if name in LIBRARY]
@@ -70,21 +69,17 @@ class RegressionProblem:
     @cached_property
     def total(self) -> Gram:
         """Gram matrix of nuisance and candidates over all flights."""
-        total = reduce(add, (self._gram(e) for e in self.flights))
-        return total.tempered(self.temperature)
+        every = [*self.nuisance, *self.candidates]
+        grams = (e.gram(self.noise, [c.columns[e.name] for c in every]) for e in self.flights)
+        return reduce(add, grams).tempered(self.temperature)
 
     @cached_property
     def _rest(self) -> Gram:
         """Gram matrix of the candidates with all nuisance in every model."""
-        return self.total.given(self._nuisance)[0]
-
-    def _gram(self, e: FlightResiduals) -> Gram:
-        return e.gram(self.noise, [c.columns[e.name] for c in (*self.nuisance, *self.candidates)])
+        return self.total.given(self._nuisance)
 
     def white(self, noise: NoiseModel, e: FlightResiduals, candidate: Candidate) -> np.ndarray:
-        """Return the whitened columns (m - p, 15, k) of a candidate or nuisance in a flight.
-
-        They are cached until another noise model is used.
+        """Return the whitened columns (m - p, 15, k) of a candidate in a flight, cached until the noise changes.
 
         Args:
             noise: noise model that whitens.
@@ -115,8 +110,7 @@ class RegressionProblem:
 
     def columns(self, members: Sequence[int]) -> np.ndarray:
         """Return the column indices of the nuisance and the members."""
-        parts = [*self._index[: len(self.nuisance)], *(self.columns_of(i) for i in members)]
-        return np.concatenate(parts) if parts else np.zeros(0, int)
+        return np.concatenate([np.arange(self._nuisance), *(self.columns_of(i) for i in members)])
 
     def score(self, members: Sequence[int]) -> float:
         """Return the log evidence plus log prior of a set [nat]."""

@@ -1,7 +1,4 @@
-"""Whitened columns of effects that begin in flight.
-
-Whitening of slow noise turns a step into a spike, so that the rows about an onset carry most of the information on it.
-"""
+"""Whitened columns of effects that begin in flight."""
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view

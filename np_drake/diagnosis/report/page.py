@@ -17,7 +17,7 @@ from np_drake.diagnosis.report import summary, words
 from np_drake.diagnosis.report.figures import regime_figure, replay_figure, spectrum_figure, timeline_figure
 from np_drake.diagnosis.report.headline import headline, lead
 from np_drake.diagnosis.report.remainder import GAP_HEADER, calibration_share, gap_rows, remains
-from np_drake.diagnosis.result import Diagnosis, Finding, ReplayGap, as_json
+from np_drake.diagnosis.result import Diagnosis, Finding, ReplayGap
 from np_drake.files.atomic_file import require_writable, write_bytes, write_json, write_text
 from np_drake.files.figure_file import png
 from np_drake.files.number_text import kept_together
@@ -199,7 +199,7 @@ def write_report(
         (folder / f"{name}.png").unlink(missing_ok=True)  # of an earlier diagnosis
     for name, picture in pictures.items():
         write_bytes(folder / f"{name}.png", picture)
-    write_json(folder / DATA, _with_head(as_json(diagnosis), seed=seed, config=config or {}))
+    write_json(folder / DATA, _with_head(diagnosis.as_json(), seed=seed, config=config or {}))
     write_text(folder / PAGE, page)
     return folder / PAGE
 

@@ -1,7 +1,7 @@
 """Residuals of flight logs against the nominal model, on a uniform grid."""
 
 from np_drake.diagnosis.residuals.accelerations import Instants, low_pass
-from np_drake.diagnosis.residuals.attitude_smoothing import smooth_attitude
+from np_drake.diagnosis.residuals.attitude_smoothing import QUIET, smooth_attitude
 from np_drake.diagnosis.residuals.flight_residuals import (
     FORCE,
     POSITION,
@@ -25,32 +25,4 @@ from np_drake.diagnosis.residuals.outliers import (
     bridge,
     find_outliers,
 )
-from np_drake.diagnosis.residuals.regressor_signals import FlightState, flight_state
 from np_drake.diagnosis.residuals.resampling import Resampler, natural_step
-
-__all__ = [
-    "FORCE",
-    "LEAST_DURATION",
-    "LONGEST_BOUNCE",
-    "LONGEST_OUTLIER",
-    "MOST_OUTLIERS",
-    "OUTLIERS_APART",
-    "POSITION",
-    "SIZE",
-    "TORQUE",
-    "VELOCITY",
-    "WRENCH",
-    "FlightResiduals",
-    "FlightState",
-    "Instants",
-    "Resampler",
-    "bridge",
-    "find_outliers",
-    "flight_state",
-    "long_enough",
-    "low_pass",
-    "make_flight_residuals",
-    "natural_step",
-    "require_flights",
-    "smooth_attitude",
-]

@@ -54,9 +54,7 @@ class Instants:
 
 
 def make_instants(log: FlightLog, smooth: np.ndarray) -> tuple[Instants, Instants]:
-    """Return the states at the rows of a log and at the middles between them.
-
-    Without logged accelerations both are the middles.
+    """Return the states at the rows of a log (without accelerations: its middles) and at the middles between them.
 
     Args:
         log: the flight.
@@ -71,44 +69,40 @@ def make_instants(log: FlightLog, smooth: np.ndarray) -> tuple[Instants, Instant
     x_mid[:, Q] /= np.linalg.norm(x_mid[:, Q], axis=1, keepdims=True)
     if log.a is None:
         rate = np.diff(log.v, axis=0) / dt
-        a = low_pass(corrected_acceleration(t_mid, x_mid[:, P], rate), step, REGRESSOR_BAND)
+        a = low_pass(_corrected_acceleration(t_mid, x_mid[:, P], rate), step, REGRESSOR_BAND)
         mids = Instants(t_mid, x_mid, a, al)
         return mids, mids
-    a = low_pass(corrected_acceleration(log.t, log.p, log.a), step, REGRESSOR_BAND)
+    a = low_pass(_corrected_acceleration(log.t, log.p, log.a), step, REGRESSOR_BAND)
     return Instants(log.t, x, a, al_rows), Instants(t_mid, x_mid, a[:-1], al)
 
 
-def low_pass(values: np.ndarray, step: float, band: float) -> np.ndarray:
+def low_pass(values: np.ndarray, step: float, band: float, pad: float = 2.0) -> np.ndarray:
     """Apply a zero-phase second-order Butterworth low-pass to each column.
 
     Args:
         values: (n, m) samples.
         step: sample interval [s].
         band: cut-off frequency [Hz].
+        pad: length by which either end is continued [1 / band].
     Returns: (n, m) filtered samples; `values` unchanged where the band reaches the sampling limit or rows are fewer
         than 20.
     """
     if band >= 0.45 / step or len(values) < 20:
         return values
     sos = signal.butter(2, band * 2 * step, output="sos")
-    return signal.sosfiltfilt(sos, values, axis=0, padlen=min(len(values) - 1, int(2 / (band * step))))
+    return signal.sosfiltfilt(sos, values, axis=0, padlen=min(len(values) - 1, int(pad / (band * step))))
 
 
-def corrected_acceleration(t: np.ndarray, p: np.ndarray, a: np.ndarray) -> np.ndarray:
-    """Return the acceleration (n, 3) in W that positions and accelerations show together [m/s²].
+def _corrected_acceleration(t: np.ndarray, p: np.ndarray, a: np.ndarray) -> np.ndarray:
+    """Return the acceleration (n, 3) in W that positions and accelerations (n, 3) show together at times t (n,) [m/s²].
 
-    It is the second difference of the path that minimises |path - p|² / s_p² + |path'' - a|² / s_a². The position
-    enters with the share 1 / (1 + (f / f_c)^4), f_c = sqrt(s_a / s_p) / 2 pi. s_p is the white noise of the positions.
-    s_a is the white noise with the power of the acceleration error where payloads resonate, as estimated from a first
-    path.
-
-    Args:
-        t: (n,) times [s].
-        p: (n, 3) positions in W [m].
-        a: (n, 3) accelerations in W [m/s²].
+    It is the second difference of the path that minimises |path - p|² / s_p² + |path'' - a|² / s_a², with the white
+    noise s_p of the positions and s_a of the power of the acceleration error where payloads resonate, by a first path.
     Source: Whittaker smoothing as generalised least squares.
     """
-    a = a + _bias(t, p, a)
+    v = cumulative_trapezoid(a, t, axis=0, initial=0.0)
+    missed = p - cumulative_trapezoid(v, t, axis=0, initial=0.0)
+    a = a + 2.0 * np.polynomial.polynomial.polyfit(t - t[0], missed, 2)[2]  # mean error against the positions
     noise_p, noise_a = (float(np.sqrt(np.mean(white_noise([x]) ** 2))) for x in (p, a))
     first = _along_path(t, p, a, noise_p / max(REDDER * noise_a, QUIETEST))
     ringing = _ringing(first - a, float(np.median(np.diff(t))))
@@ -142,16 +136,6 @@ def _ringing(error: np.ndarray, step: float) -> float:
     return float(np.sqrt(power / (2 * step * (RINGING[1] - RINGING[0]))))
 
 
-def _bias(t: np.ndarray, p: np.ndarray, a: np.ndarray) -> np.ndarray:
-    """Return the mean error (3,) of the accelerations against the positions.
-
-    The smoother would leave it in near both ends of a flight.
-    """
-    v = cumulative_trapezoid(a, t, axis=0, initial=0.0)
-    missed = p - cumulative_trapezoid(v, t, axis=0, initial=0.0)
-    return 2.0 * np.polynomial.polynomial.polyfit(t - t[0], missed, 2)[2]
-
-
 def _second_difference(t: np.ndarray) -> np.ndarray:
     """Return the weights (3, n-2) of the previous, current and next row in the second derivative."""
     before, after = np.diff(t)[:-1], np.diff(t)[1:]
@@ -176,9 +160,8 @@ def velocity_before(
         lead: [s].
     Source: one-step predictor of prediction error methods; Ljung, System Identification, ch. 13 (closed loop).
     """
-    up = np.zeros((len(t), 3))
-    up[:, 2] = thrust / vehicle.mass
-    gained = (attitude.rotate(q, up) - [0.0, 0.0, vehicle.gravity]) * dt[:, None]
+    lifted = attitude.body_z(q) * (thrust / vehicle.mass)[:, None]
+    gained = (lifted - [0.0, 0.0, vehicle.gravity]) * dt[:, None]
     nominal = np.cumsum(gained, axis=0) - 0.5 * gained
     left = v - nominal
 

@@ -1,21 +1,14 @@
 """Attitude smoothing: a complementary filter of integrated gyro rates and attitude readings."""
 
 import numpy as np
-from scipy import signal
 
 from np_drake import attitude
+from np_drake.diagnosis.residuals.accelerations import low_pass
 
 CROSSOVER = 1.0  # [Hz]; own choice: above it the gyro is better than a reading of 1 mrad or worse
 DRIFT = 0.2  # [Hz]; own choice: below it the gyro drifts in W, and the error of a reading drifts in B
 ROUNDS = 3  # iterations that separate the two drifts; own choice
-QUIET = 1e-3  # attitude noise below which readings are used as they are [rad]
-
-
-def _rate_bias(t: np.ndarray, q: np.ndarray, w: np.ndarray) -> np.ndarray:
-    """Return the mean error (3,) of the gyro against the attitude readings [rad/s]."""
-    dt = np.diff(t)[:, None]
-    turned = attitude.rotation_vector(attitude.multiply(attitude.conjugate(q[:-1]), q[1:]))
-    return np.sum(0.5 * (w[1:] + w[:-1]) * dt - turned, axis=0) / (t[-1] - t[0])
+QUIET = 1e-3  # attitude noise below which readings are used as they are, and sensors may be ideal [rad]
 
 
 def _unwound(r: np.ndarray) -> np.ndarray:
@@ -30,26 +23,18 @@ def _unwound(r: np.ndarray) -> np.ndarray:
     return out
 
 
-def _low_pass(values: np.ndarray, step: float, band: float) -> np.ndarray:
-    """Return values (n, 3) after a zero-phase second-order low-pass at `band` [Hz]."""
-    sos = signal.butter(2, band * 2 * step, output="sos")
-    return signal.sosfiltfilt(sos, values, axis=0, padlen=min(len(values) - 1, int(1 / (band * step))))
-
-
 def _without_drift(carried: np.ndarray, q: np.ndarray, step: float) -> np.ndarray:
     """Return the integrated gyro attitude (n, 4) without its slow drift in W against the readings q (n, 4).
 
-    A drift that is constant in W varies in B as the body tilts, so that a low-pass in B would miss it. The error of a
-    reading is constant in B; it is removed before the drift is estimated.
+    The error of a reading, which is constant in B, is removed before the drift is estimated.
     """
     reading_error = np.zeros((len(q), 3))
     for _ in range(ROUNDS):
         was = attitude.multiply(q, attitude.from_rotation_vector(-reading_error))
         drift = _unwound(attitude.rotation_vector(attitude.multiply(was, attitude.conjugate(carried))))
-        carried = attitude.multiply(attitude.from_rotation_vector(_low_pass(drift, step, DRIFT)), carried)
-        reading_error = _low_pass(
-            attitude.rotation_vector(attitude.multiply(attitude.conjugate(carried), q)), step, DRIFT
-        )
+        carried = attitude.multiply(attitude.from_rotation_vector(low_pass(drift, step, DRIFT, pad=1.0)), carried)
+        error = attitude.rotation_vector(attitude.multiply(attitude.conjugate(carried), q))
+        reading_error = low_pass(error, step, DRIFT, pad=1.0)
     return carried
 
 
@@ -68,9 +53,11 @@ def smooth_attitude(t: np.ndarray, q: np.ndarray, w: np.ndarray) -> tuple[np.nda
     step = float(np.median(np.diff(t)))
     if 0.5 / step <= 2 * CROSSOVER or len(t) < 30:
         return q, 0.0
-    carried = _without_drift(attitude.integrated(t, q[0], w - _rate_bias(t, q, w)), q, step)
+    turned = attitude.rotation_vector(attitude.multiply(attitude.conjugate(q[:-1]), q[1:]))
+    bias = np.sum(0.5 * (w[1:] + w[:-1]) * np.diff(t)[:, None] - turned, axis=0) / (t[-1] - t[0])
+    carried = _without_drift(attitude.integrated(t, q[0], w - bias), q, step)
     error = attitude.rotation_vector(attitude.multiply(attitude.conjugate(carried), q))
     noise = float(np.sqrt(np.mean(np.diff(error, n=2, axis=0) ** 2) / 6))  # white alone: biases are smooth
     if noise < QUIET:
         return q, noise
-    return attitude.multiply(carried, attitude.from_rotation_vector(_low_pass(error, step, CROSSOVER))), noise
+    return attitude.multiply(carried, attitude.from_rotation_vector(low_pass(error, step, CROSSOVER, pad=1.0))), noise

@@ -5,8 +5,7 @@ Channels, all in B:
     3-5   torque  J dw/dt + w x J w - torque of the command [N·m]
     6-8   dp/dt - v [m/s]      9-11  dv/dt - a [m/s²]      12-14  rate of q - w [rad/s]
 a is the acceleration at a row; dv/dt is the mean until the next row. The two differ by the change of thrust in between
-(`after_rows`). Derivatives are differences over the interval between two rows, in which one command is held. Logs
-without accelerations take the same path.
+(`after_rows`). Derivatives are differences over the interval between two rows, in which one command is held.
 """
 
 import dataclasses as dc
@@ -108,8 +107,8 @@ class FlightResiduals:
 
     @cached_property
     def from_rows(self) -> Resampler:
-        """Resampler from the instants of force to the grid."""
-        return row_resampler(self.grid, self.log)
+        """Resampler from the instants of force to the grid: read at the rows, or as a mean without accelerations."""
+        return self.from_mids if self.log.a is None else Resampler.of_instants(self.grid, self.log.t)
 
     @cached_property
     def from_mids(self) -> Resampler:
@@ -123,11 +122,7 @@ class FlightResiduals:
 
     @cached_property
     def wrench_states(self) -> tuple[np.ndarray, np.ndarray]:
-        """(n, 13) states at `rows` and `mids` on which wrench effects depend, with velocities known before.
-
-        Where accelerations are logged they are the states themselves: force is measured at once, before the velocity
-        changes.
-        """
+        """(n, 13) states at `rows` and `mids` of wrench effects, without accelerations with velocities before."""
         if self.log.a is not None:
             return self.rows.x, self.mids.x
         x, thrust = self.mids.x.copy(), self.thrust_mids @ self.vehicle.mixer[0]
@@ -137,10 +132,7 @@ class FlightResiduals:
 
     @cached_property
     def rotor_noise(self) -> np.ndarray:
-        """(15,) standard deviation of the channels due to noise in measured rotor speed, taken as white.
-
-        Zero where the input is a command.
-        """
+        """(15,) deviation of the channels due to noise in measured rotor speed, taken as white; 0 for commands."""
         f_tau = self.rotors.noise * np.sqrt(self.log.step / self.grid.step)
         return np.concatenate([[0.0, 0.0], f_tau, np.zeros(SIZE - 6)])
 
@@ -165,8 +157,7 @@ class FlightResiduals:
     def ahead(self) -> np.ndarray:
         """(m, 4) thrust and torques of nominal rotors at rows, less their mean around the rows [N, N·m].
 
-        A held command at a row leads its mean over the adjacent intervals by half a row. Zero where no accelerations
-        are logged, because all values are then means.
+        A held command leads by half a row. Zero without accelerations: all values are then means.
         """
         if self.log.a is None:
             return np.zeros((len(self.t), 4))
@@ -202,11 +193,7 @@ class FlightResiduals:
         return np.stack(columns, axis=1).reshape(-1, 3, 4)
 
     def head(self, rows: int) -> "FlightResiduals":
-        """Return the flight truncated after at least `rows` rows of the grid.
-
-        The cut lies beyond the interpolation of outliers and the reach of the low-pass, so that the first `rows` rows
-        do not change.
-        """
+        """Return the flight truncated after at least `rows` rows of the grid, which do not change by the cut."""
         known = np.append(np.flatnonzero(~self.outliers[rows - 1 :]), len(self.t))
         n = rows + int(known[0]) + TAPS  # past interpolated outliers and the reach of the low-pass
         if n >= len(self.t):
@@ -218,10 +205,7 @@ class FlightResiduals:
         return dc.replace(self, grid=grid, **parts)
 
     def begun(self, onset: float | None) -> np.ndarray:
-        """Return a step (m, 15) that is one from `onset` [s] on, smeared as the grid's low-pass smears each channel.
-
-        A missing onset gives ones, an infinite one zeros.
-        """
+        """Return a step (m, 15) that is one from `onset` [s] on (None: always), smeared as each channel is."""
         if onset is None or not np.isfinite(onset):
             return np.full((len(self.t), SIZE), float(onset is None))
         force, others = (
@@ -263,27 +247,17 @@ class FlightResiduals:
         """
         return noise.whiten(self.bridged(values), self.name)
 
-    def gram(self, noise: NoiseModel, columns: Sequence[np.ndarray]) -> Gram:
-        """Return the Gram matrix of columns, in groups (m, 15, k_i), with the channels as target, all whitened.
+    def gram(self, noise: NoiseModel, columns: Sequence[np.ndarray], target: np.ndarray | None = None) -> Gram:
+        """Return the Gram matrix of whitened columns.
 
         Args:
             noise: noise model of the channels.
             columns: groups (m, 15, k_i).
+            target: (m, 15) channels; default: y.
         """
-        products = noise.products([self.bridged(X) for X in (*columns, self.y[..., None])], self.name)
-        rows = len(self.t) - noise.phi.shape[1]
-        return Gram(products[:-1, :-1], products[:-1, -1], float(products[-1, -1]), rows)
-
-
-def row_resampler(grid: Grid, log: FlightLog) -> Resampler:
-    """Return the map of force to the grid: read at the rows, or as a mean between them without accelerations.
-
-    Args:
-        grid: of the flight.
-        log: the flight log.
-    """
-    of = Resampler.of_intervals if log.a is None else Resampler.of_instants
-    return of(grid, log.t)
+        y = self.y if target is None else target
+        products = noise.products([self.bridged(X) for X in (*columns, y[..., None])], self.name)
+        return Gram(products[:-1, :-1], products[:-1, -1])
 
 
 def _by_channel(force: np.ndarray, others: np.ndarray) -> np.ndarray:

@@ -8,10 +8,11 @@ import numpy as np
 from np_drake import attitude
 from np_drake.diagnosis.residuals.accelerations import Instants, make_instants
 from np_drake.diagnosis.residuals.attitude_smoothing import smooth_attitude
-from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals, after_rows, row_resampler
-from np_drake.diagnosis.residuals.resampling import STEP, Grid, Resampler, make_grid
+from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals, after_rows
+from np_drake.diagnosis.residuals.resampling import STEP, Grid, make_grid
 from np_drake.diagnosis.residuals.rotor_thrust import Rotors
 from np_drake.flight_log import FlightLog
+from np_drake.rigid_body import V, W
 from np_drake.vehicle import Vehicle
 
 LEAST_DURATION = 3.0  # least duration of a flight [s]; own choice
@@ -39,7 +40,8 @@ def make_flight_residuals(
             f"diagnose: {log.name} must last at least {LEAST_DURATION:g} s; got {log.t[-1] - log.t[0]:.3g} s. "
             "Give a longer flight."
         )
-    log, knows_torque = _with_torque(log)
+    knows_torque = bool(np.isfinite(log.u[:, 1:]).any() or not np.isfinite(log.u[:, 0]).any())
+    log = log if knows_torque else dc.replace(log, u=np.nan_to_num(log.u))
     smooth, noise = smooth_attitude(log.t, log.q, log.w)
     q, turned = _attitude_for_force(log, smooth, vehicle.gravity)
     rows, mids = make_instants(log, smooth)
@@ -48,26 +50,21 @@ def make_flight_residuals(
     since = _settled(log, vehicle, force[:, 2:], others[:, :3]) if since is None else since
     first, last = (log.t[0], log.t[-1]) if vehicle.described else _clear_of_ground(log)
     grid = make_grid(log.t[(log.t >= max(since, first)) & (log.t <= last)], step)
-    from_rows, from_mids = row_resampler(grid, log), Resampler.of_intervals(grid, log.t)
-    y = np.concatenate([from_rows(force), from_mids(others)], axis=1)
-    u_rows, u_mids = thrust_rows @ vehicle.mixer.T, thrust_mids @ vehicle.mixer.T
-    f = u_mids[:, :1] if log.a is None else u_rows[:, :1]
-    nominal = np.concatenate([np.zeros((len(grid), 2)), from_rows(f), from_mids(u_mids[:, 1:])], axis=1)
-    w = from_mids(mids.x[:, 10:13])
-    none = np.zeros(len(grid), bool)
+    none, still = np.zeros(len(grid), bool), np.zeros((len(grid), 6))
     rest = none if vehicle.described else _at_rest(log, grid, thrust_rows @ vehicle.mixer[0])
-    found = FlightResiduals(
-        *(log, vehicle, grid, y, rows, mids, thrust_rows, thrust_mids, nominal, w, noise, turned, rest, none),
+    e = FlightResiduals(
+        *(log, vehicle, grid, still, rows, mids, thrust_rows, thrust_mids, still, still, noise, turned, rest, none),
         knows_torque=knows_torque,
     )
-    return dc.replace(found, y=found.known(y))
+    y = np.concatenate([e.from_rows(force), e.from_mids(others)], axis=1)
+    u_rows, u_mids = thrust_rows @ vehicle.mixer.T, thrust_mids @ vehicle.mixer.T
+    f = u_mids[:, :1] if log.a is None else u_rows[:, :1]
+    nominal = np.concatenate([still[:, :2], e.from_rows(f), e.from_mids(u_mids[:, 1:])], axis=1)
+    return dc.replace(e, y=e.known(y), nominal=nominal, w=e.from_mids(mids.x[:, W]))
 
 
 def _clear_of_ground(log: FlightLog) -> tuple[float, float]:
-    """Return the times between take-off and landing [s]: where the log begins or ends near the ground, those are cut.
-
-    A vehicle that rolls off, bounces or settles has forces of contact, and an estimator that still converges.
-    """
+    """Return the times between take-off and landing [s]: near the ground there are forces of contact."""
     z = log.p[:, 2]
     least = min(CLEAR, 0.5 * float(np.median(z)))
     above = log.t[z >= least]
@@ -84,29 +81,18 @@ def _at_rest(log: FlightLog, grid: Grid, f: np.ndarray) -> np.ndarray:
         grid: of its residuals.
         f: (n,) nominal thrust at the rows [N].
     """
-    if "velocity" in log.lacks:
-        return np.zeros(len(grid), bool)
-    stands = (f < CARRIED * np.median(f)) & (np.linalg.norm(log.v, axis=1) < SLOW)
-    t = log.t[stands]
-    if not len(t):
+    t = log.t[(f < CARRIED * np.median(f)) & (np.linalg.norm(log.v, axis=1) < SLOW)]
+    if "velocity" in log.lacks or not len(t):
         return np.zeros(len(grid), bool)
     after = np.clip(np.searchsorted(t, grid.t), 0, len(t) - 1)
     near = np.minimum(np.abs(t[after] - grid.t), np.abs(t[np.maximum(after - 1, 0)] - grid.t))
     return near < TOUCH
 
 
-def _with_torque(log: FlightLog) -> tuple[FlightLog, bool]:
-    """Return the log with zeros for a torque that is not known, and whether it is."""
-    if np.isfinite(log.u[:, 1:]).any() or not np.isfinite(log.u[:, 0]).any():
-        return log, True
-    return dc.replace(log, u=np.nan_to_num(log.u)), False
-
-
 def _settled(log: FlightLog, vehicle: Vehicle, thrust: np.ndarray, torque: np.ndarray) -> float:
     """Return the time from which rotor thrust follows from the commands alone [s].
 
-    Rotors with lag may not have held the first command before the log began. thrust (n, 1) [N] and torque (n-1, 3)
-    [N·m] are the residuals that rotors which did would leave.
+    thrust (n, 1) [N] and torque (n-1, 3) [N·m]: residuals if rotors held the first command before the log began.
     """
     lag = 0.0 if log.input == "rotor_speed" else vehicle.rotor_time_constant
     first = max(1, int(np.sum(log.t[1:] <= log.t[0] + STEP)))
@@ -146,10 +132,10 @@ def _channels(
         e_a[:, 2] -= after_rows(f, u_mids[:, 0]) / vehicle.mass
     force = vehicle.mass * s
     force[:, 2] -= f
-    w = mids.x[:, 10:13]
+    w = mids.x[:, W]
     al = np.diff(log.w, axis=0) / dt
     torque = al @ vehicle.J.T + np.cross(w, w @ vehicle.J.T) - u_mids[:, 1:]
-    e_v = attitude.rotate_back(mids.q, np.diff(log.p, axis=0) / dt - mids.x[:, 7:10])
+    e_v = attitude.rotate_back(mids.q, np.diff(log.p, axis=0) / dt - mids.x[:, V])
     turn = attitude.rotation_vector(attitude.multiply(attitude.conjugate(log.q[:-1]), log.q[1:])) / dt
     return force, np.concatenate([torque, e_v, e_a, turn - w], axis=1)
 
@@ -198,7 +184,8 @@ def require_flights(train: Sequence[FlightLog], held_out: Sequence[FlightLog]) -
     seen = {log.name: _motion(log) for log in train}
     for log in held_out:
         own = _motion(log)
-        same = next((name for name, rows in seen.items() if _same(own, rows)), None)
+        # More than half of the distinct rows are also in the training flight; a single row is no motion.
+        same = next((name for name, rows in seen.items() if 2 * len(own & rows) > len(own) > 1), None)
         if same is not None:
             raise ValueError(
                 f"diagnose: {log.name} is the same flight as {same}, to which effects are fitted, and can judge none. "
@@ -210,8 +197,3 @@ def _motion(log: FlightLog) -> set[bytes]:
     """Return the distinct rows of p, v and w as bytes."""
     rows = np.concatenate([log.p, log.v, log.w], axis=1, dtype=float) + 0.0  # no zero has a sign
     return set(np.ascontiguousarray(rows).view(f"V{rows[:1].nbytes}").ravel().tolist())
-
-
-def _same(held_out: set[bytes], train: set[bytes]) -> bool:
-    """Return whether more than half of the distinct rows are also in the training flight; a single row is no motion."""
-    return len(held_out) > 1 and 2 * len(held_out & train) > len(held_out)

@@ -1,8 +1,6 @@
 """Outliers: one or two samples, as of a tether that snaps taut or a collision, that outweigh a whole flight.
 
-Sampled and smoothed motion does not show their time and strength, and least squares would bend every parameter to them.
 Their rows are interpolated linearly, in channels and columns alike, which keeps the model linear.
-
 Source: own choice, in the place of a heavy-tailed noise model.
 """
 
@@ -44,11 +42,7 @@ def find_outliers(
 
 def _short(found: np.ndarray, longest: int) -> np.ndarray:
     """Return `found` (m,) with only its runs of up to `longest` rows."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], found.astype(int), [0]])))
-    out = np.zeros_like(found)
-    for a, b in edges.reshape(-1, 2):
-        out[a:b] = b - a <= longest
-    return out
+    return found & ~ndimage.binary_opening(found, np.ones(longest + 1))
 
 
 def bridge(values: np.ndarray, outliers: np.ndarray) -> np.ndarray:

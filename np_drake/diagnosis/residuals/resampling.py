@@ -4,9 +4,8 @@ import dataclasses as dc
 from functools import cache
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from scipy import signal, sparse
-
-from np_drake.diagnosis.numerics import banded, filtered
 
 STEP = 0.02  # step of the grid [s]; own choice: rigid-body effects act below 15 Hz
 NEARLY = 0.1  # share of a row added before rounding down, for logs with jitter [1]; own choice
@@ -53,7 +52,7 @@ def make_grid(t: np.ndarray, step: float | None = None) -> Grid:
 
 
 class Resampler:
-    """Linear map from values of a flight to its grid; the weights (fine rows, n) are computed once.
+    """Linear map from values of a flight to its grid.
 
     Args:
         grid: of the flight.
@@ -81,8 +80,7 @@ class Resampler:
     def of_intervals(cls, grid: Grid, t: np.ndarray) -> "Resampler":
         """Return the map of means over the intervals between instants t (n + 1,) [s].
 
-        A row of the fine grid is the mean over a step about it, by overlap. So an integral is kept, whatever the
-        lengths of the intervals: white noise of the integrated readings stays differentiated white noise.
+        A row of the fine grid is the mean over a step about it, by overlap, so that an integral is kept.
 
         Args:
             grid: of the flight.
@@ -101,18 +99,14 @@ class Resampler:
     def __call__(self, values: np.ndarray) -> np.ndarray:
         """Return values (n, ...) resampled to the grid (m, ...)."""
         fine = self._weights @ values.reshape(len(values), -1)
-        return _decimate(fine, self._factor).reshape(-1, *values.shape[1:])
-
-
-def _decimate(fine: np.ndarray, factor: int) -> np.ndarray:
-    if factor == 1:
-        return fine
-    half = TAPS * factor
-    padded = np.concatenate([np.repeat(fine[:1], half, 0), fine, np.repeat(fine[-1:], half, 0)])
-    return filtered(_low_pass(factor), padded, factor)
+        if self._factor > 1:
+            half = TAPS * self._factor
+            padded = np.pad(fine, ((half, half), (0, 0)), mode="edge")
+            fine = sliding_window_view(padded, 2 * half + 1, axis=0)[:: self._factor] @ _low_pass(self._factor)
+        return fine.reshape(-1, *values.shape[1:])
 
 
 @cache
 def _low_pass(factor: int) -> np.ndarray:
-    """Return the taps of the low-pass as a banded matrix; cached, because design costs more than application."""
-    return banded(signal.firwin(2 * TAPS * factor + 1, 0.8 / factor), factor)
+    """Return the taps of the low-pass; cached, because design costs more than application."""
+    return signal.firwin(2 * TAPS * factor + 1, 0.8 / factor)

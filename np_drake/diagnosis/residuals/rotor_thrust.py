@@ -38,7 +38,9 @@ class Rotors:
         self._row_t = log.t - log.t[0]
         self._t = np.arange(0.0, self._row_t[-1] + 0.5 * self._step, self._step)
         self._measured = log.input == "rotor_speed"
-        self._steps = self._measured and _repeats(log.u)
+        # Telemetry that is slower than the rows repeats its readings.
+        repeated = len(log.u) > 1 and np.mean(np.all(np.diff(log.u, axis=0) == 0, axis=1))
+        self._steps = self._measured and bool(repeated > REPEATED)
         place = self._row_t / self._step
         self._row = np.clip(np.round(place).astype(int), 0, len(self._t) - 1)
         self._before = np.clip(place.astype(int), 0, len(self._t) - 1)
@@ -47,9 +49,8 @@ class Rotors:
     def thrust(self, effects: Sequence[ActuatorEffect], *, shift: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
         """Return thrust (n, 4) at the rows, right-sided, and its means (n-1, 4) between rows [N].
 
-        Commands are held between rows, shifted, and passed through the effects, including their dead time. Their time
-        counts from the first row. The lag of the vehicle file acts unless `effects` contain a lag. Measured rotor speed
-        (`log.input`) is interpolated instead of held, unless it steps, and passes propeller effects only.
+        Commands are held between rows. The lag of the vehicle file acts unless `effects` contain a lag. Measured rotor
+        speed is interpolated, unless it steps, and passes propeller effects only.
 
         Args:
             effects: actuator effects in the order in which they act.
@@ -65,7 +66,7 @@ class Rotors:
             lag = max(lags, default=own)
             thrust = self._commanded if shift == 0.0 else self._held(shift)
             if not lags and own > 0:
-                thrust = self._lagged if shift == 0.0 else self._lag(thrust)
+                chain.insert(0, MotorLag(own))
         for effect in chain:
             thrust = effect.respond(self._vehicle, self._t, thrust)
         return self._at_rows(thrust, kinks=lag > 0), self._mean(thrust)
@@ -93,55 +94,31 @@ class Rotors:
 
     @cached_property
     def _read(self) -> tuple[np.ndarray, np.ndarray]:
-        return read_thrust(self._log, self._vehicle)
+        return _read_thrust(self._log, self._vehicle)
 
     @cached_property
     def _commanded(self) -> np.ndarray:
         """(m, 4) commanded or measured thrust at substeps [N]."""
         if self._steps or not self._measured:
             return self._held(0.0)
-        read, _ = self._read
-        return np.stack([np.interp(self._t, self._row_t, read[:, i]) for i in range(4)], axis=1)
+        return np.stack([np.interp(self._t, self._row_t, rotor) for rotor in self._read[0].T], axis=1)
 
     def _held(self, shift: float) -> np.ndarray:
-        command = np.maximum(self._log.u @ self._vehicle.unmixer.T, 0.0)
-        return _held(self._row_t, command, self._t - shift, self._step)
-
-    @cached_property
-    def _lagged(self) -> np.ndarray:
-        """(m, 4) thrust after the lag of the vehicle file [N]."""
-        return self._lag(self._commanded)
-
-    def _lag(self, thrust: np.ndarray) -> np.ndarray:
-        return MotorLag(self._vehicle.rotor_time_constant).respond(self._vehicle, self._t, thrust)
+        """Return the mean (m, 4) over substeps of a command that is held between rows and beyond both ends [N]."""
+        command, t = np.maximum(self._log.u @ self._vehicle.unmixer.T, 0.0), self._row_t
+        total = np.concatenate([np.zeros((1, 4)), np.cumsum(command[:-1] * np.diff(t)[:, None], axis=0)])
+        knots = np.concatenate([[t[0] - 1e3], t, [t[-1] + 1e3]])
+        total = np.concatenate([command[:1] * -1e3, total, total[-1:] + command[-1:] * 1e3])
+        edges = np.append(self._t, self._t[-1] + self._step) - shift
+        at = np.stack([np.interp(edges, knots, rotor) for rotor in total.T], axis=1)
+        return np.diff(at, axis=0) / self._step
 
 
-def _repeats(u: np.ndarray) -> bool:
-    """Return whether telemetry is slower than the rows of u (n, 4), which repeat its readings."""
-    return bool(len(u) > 1 and np.mean(np.all(np.diff(u, axis=0) == 0, axis=1)) > REPEATED)
-
-
-def _held(t_row: np.ndarray, command: np.ndarray, t: np.ndarray, h: float) -> np.ndarray:
-    """Return the mean (m, 4) over [t, t + h] of a command that is held between rows and beyond both ends."""
-    total = np.concatenate([np.zeros((1, 4)), np.cumsum(command[:-1] * np.diff(t_row)[:, None], axis=0)])
-    first, last = t_row[0] - 1e3, t_row[-1] + 1e3
-    knots = np.concatenate([[first], t_row, [last]])
-    total = np.concatenate([command[:1] * -1e3, total, total[-1:] + command[-1:] * 1e3])
-    edges = np.append(t, t[-1] + h)
-    at = np.stack([np.interp(edges, knots, total[:, i]) for i in range(4)], axis=1)
-    return np.diff(at, axis=0) / h
-
-
-def read_thrust(log: FlightLog, vehicle: Vehicle) -> tuple[np.ndarray, np.ndarray]:
+def _read_thrust(log: FlightLog, vehicle: Vehicle) -> tuple[np.ndarray, np.ndarray]:
     """Return rotor thrust (n, 4) at the rows [N] and the deviation (4,) of noise in thrust and torques [N, N·m].
 
-    Thrust and torques are filtered, not the rotors: each has a spectrum of its own, and the rotors share theirs.
-    Where the measured motion responds to the apparent noise, that is real thrust: the readings are returned unfiltered,
-    with zero noise.
-
-    Args:
-        log: the flight log.
-        vehicle: the nominal vehicle.
+    Thrust and torques are filtered, as each has a spectrum of its own. Where the measured motion responds to the
+    apparent noise, the readings are returned unfiltered, with zero noise.
     """
     noise = white_noise(_measured_pieces(log))
     likely = most_likely(log.u, noise, log.step)

@@ -9,7 +9,7 @@ import numpy as np
 from np_drake.diagnosis.fitting import Fit, first_fit, refit
 from np_drake.diagnosis.numerics import NoiseModel
 from np_drake.diagnosis.options import Options
-from np_drake.diagnosis.regressors import Candidate, Model, RegressionProblem, tolerance_of, with_input
+from np_drake.diagnosis.regressors import Candidate, Model, RegressionProblem, options_of, with_input
 from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.diagnosis.selection.conditioning import ConditionedFlights, condition, noise_of
 from np_drake.diagnosis.selection.onset_candidates import late_payloads, new_conditions, switched_candidates
@@ -40,8 +40,7 @@ def find_map_model(
         options: all that steers the answer; default: real where attitudes are noisy or rotor speed is measured.
         still_air: whether no wind acts in all flights.
     """
-    options = options or Options.for_sensors(tolerance_of(flights).real)
-    options = with_input(options, flights)
+    options = with_input(options, flights) if options else options_of(flights)
     conditioned = condition(flights, options, still_air=still_air)
     problem, models, best = _search_twice(conditioned, options)
     return SearchResult(problem, models, best, _noise_left(conditioned, best, options), options)

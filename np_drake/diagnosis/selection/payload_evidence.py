@@ -93,7 +93,7 @@ class OtherRegressors:
         parts = []
         for e, (X, y) in zip(self._flights, self._white, strict=True):
             n = self._rows(e, horizon)
-            parts.append(Gram(X[:n].T @ X[:n], X[:n].T @ y[:n], 0.0, n))
+            parts.append(Gram(X[:n].T @ X[:n], X[:n].T @ y[:n]))
         total = reduce(add, parts)
         return total, total.log_evidence(np.arange(len(total.Xy)))
 
@@ -137,7 +137,7 @@ class OtherRegressors:
         (both,), n = self.joints(candidate, [horizon]), self.size
         first = AT_REST + SHAPE
         free = np.r_[:n, n + first : len(both.Xy)]
-        residual = Gram(both.XX, both.Xy - both.XX[:, n] * mass, 0.0, 0)
+        residual = Gram(both.XX, both.Xy - both.XX[:, n] * mass)
         fixed = np.concatenate([[mass], np.zeros(first - 1)])
         return np.concatenate([fixed, residual.posterior(free)[0][n:]])
 
@@ -164,7 +164,7 @@ class OtherRegressors:
                 done[e.name] = rows.stop
             base, _ = self._base[horizon]
             XX = np.block([[base.XX, PX.T], [PX, PP]])
-            found[horizon] = Gram(XX, np.concatenate([base.Xy, Py]), 0.0, 0)
+            found[horizon] = Gram(XX, np.concatenate([base.Xy, Py]))
         return [found[horizon] for horizon in horizons]
 
     def _flat(self, e: FlightResiduals, values: np.ndarray) -> np.ndarray:

@@ -3,5 +3,3 @@
 from np_drake.diagnosis.wind.gusts import as_gusts, with_drag
 from np_drake.diagnosis.wind.position_dependence import position_p_value
 from np_drake.diagnosis.wind.whittle_test import gust_probability
-
-__all__ = ["as_gusts", "gust_probability", "position_p_value", "with_drag"]

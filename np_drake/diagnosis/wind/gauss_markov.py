@@ -62,10 +62,10 @@ def wind_force(flights: Sequence[FlightResiduals], residual: Mapping[str, np.nda
     best = optimize.minimize(loss, start, method="L-BFGS-B", bounds=bounds).x
     deviation, time, white = np.exp(best)
     wide = np.exp(Z * np.sqrt(np.diag(np.linalg.inv(_curvature(loss, best)))))
-    value, variance = _mean(pieces, size_of_bin, deviation, time, white)
-    half = np.full(3, Z * np.sqrt(variance))
+    F, one, _ = _whitened(pieces, size_of_bin, deviation, time, white)
+    mean = one @ F / (one @ one)  # generalised least squares, of variance 1 / (1'C^-1 1)
     return WindForce(
-        np.stack([value, half], axis=1),
+        np.stack([mean, np.full(3, Z / np.sqrt(one @ one))], axis=1),
         (float(deviation), float(deviation / wide[0]), float(deviation * wide[0])),
         (float(time), float(time / wide[1]), float(time * wide[1])),
         float(white),
@@ -87,12 +87,6 @@ def _restricted_loss(pieces: Sequence[np.ndarray], size: float, deviation: float
     weight = one @ one
     power = np.sum(F**2) - np.sum((one @ F) ** 2) / weight
     return float(0.5 * (power + F.shape[1] * (logdet + np.log(weight))))
-
-
-def _mean(pieces: Sequence[np.ndarray], size, deviation, time, white) -> tuple[np.ndarray, float]:
-    """Return the mean force (3,) by generalised least squares, and its variance."""
-    F, one, _ = _whitened(pieces, size, deviation, time, white)
-    return one @ F / (one @ one), float(1.0 / (one @ one))
 
 
 def _curvature(loss, z: np.ndarray) -> np.ndarray:
@@ -122,17 +116,6 @@ def drags(e: FlightResiduals) -> np.ndarray:
     """Return (k, 3, 3) the force in W of a unit drag along each body axis (the last), averaged over bins [m/s]."""
     units = [Term(LinearDrag(*axis)) for axis in np.eye(3).tolist()]
     return np.stack([forces(e, predicted_residual(e, [unit])) for unit in units], axis=-1)
-
-
-def drag_trace(e: FlightResiduals, drag: LinearDrag, begins: Mapping[str, float | None]) -> np.ndarray:
-    """Return (m, 15) the predicted residual of a drag alone, from its begin in this flight on.
-
-    Args:
-        e: the flight.
-        drag: the effect.
-        begins: by flight, when it begins [s]; None: from the start.
-    """
-    return predicted_residual(e, [Term(drag, {e.name: begins.get(e.name)})])
 
 
 def binned(e: FlightResiduals, values: np.ndarray) -> np.ndarray:

@@ -1,8 +1,4 @@
-"""Gusts as a cause: slow forces that no effect explains, which act through the drag that was found.
-
-Gusts have no shape that a held-out flight would repeat; what tells them is that sensors alone do not make such a force
-(`slow_force`). What depends on position, the command or the motion is asked about first (`unknown`).
-"""
+"""Gusts as a cause: slow forces that no effect explains, which act through the drag that was found."""
 
 import dataclasses as dc
 from collections.abc import Mapping, Sequence
@@ -10,17 +6,17 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from np_drake.diagnosis.fitting import refit
+from np_drake.diagnosis.forward_model import Term, predicted_residual
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors import DRAG, GUSTY, Model, Onset, switched
 from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.diagnosis.result import Cause, Estimate
 from np_drake.diagnosis.selection import Ranking, names_of, names_of_fit
-from np_drake.diagnosis.wind.gauss_markov import Begins, WindForce, Z, drag_trace, instants, spans, wind_force
-from np_drake.diagnosis.wind.wind_onset import ROUNDS, Begin, still_air_loss, wind_begins, wind_onset
+from np_drake.diagnosis.wind.gauss_markov import Begins, WindForce, Z, instants, spans, wind_force
+from np_drake.diagnosis.wind.wind_onset import ROUNDS, onsets_of, wind_begins
 from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.linear_drag import LinearDrag
 
-TINY = 1e-6  # drag that is none [N·s/m]
 WEAKEST = 1e-4  # level drag through which anything acts [N·s/m]; own choice
 UPWARD = 0.5  # deviation of a mean wind upward: the ground is near [m/s]; own choice
 STRONGEST = next(p.upper for p in GustyWind.parameters if p.name == "deviation")  # of gusts [m/s]
@@ -36,8 +32,7 @@ def as_gusts(
 ) -> list[Cause]:
     """Return the causes with gusts among them, where a drag was found through which they can act.
 
-    A steady wind among the causes becomes the mean of the gusts. Gusts do not repeat: they explain no held-out flight.
-    Stronger than a wind can be they are none.
+    A steady wind among the causes becomes the mean of the gusts.
 
     Args:
         flights: training flights, which give the parameters.
@@ -50,23 +45,24 @@ def as_gusts(
     drag = next((c for c in causes if c.identifier == DRAG), None)
     if drag is None:
         return causes
-    known = _known(causes, drag)
+    steady = next((c.onset for c in causes if c.identifier in GUSTY[1:]), {})
+    known = {name: steady.get(name) if begin is None else begin for name, begin in drag.onset.items()}
     if not any(spans(e, instants(e)[:, None], known.get(e.name)) for e in flights):  # too few bins
         return causes
-    onset, begun = GustOnset(flights, held_out, through_drag, drag, options).begins(known)
-    drag = dc.replace(drag, onset=begun)
+    onset, begun = _onsets(flights, held_out, through_drag, drag, known, options)
+    drag = dc.replace(drag, onset=dict(begun))
     if not isinstance(drag.effect, LinearDrag) or not _acts_through(drag.effect):
         return causes
-    residual = {e.name: through_drag[e.name] - drag_trace(e, drag.effect, begun) for e in flights}
-    force = wind_force(flights, residual, onset)
-    if _too_strong(force, drag):
-        return causes
-    weight = flights[0].weight
-    if force.deviation[0] < options.materiality.force * weight:
+    force = wind_force(
+        flights, {e.name: _without_drag(through_drag[e.name], e, drag.effect, begun) for e in flights}, onset
+    )
+    # Stronger than winds are, even through the largest drag of the interval, they are none.
+    most = STRONGEST * float(np.mean([max(map(abs, drag.parameters[name].ci95)) for name in ("d_x", "d_y")]))
+    if not options.materiality.force * flights[0].weight <= force.deviation[0] <= most:
         return causes
     parameters = _statistics(flights, force, drag, options)
     effect = GustyWind.of({name: e.value for name, e in parameters.items()})
-    gusts = Cause(GustyWind.identifier, probability, parameters, onset, (), effect=effect)
+    gusts = Cause(GustyWind.identifier, probability, parameters, dict(onset), (), effect=effect)
     others = [c for c in causes if c.identifier not in GUSTY[1:]]
     return [*(drag if c.identifier == DRAG else c for c in others), gusts]
 
@@ -77,16 +73,9 @@ def _acts_through(drag: LinearDrag) -> bool:
     return inside and 0.5 * (drag.d_x + drag.d_y) > WEAKEST
 
 
-def _too_strong(force: WindForce, drag: Cause) -> bool:
-    """Return whether the wind would vary more than winds do even through the largest drag of the interval."""
-    most = np.mean([max(map(abs, drag.parameters[name].ci95)) for name in ("d_x", "d_y")])
-    return bool(force.deviation[0] > STRONGEST * most)
-
-
-def _known(causes: Sequence[Cause], drag: Cause) -> dict[str, float | None]:
-    """Return by flight when the wind begins as the causes have it: with its drag, or a steady wind's own begin."""
-    steady = next((c.onset for c in causes if c.identifier in GUSTY[1:]), {})
-    return {name: steady.get(name) if begin is None else begin for name, begin in drag.onset.items()}
+def _without_drag(through_drag: np.ndarray, e: FlightResiduals, drag: LinearDrag, begins: Begins) -> np.ndarray:
+    """Return (m, 15) what the wind pushes through the drag, without the drag itself, which acts from its begin on."""
+    return through_drag - predicted_residual(e, [Term(drag, {e.name: begins.get(e.name)})])
 
 
 def _statistics(
@@ -94,13 +83,12 @@ def _statistics(
 ) -> dict[str, Estimate]:
     """Return the wind's parameters [m/s, s] from those of its force, as uncertain as the drag and the sensors' axes."""
     d = np.array([drag.parameters[f"d_{axis}"].value for axis in "xyz"])
-    d[np.abs(d) < TINY] = TINY
+    d[np.abs(d) < 1e-6] = 1e-6  # avoids a division by zero [N·s/m]
     level = float(np.abs(d[:2]).mean())
-    known = max(_half(drag.parameters[f"d_{axis}"]) for axis in "xy") / level
+    known = max(drag.parameters[f"d_{axis}"].half for axis in "xy") / level
     tolerance = options.tolerance
-    weight = flights[0].weight
     tilt = tolerance.attitude / np.sqrt(len(flights))
-    off = weight * Z * np.array([tilt, tilt, np.hypot(tolerance.mass, tolerance.thrust)])
+    off = flights[0].weight * Z * np.array([tilt, tilt, np.hypot(tolerance.mass, tolerance.thrust)])
     out = {}
     for i, p in enumerate(GustyWind.parameters[:3]):
         half = float(np.hypot(force.mean[i, 1], off[i])) / abs(d[i])
@@ -117,83 +105,51 @@ def _statistics(
     return out
 
 
-def _half(estimate: Estimate) -> float:
-    return 0.5 * (estimate.ci95[1] - estimate.ci95[0])
+def _onsets(
+    flights: Sequence[FlightResiduals],
+    held_out: Sequence[FlightResiduals],
+    through_drag: Mapping[str, np.ndarray],
+    drag: Cause,
+    known: Begins,
+    options: Options,
+) -> tuple[Begins, Begins]:
+    """Return by flight when the wind begins [s], given the `known` onsets, and when the drag does.
 
-
-@dc.dataclass(frozen=True)
-class GustOnset:
-    """Gusts that act through `drag`, with parameters from training flights, in these and in held-out flights.
-
-    through_drag: by flight, (m, 15) what drag and wind together leave in it.
+    A drag that begins with the wind in one flight does so in all. Flights of the fit say whether it does: what a
+    held-out one seems to show moves nothing in them.
     """
-
-    flights: Sequence[FlightResiduals]
-    held_out: Sequence[FlightResiduals]
-    through_drag: Mapping[str, np.ndarray]
-    drag: Cause
-    options: Options
-
-    def begins(self, known: Begins) -> tuple[dict[str, float | None], dict[str, float | None]]:
-        """Return by flight when the wind begins [s], given the `known` onsets, and when the drag does.
-
-        A drag that begins with the wind in one flight does so in all. Flights of the fit say whether it does: what an
-        held-out one seems to show moves nothing in them.
-        """
-        priors = self.options.priors
-        acts: Begins = self.drag.onset
-        windy = {e.name: self._left(e, {}) for e in self._every}
-        at_once = 2 * priors.onset_gain * any(self.drag.onset.get(e.name) is not None for e in self.flights)
-        for _ in range(ROUNDS):
-            wind = wind_force(self.flights, {e.name: self._left(e, acts) for e in self.flights}, known)
-            apart = self._sought(windy, windy, known, wind)
-            together = self._sought(windy, self.through_drag, known, wind)
-            late = [e for e in self.flights if any(b[e.name].at is not None for b in (apart, together))]
-            gain = sum(apart[e.name].loss - together[e.name].loss for e in late or self.held_out)
-            both = gain + at_once > 0
-            known = {name: begin.at for name, begin in (together if both else apart).items()}
-            acts = known if both else self.drag.onset
-        return dict(known), dict(acts)
-
-    def _left(self, e: FlightResiduals, acts: Begins) -> np.ndarray:
-        """Return (m, 15) the force through the drag, less that of the drag itself, which acts from then on."""
-        assert isinstance(self.drag.effect, LinearDrag)
-        return self.through_drag[e.name] - drag_trace(e, self.drag.effect, acts)
-
-    @property
-    def _every(self) -> tuple[FlightResiduals, ...]:
-        return (*self.flights, *self.held_out)
-
-    def _sought(
-        self, windy: Mapping[str, np.ndarray], still: Mapping[str, np.ndarray], known: Begins, wind: WindForce
-    ) -> dict[str, Begin]:
-        """Return onsets by flight; windy, still: (m, 15) by flight, what is left of it with a wind and before."""
-        before = {e.name: still_air_loss(e, still[e.name], wind, self.options) for e in self._every}
-        priors = self.options.priors
-        found = {
-            e.name: wind_onset(e, windy[e.name], known.get(e.name), wind, before[e.name], priors.onset_gain)
-            for e in self.flights
-        }
-        late = any(begin.at is not None for begin in found.values())
-        for e in self.held_out:  # what acts throughout the others hardly begins late here
-            begin = known.get(e.name) if late else None
-            gain = priors.onset_gain if late else priors.new_onset_gain
-            found[e.name] = wind_onset(e, windy[e.name], begin, wind, before[e.name], gain)
-        return found
+    acts, effect = drag.onset, drag.effect
+    assert isinstance(effect, LinearDrag)
+    windy = {e.name: _without_drag(through_drag[e.name], e, effect, {}) for e in (*flights, *held_out)}
+    at_once = 2 * options.priors.onset_gain * any(drag.onset.get(e.name) is not None for e in flights)
+    for _ in range(ROUNDS):
+        left = {e.name: _without_drag(through_drag[e.name], e, effect, acts) for e in flights}
+        wind = wind_force(flights, left, known)
+        apart, together = (
+            onsets_of(flights, held_out, (windy, still), known, wind, options) for still in (windy, through_drag)
+        )
+        late = [e for e in flights if any(b[e.name].at is not None for b in (apart, together))]
+        gain = sum(apart[e.name].loss - together[e.name].loss for e in late or held_out)
+        both = gain + at_once > 0
+        known = {name: begin.at for name, begin in (together if both else apart).items()}
+        acts = known if both else drag.onset
+    return known, acts
 
 
 def with_drag(ranking: Ranking) -> Ranking:
     """Return the ranking with a linear drag in the named model, where flights do not speak against it.
 
-    Gusts and a drag are as rare together as something that is not in the library; what is left is what the flights
-    themselves say of the drag, its prior apart. Where the slow force begins in flight, so may the drag.
+    The prior of the drag is that of generic structure. Where the slow force begins in flight, so may the drag.
     """
     priors, problem, key = ranking.options.priors, ranking.problem, names_of_fit(ranking.best)
     known = next((m for m in ranking.models if names_of(problem, m) == key), None)
     if known is None or DRAG in key:
         return ranking
     drags = [i for i, c in enumerate(problem.candidates) if c.identifiers == (DRAG,) and not c.onset]
-    onset = _begins(ranking)
+    # The slow force that is left may begin in flight: its own power pays for instants.
+    left = {e.name: ranking.best.residual(e) for e in problem.flights}
+    begins = wind_begins(problem.flights, left, {}, ranking.options)
+    onset: Onset = {name: begin for name, begin in begins.items() if begin is not None}
     if onset:
         late = [switched(problem.candidates[i], problem.flights, onset) for i in drags]
         drags += [len(problem.candidates) + k for k in range(len(late))]
@@ -207,13 +163,5 @@ def with_drag(ranking: Ranking) -> Ranking:
         return ranking
     named = refit(problem, best, None, ranking.noise)
     probability = ranking.probability | {DRAG: float(1 / (1 + np.exp(-odds)))}
-    models = (best, *ranking.models)
-    fits = (named, *ranking.fits)
+    fits, models = (named, *ranking.fits), (best, *ranking.models)
     return dc.replace(ranking, fits=fits, problem=problem, models=models, probability=probability)
-
-
-def _begins(ranking: Ranking) -> Onset:
-    """Return the onsets in flight of the slow force that is left [s]: its own power pays for instants."""
-    flights = ranking.problem.flights
-    begins = wind_begins(flights, {e.name: ranking.best.residual(e) for e in flights}, {}, ranking.options)
-    return {name: begin for name, begin in begins.items() if begin is not None}

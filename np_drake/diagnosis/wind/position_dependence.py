@@ -19,8 +19,6 @@ from np_drake.diagnosis.wind.gauss_markov import (
 )
 from np_drake.rigid_body import P
 
-TINY = 1e-9  # [m], for a height that is kept
-
 
 def position_p_value(flights: Sequence[FlightResiduals], residual: Mapping[str, np.ndarray], begins: Begins) -> float:
     """Return the probability that gusts follow the position as much as this force does [1].
@@ -29,18 +27,26 @@ def position_p_value(flights: Sequence[FlightResiduals], residual: Mapping[str, 
         flights: the flights.
         residual: by flight, (m, 15) what a model leaves of it.
         begins: by flight, when the wind begins [s]; None: from the start.
-    Source: likelihood ratio of a level force that is quadratic in the position (a jet pushes in the middle of a
-    flight, which nothing linear tells) beside gusts, a mean in each span and a drag (which may be found too weak),
-    under the gusts' covariance, as strong in each flight as they are there: half a chi-squared of at most eighteen.
+    Source: likelihood ratio of a level force that is quadratic in the position beside gusts, a mean in each span and a
+    drag, under the gusts' covariance, as strong in each flight as they are there.
     """
     wind = wind_force(flights, residual, begins)
     x = np.concatenate([e.rows.x[:, P] for e in flights])
-    middle, size = x.mean(axis=0), x.std(axis=0) + TINY
+    middle, size = x.mean(axis=0), x.std(axis=0) + 1e-9  # [m], for a height that is kept
+    first, second = np.triu_indices(3)
     white = []
     for e in flights:
-        place = (_on_grid(e, P) - middle) / size
+        at = np.stack([np.interp(e.t, e.rows.t, axis) for axis in e.rows.x[:, P].T], axis=1)
+        place = (at - middle) / size
         dragged = np.hstack([*np.moveaxis(drags(e)[:, :2], 1, 0)])
-        level = np.hstack([forces(e, residual[e.name])[:, :2], dragged, binned(e, place), binned(e, _products(place))])
+        level = np.hstack(
+            [
+                forces(e, residual[e.name])[:, :2],
+                dragged,
+                binned(e, place),
+                binned(e, place[:, first] * place[:, second]),
+            ]
+        )
         pieces = [_about_its_mean(p, width(e), wind) for p in spans(e, level, begins.get(e.name))]
         if pieces:
             own = np.concatenate(pieces)
@@ -62,14 +68,3 @@ def _about_its_mean(span: np.ndarray, width: float, wind: WindForce) -> np.ndarr
     white = linalg.solve_triangular(root, np.column_stack([span, np.ones(len(span))]), lower=True)
     one = white[:, -1:]
     return white[:, :-1] - one @ (one.T @ white[:, :-1]) / np.sum(one**2)
-
-
-def _products(x: np.ndarray) -> np.ndarray:
-    """Return (m, 6) the products of every two of three columns."""
-    i, j = np.triu_indices(3)
-    return x[:, i] * x[:, j]
-
-
-def _on_grid(e: FlightResiduals, columns: slice) -> np.ndarray:
-    """Return (m, a) columns of the state on the grid."""
-    return np.stack([np.interp(e.t, e.rows.t, axis) for axis in e.rows.x[:, columns].T], axis=1)

@@ -1,10 +1,7 @@
 """Log evidence of a slow force in the air over sensor errors alone, by Whittle's likelihood.
 
-A force acts on position and accelerometer alike. An attitude that drifts turns the thrust that is taken out of the
-one; an accelerometer that drifts errs in the other, which counts where the attitude that turned it to W is known: it
-reads the force across the thrust whatever the attitude.   Source: Whittle's likelihood, cosine transforms in the place
-of Fourier's (the spectra are steep); priors of the sensors as the tolerances of real sensors say, those of the force
-own choice.
+A force acts on position and accelerometer alike; an attitude that drifts errs in the one, an accelerometer that drifts
+in the other.   Source: Whittle's likelihood, with cosine transforms, as the spectra are steep; own priors.
 """
 
 import dataclasses as dc
@@ -75,14 +72,10 @@ def slow_force(flights: Sequence[FlightResiduals], residual: Mapping[str, np.nda
     return SlowForce(max(float(sensors.fun - best.fun), 0.0), mass * float(np.exp(best.x[n])))
 
 
-def slow_power(flights: Sequence[FlightResiduals], residual: Mapping[str, np.ndarray]) -> float:
+def _slow_power(flights: Sequence[FlightResiduals], residual: Mapping[str, np.ndarray]) -> float:
     """Return the mean square of the slow force on a level axis, its mean apart [N²], from a residual (m, 15) by flight.
 
     In the body as in W: an attitude that is read askew turns with a vehicle that yaws.
-
-    Args:
-        flights: the flights.
-        residual: by flight, (m, 15) what a model leaves of it.
     """
     spectra = [_spectra(e, residual[e.name], upright=True) for e in flights]
     width = [s.f[0] for s in spectra]
@@ -152,8 +145,6 @@ def gust_probability(
 ) -> float:
     """Return the probability of a slow force in the air; 0 where training flights show none.
 
-    It must be as large as structure has to be that is no effect.
-
     Args:
         flights: training flights.
         residual: by flight, (m, 15) what a model leaves of them.
@@ -164,10 +155,10 @@ def gust_probability(
     """
     seen = slow_force(flights, residual, options)
     both = slow_force([*flights, *held_out], {**residual, **held_out_residual}, options)
-    vehicle, thresholds = flights[0].vehicle, options.thresholds
-    matters = both.deviation > options.materiality.force * vehicle.mass * vehicle.gravity
+    thresholds = options.thresholds
+    matters = both.deviation > options.materiality.force * flights[0].weight
     shown = seen.log_evidence > thresholds.held_out_share * thresholds.slow_force_evidence
-    lost = hidden and slow_power(flights, residual) < thresholds.held_out_share * slow_power(
+    lost = hidden and _slow_power(flights, residual) < thresholds.held_out_share * _slow_power(
         flights, {e.name: e.y for e in flights}
     )
     return both.probability(thresholds.slow_force_evidence) if matters and shown and not lost else 0.0

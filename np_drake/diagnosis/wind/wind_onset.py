@@ -8,9 +8,10 @@ from scipy import linalg
 
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.residuals import FlightResiduals
+from np_drake.diagnosis.selection.change_point import EDGE
 from np_drake.diagnosis.wind.gauss_markov import SPAN, Begins, WindForce, factor, forces, instants, width, wind_force
 
-FIRST, LAST = 0.7, 1.0  # of a flight, in which no begin is looked for [s]
+LAST = 1.0  # of a flight, in which no begin is looked for [s]
 LEAST_STILL = 2.0  # that is quiet at least before a wind whose begin is not known at all [s]
 ROUNDS = 2  # of wind and its begins: at first it is that of all the flight
 SIZES = (0.35, 0.5, 0.7, 1.0, 1.4, 2.0)  # of that error, in tolerances [1]; own choice
@@ -30,9 +31,7 @@ def wind_onset(
 ) -> Begin:
     """Return when the wind begins, given a known onset [s] (None: from the start; infinite: not at all).
 
-    Gusts show by their power at once, where their mean, by which an onset is found first, may take a second, or miss
-    it. What was known stays where a better one brings less than `gain` in log likelihood: it was found beside the
-    drag, which acts without gusts as well.
+    Gusts show by their power at once. What was known stays where a better one brings less than `gain`.
 
     Args:
         e: the flight.
@@ -49,7 +48,7 @@ def wind_onset(
     root = factor(len(t), width(e), *wind.figures, wind.deviation[0])
     # A stationary process is the same backwards: one solution has those from every bin to the last.
     loss = before + np.cumsum(_loss_of_bins((bins - wind.mean[:2, 0])[::-1], root))[::-1]
-    near = (t > t[0] + (LEAST_STILL if begin is None else FIRST)) & (t < t[-1] - LAST)
+    near = (t > t[0] + (LEAST_STILL if begin is None else EDGE)) & (t < t[-1] - LAST)
     tried = np.union1d(k[near], [0, here])
     best = int(tried[np.argmin(loss[tried])])
     if loss[here] - loss[best] <= 2 * gain:
@@ -68,25 +67,49 @@ def wind_begins(
         known: by flight, known onsets [s]; None: from the start.
         options: all that steers the answer.
     """
-    begins = known
     for _ in range(ROUNDS):
-        wind = wind_force(flights, residual, begins)
-        still = {e.name: still_air_loss(e, residual[e.name], wind, options) for e in flights}
-        begins = {
-            e.name: wind_onset(
-                e, residual[e.name], begins.get(e.name), wind, still[e.name], options.priors.onset_gain
-            ).at
-            for e in flights
+        wind = wind_force(flights, residual, known)
+        known = {
+            name: begin.at for name, begin in onsets_of(flights, [], (residual, residual), known, wind, options).items()
         }
-    return begins
+    return known
+
+
+def onsets_of(
+    flights: Sequence[FlightResiduals],
+    held_out: Sequence[FlightResiduals],
+    left: tuple[Mapping[str, np.ndarray], Mapping[str, np.ndarray]],
+    known: Begins,
+    wind: WindForce,
+    options: Options,
+) -> dict[str, Begin]:
+    """Return the onset of a wind in every flight.
+
+    Args:
+        flights: training flights.
+        held_out: held-out flights: what acts throughout the others hardly begins late in these.
+        left: by flight, (m, 15) what is left of it under the wind and before.
+        known: by flight, known onsets [s]; None: from the start.
+        wind: statistics of its force.
+        options: all that steers the answer.
+    """
+    windy, still = left
+    before = {e.name: still_air_loss(e, still[e.name], wind, options) for e in (*flights, *held_out)}
+
+    def sought(e: FlightResiduals, begin: float | None, gain: float) -> Begin:
+        return wind_onset(e, windy[e.name], begin, wind, before[e.name], gain)
+
+    found = {e.name: sought(e, known.get(e.name), options.priors.onset_gain) for e in flights}
+    late = any(begin.at is not None for begin in found.values())
+    gain = options.priors.onset_gain if late else options.priors.new_onset_gain
+    return found | {e.name: sought(e, known.get(e.name) if late else None, gain) for e in held_out}
 
 
 def still_air_loss(e: FlightResiduals, residual: np.ndarray, wind: WindForce, options: Options) -> np.ndarray:
     """Return (k,) the -2 log likelihood of the level forces in the bins before each bin, without a wind.
 
-    Ideal sensors leave white noise, as the wind has it
-    at least. A real attitude errs slowly as well, a Gauss-Markov process about the tolerance in size, whichever fits
-    best; its white noise is that of the whole flight.   Source: profile likelihood; own choice of the grid.
+    Ideal sensors leave white noise. A real attitude errs slowly as well, a Gauss-Markov process about the tolerance in
+    size, whichever fits best.   Source: profile likelihood; own choice of the grid.
 
     Args:
         e: the flight.

@@ -168,7 +168,7 @@ def fit_at(seen) -> Callable[..., Fit]:
         free = tuple(f for f in every if not f.flight)
         if np.isscalar(covariance):
             covariance = float(covariance) ** 2 * np.eye(len(free))
-        return Fit(terms, (), free, read(terms, free), np.asarray(covariance), 0.0, 0.0, 1)
+        return Fit(terms, (), free, read(terms, free), np.asarray(covariance), 0.0)
 
     return fit
 

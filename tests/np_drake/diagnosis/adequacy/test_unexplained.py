@@ -9,7 +9,7 @@ import pytest
 from np_drake.diagnosis.adequacy import unexplained as module
 from np_drake.diagnosis.adequacy.linear_model import LinearModel
 from np_drake.diagnosis.adequacy.residual_statistics import strongest_line
-from np_drake.diagnosis.adequacy.unexplained import Unexplained, find_unexplained, indication
+from np_drake.diagnosis.adequacy.unexplained import Unexplained, _indication, find_unexplained
 from np_drake.diagnosis.held_out.prediction import on_held_out
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.result import CHANNELS
@@ -71,11 +71,11 @@ def test_a_torque_that_no_effect_explains_remains_and_says_where_it_lives(ranked
 def test_structure_is_there_by_evidence_and_counts_where_material(ranked, linear, damper):
     case = ranked(damper)
     model, structure = linear(case)
-    probability, finding = indication(model, structure, structure[0], REAL)
+    probability, finding = _indication(model, structure, structure[0], REAL)
     assert probability > 0.99
     assert finding.name == "rates"
     blunt = dc.replace(REAL.materiality, torque=100.0, force=100.0)
-    assert indication(model, structure, structure[0], dc.replace(REAL, materiality=blunt)) == (0.0, finding)
+    assert _indication(model, structure, structure[0], dc.replace(REAL, materiality=blunt)) == (0.0, finding)
 
 
 @pytest.mark.parametrize(
@@ -117,7 +117,7 @@ def test_a_force_now_and_then_is_unknown_wherever_it_is(ranked, left, where, siz
 @pytest.mark.parametrize("times", [0.7, 2.0], ids=["too small to matter", "large"])
 def test_a_line_is_unknown_only_where_it_is_large_enough_to_matter(ranked, left, channel, times):
     case = ranked()
-    least = module.least_lines(case.flights, SENSITIVE.materiality)[channel]
+    least = module._least_lines(case.flights, SENSITIVE.materiality)[channel]
     wave = [dc.replace(e, y=e.y.copy()) for e in (*case.flights, *case.held_out)]
     for e in wave:
         e.y[:, channel] += times * least * np.sqrt(2) * np.sin(2 * np.pi * 2.3 * e.t)
@@ -133,7 +133,7 @@ def test_a_line_is_unknown_only_where_it_is_large_enough_to_matter(ranked, left,
 
 def test_a_line_that_does_not_matter_hides_none_that_does(ranked, left):
     case = ranked()
-    least = module.least_lines(case.flights, SENSITIVE.materiality)
+    least = module._least_lines(case.flights, SENSITIVE.materiality)
     both = [dc.replace(e, y=e.y.copy()) for e in (*case.flights, *case.held_out)]
     for e in both:
         for channel, times, f in ((0, 0.8, 2.3), (4, 1.3, 5.3)):

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from np_drake.diagnosis.calibration.columns import calibration_columns, columns_of, drift_columns, vehicle_columns
-from np_drake.diagnosis.calibration.spread import SPREAD, calibrated_alone, of_flight, of_vehicle
+from np_drake.diagnosis.calibration.spread import calibrated_alone, of_flight, of_vehicle
 from np_drake.diagnosis.forward_model import Term, predicted_residual
-from np_drake.diagnosis.options import Options, Tolerance
+from np_drake.diagnosis.options import SPREAD, Options, Tolerance
 from np_drake.diagnosis.regressors.nuisance import with_input
 from np_drake.effects.mass_error import MassError
 from np_drake.effects.weak_rotor import WeakRotor

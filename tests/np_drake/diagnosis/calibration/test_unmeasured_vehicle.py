@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from np_drake.diagnosis.calibration.columns import calibration_effects
-from np_drake.diagnosis.calibration.spread import SPREAD
 from np_drake.diagnosis.gap.gap_reduction import measure_gap_reduction
-from np_drake.diagnosis.options import Options
+from np_drake.diagnosis.options import SPREAD, Options
 from np_drake.diagnosis.residuals.make_flight_residuals import CLEAR, make_flight_residuals
 from np_drake.effects.blade_flapping import BladeFlapping
 from np_drake.effects.weak_rotor import WeakRotor

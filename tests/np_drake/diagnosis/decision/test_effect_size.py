@@ -27,7 +27,7 @@ def fit(fit_at):
 
 
 def test_the_size_of_a_mass_is_its_share_of_the_weight(flights, fit, noise):
-    found = size_of(fit, 0, flights, noise, IDEAL_SENSORS)
+    found = size_of(fit, 0, flights, noise.rms, IDEAL_SENSORS)
     lift = np.concatenate([e.nominal[:, 2] for e in flights])
     expected = 0.2 / 2.2 * np.sqrt(np.mean(lift**2)) / (2.0 * 9.81)
     assert found.force == pytest.approx(expected, rel=0.02)  # of the mass beside a drag
@@ -37,14 +37,14 @@ def test_the_size_of_a_mass_is_its_share_of_the_weight(flights, fit, noise):
 
 def test_what_does_little_in_the_fit_counts_by_what_it_does_held_out(flights, fit, noise):
     strong = [dc.replace(t, effect=LinearDrag(6.0, 6.0, 6.0)) if j == 1 else t for j, t in enumerate(fit.terms)]
-    args = (fit, 1, flights, noise, IDEAL_SENSORS)
+    args = (fit, 1, flights, noise.rms, IDEAL_SENSORS)
     alone, beside = size_of(*args), size_of(*args, [(e, strong) for e in flights])
     assert beside.force == pytest.approx(alone.force * np.sqrt((1 + (6.0 / 0.6) ** 2) / 2), rel=0.01)
     assert (beside.gap, beside.sensor) == (alone.gap, alone.sensor)
 
 
 def test_the_size_of_a_sensors_error_is_in_its_tolerance(flights, fit, noise):
-    found = size_of(fit, 2, flights, noise, Tolerance())
+    found = size_of(fit, 2, flights, noise.rms, Tolerance())
     assert found.sensor == pytest.approx(0.05 / Tolerance().rate)
 
 

@@ -100,9 +100,7 @@ def test_the_residual_of_a_fit_is_what_its_terms_leave(seen, noise):
     flight = seen(MassError(0.2), noise=1.0, seconds=6.0)
     fit = refine([Term(MassError())], [], [flight], noise, temperature=1.0, priors=PRIORS)
     white = noise.whiten(fit.residual(flight))
-    assert fit.loss == pytest.approx(np.sum(white**2), rel=1e-6)
     assert np.mean(white**2) == pytest.approx(1.0, abs=0.1)
-    assert fit.samples == len(flight.t)
 
 
 def test_a_wrong_model_has_less_evidence(seen, noise):

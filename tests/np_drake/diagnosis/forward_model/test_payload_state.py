@@ -13,11 +13,11 @@ from np_drake.diagnosis.forward_model.payload_state import (
     NEVER,
     STATE,
     Term,
-    at_hooks,
+    _at_hooks,
+    _start_of_swing,
     hidden_size,
     jumps,
     specific_pull,
-    start_of_swing,
     swing_wrenches,
 )
 from np_drake.diagnosis.residuals.resampling import TAPS
@@ -30,7 +30,7 @@ SMALL = st.floats(-0.8, 0.8)
 @settings(max_examples=50, deadline=None)
 @given(st.tuples(*[SMALL] * 4), st.floats(0.1, 3.0), st.tuples(SMALL, SMALL, st.floats(0.5, 2.0)))
 def test_a_swing_begins_on_the_sphere_and_moves_along_it(swing, length, pull):
-    r, rate = start_of_swing(np.array([length]), np.array([swing]), 9.81 * np.array(pull))
+    r, rate = _start_of_swing(np.array([length]), np.array([swing]), 9.81 * np.array(pull))
     assert np.linalg.norm(r) == pytest.approx(length)
     assert np.sum(r * rate) == pytest.approx(0.0, abs=1e-9)
 
@@ -38,14 +38,14 @@ def test_a_swing_begins_on_the_sphere_and_moves_along_it(swing, length, pull):
 @settings(max_examples=20, deadline=None)
 @given(st.tuples(SMALL, SMALL, st.floats(0.5, 2.0)))
 def test_without_swing_it_hangs_against_the_pull(pull):
-    r, rate = start_of_swing(np.array([0.7]), np.zeros((1, 4)), np.array(pull))
+    r, rate = _start_of_swing(np.array([0.7]), np.zeros((1, 4)), np.array(pull))
     np.testing.assert_allclose(r[0], -0.7 * np.array(pull) / np.linalg.norm(pull), atol=1e-12)
     np.testing.assert_array_equal(rate, 0.0)
 
 
 def test_an_angle_of_swing_is_an_angle():
     still, moved = (
-        start_of_swing(np.ones(1), np.array([[a, 0, 0, 0]]), np.array([0, 0, 9.81]))[0][0] for a in (0, 0.3)
+        _start_of_swing(np.ones(1), np.array([[a, 0, 0, 0]]), np.array([0, 0, 9.81]))[0][0] for a in (0, 0.3)
     )
     assert np.arccos(still @ moved) == pytest.approx(0.3)
     assert moved[0] == pytest.approx(np.sin(0.3))  # towards +x in W
@@ -54,7 +54,7 @@ def test_an_angle_of_swing_is_an_angle():
 def test_the_hook_of_a_hovering_vehicle_rests(seen):
     dut = seen(vigour=0.0)
     hooks = np.array([[0.0, 0.0, 0.0], [0.1, 0.0, -0.05]])
-    np.testing.assert_allclose(at_hooks(dut.driving, hooks), 0.0, atol=1e-9)
+    np.testing.assert_allclose(_at_hooks(dut.driving, hooks), 0.0, atol=1e-9)
     pull = specific_pull(dut, np.array([0.5]), np.zeros((1, 4)), hooks[:1], None)
     np.testing.assert_allclose(pull[:, 0], np.tile([0, 0, -9.81], (len(dut.t), 1)), atol=1e-6)
 
@@ -62,13 +62,13 @@ def test_the_hook_of_a_hovering_vehicle_rests(seen):
 def test_a_hook_moves_as_a_point_of_the_body_many_as_each_alone(seen):
     dut = seen()
     hooks = np.array([[0.1, 0.0, 0.0], [0.03, -0.2, 0.05]])
-    together, rows = at_hooks(dut.moving, hooks), dut.rows
+    together, rows = _at_hooks(dut.moving, hooks), dut.rows
     middle = 0.5 * (dut.t[1:] + dut.t[:-1])
     for i, hook in enumerate(hooks):
         v = pendulum.hook_velocity(hook, rows.x)
         expected = [np.interp(middle, rows.t, column) for column in v.T]
         np.testing.assert_allclose(together[:, i], np.transpose(expected), atol=1e-12)
-        np.testing.assert_allclose(together[:, i], at_hooks(dut.moving, hooks[i : i + 1])[:, 0], atol=1e-12)
+        np.testing.assert_allclose(together[:, i], _at_hooks(dut.moving, hooks[i : i + 1])[:, 0], atol=1e-12)
 
 
 def test_the_air_brakes_a_swing_under_a_hovering_vehicle(seen):
@@ -85,14 +85,14 @@ def test_the_air_brakes_a_swing_under_a_hovering_vehicle(seen):
 def test_a_hook_accelerates_as_a_point_of_the_body_many_as_each_alone(seen):
     dut = seen()
     hooks = np.array([[0.1, 0.0, 0.0], [0.03, -0.2, 0.05], [0.1, 0.0, 0.0]])
-    together, rows = at_hooks(dut.driving, hooks), dut.rows
+    together, rows = _at_hooks(dut.driving, hooks), dut.rows
     middle = 0.5 * (dut.t[1:] + dut.t[:-1])
     for i, hook in enumerate(hooks):
         w = rows.x[:, 10:13]
         turned = attitude.rotate(rows.q, np.cross(rows.al, hook) + np.cross(w, np.cross(w, hook)))
         expected = [np.interp(middle, rows.t, column) for column in (rows.a + turned).T]
         np.testing.assert_allclose(together[:, i], np.transpose(expected), atol=1e-9)
-        np.testing.assert_allclose(together[:, i], at_hooks(dut.driving, hooks[i : i + 1])[:, 0], atol=1e-12)
+        np.testing.assert_allclose(together[:, i], _at_hooks(dut.driving, hooks[i : i + 1])[:, 0], atol=1e-12)
 
 
 def test_many_payloads_pull_as_each_does_alone(seen):

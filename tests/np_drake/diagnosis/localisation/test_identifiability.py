@@ -5,7 +5,7 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.localisation.identifiability import assess_identifiability, confusables, excitation, excited
+from np_drake.diagnosis.localisation.identifiability import _confusables, assess_identifiability, excitation, excited
 from np_drake.diagnosis.regressors.library import library_candidates
 from np_drake.diagnosis.residuals.make_flight_residuals import make_flight_residuals
 from np_drake.diagnosis.result import CHANNELS
@@ -45,7 +45,7 @@ def flights(seen):
 
 
 def test_lively_flight_makes_delay_and_lag_collinear_but_not_a_clock(flights, noise):
-    found = [c.effects for c in confusables(flights, library_candidates(flights), noise)]
+    found = [c.effects for c in _confusables(flights, library_candidates(flights), noise)]
     assert ("command_delay", "motor_lag") in found
     assert not {("clock_offset", "command_delay"), ("clock_offset", "motor_lag")} & {*found}
     assert ("gyro_bias", "linear_drag") not in found
@@ -54,14 +54,14 @@ def test_lively_flight_makes_delay_and_lag_collinear_but_not_a_clock(flights, no
 
 def test_in_a_vertical_flight_mass_and_thrust_are_collinear(seen, noise):
     flights = [seen(noise=1.0, vigour=(0.0, 0.0, 1.0, 0.0))]
-    found = {c.effects: c for c in confusables(flights, library_candidates(flights), noise)}
+    found = {c.effects: c for c in _confusables(flights, library_candidates(flights), noise)}
     assert "torque" in found[("mass_error", "thrust_scale")].manoeuvre
     assert ("linear_drag",) not in found
 
 
 def test_in_hover_what_needs_motion_leaves_no_trace(seen, noise):
     flights = [seen(vigour=0.0, noise=1.0, seconds=4.0)]
-    held_out = {c.effects for c in confusables(flights, library_candidates(flights), noise) if len(c.effects) == 1}
+    held_out = {c.effects for c in _confusables(flights, library_candidates(flights), noise) if len(c.effects) == 1}
     assert {("quadratic_drag",), ("translational_lift",), ("command_delay",)} <= held_out
     assert ("mass_error",) not in held_out
 

@@ -32,7 +32,7 @@ def test_the_share_explained_is_the_power_that_went_above_the_floor(noise, gap, 
     floor = noise.rms
     before = np.sqrt(1 + gap**2) * floor * np.ones((50, 1))
     after = np.sqrt(1 + (1 - share) * gap**2) * floor * np.ones((50, 1))
-    found = dut.channel_gaps({"a": before}, {"a": after}, noise, {"a": np.ones(50, bool)})
+    found = dut._channel_gaps({"a": before}, {"a": after}, noise, {"a": np.ones(50, bool)})
     assert [c.channel for c in found] == list(CHANNELS)
     for c, channel in enumerate(found):
         assert channel.explained == pytest.approx(share, abs=1e-9)
@@ -45,13 +45,13 @@ def test_the_share_explained_is_the_power_that_went_above_the_floor(noise, gap, 
 def test_where_there_is_no_gap_nothing_is_explained(noise):
     rows = {"a": np.ones(50, bool)}
     still = {"a": noise.rms * np.ones((50, 1))}
-    assert [c.explained for c in dut.channel_gaps(still, still, noise, rows)] == [0.0] * 6
+    assert [c.explained for c in dut._channel_gaps(still, still, noise, rows)] == [0.0] * 6
 
 
 def test_rows_that_do_not_count_are_left_out(noise):
     values = np.ones((50, 6))
     values[25:] = 1e6
-    found = dut.channel_gaps({"a": values}, {"a": values}, noise, {"a": np.arange(50) < 25})
+    found = dut._channel_gaps({"a": values}, {"a": values}, noise, {"a": np.arange(50) < 25})
     assert found[0].rms == 1.0
 
 
@@ -63,7 +63,7 @@ def with_residual(flight, y):
 def test_a_change_point_lies_where_the_step_is(seen, noise, when):
     y = white(1, 601)
     y[:, 2] += np.where(seen().t >= when, 4 * noise.rms[2], 0.0)
-    found = dut.segments(with_residual(seen(), y), noise)
+    found = dut._segments(with_residual(seen(), y), noise)
     assert len(found) == 2
     assert found[0].end == pytest.approx(when, abs=dut.COARSE)
     assert found[0].end == found[1].start
@@ -72,7 +72,7 @@ def test_a_change_point_lies_where_the_step_is(seen, noise, when):
 
 
 def test_noise_has_no_change_point(seen, noise):
-    (found,) = dut.segments(with_residual(seen(), white(2, 601)), noise)
+    (found,) = dut._segments(with_residual(seen(), white(2, 601)), noise)
     assert found.start == seen().t[0]
     assert found.end == pytest.approx(seen().t[-1], abs=dut.COARSE)
     np.testing.assert_allclose(found.rms, 1.0, atol=0.15)
@@ -82,7 +82,7 @@ def test_regimes_hold_every_row_once(seen, noise):
     flights = [seen(name=str(i), seed=i, seconds=6.0) for i in range(2)]
     after = {e.name: e.y[:, WRENCH] for e in flights}
     total = sum(len(e.t) for e in flights)
-    found = dut.regimes(flights, after, noise)
+    found = dut._regimes(flights, after, noise)
     for name in {r.quantity for r in found}:
         own = [r for r in found if r.quantity == name]
         assert sum(r.rows for r in own) == total
@@ -94,7 +94,7 @@ def test_regimes_hold_every_row_once(seen, noise):
 @settings(max_examples=50, deadline=None)
 def test_bounds_of_regimes_are_round_and_hold_every_value(spread, middle, seed):
     value = middle + spread * np.random.default_rng(seed).normal(size=500)
-    bounds = dut.round_bounds(value)
+    bounds = dut._round_bounds(value)
     step = np.diff(bounds).min()
     assert bounds[0] <= value.min() < value.max() <= bounds[-1]
     assert float(f"{step:.6e}"[:8]) in (1.0, 2.0, 5.0)
@@ -107,7 +107,7 @@ def test_a_residual_that_grows_with_speed_does_so_across_speed_regimes(seen, noi
     y = white(3, len(flight.t))
     y[:, 0] += 5 * noise.rms[0] * speed
     flight = with_residual(flight, y)
-    found = [r for r in dut.regimes([flight], {"a": 0 * y[:, WRENCH]}, noise) if r.quantity == "speed"]
+    found = [r for r in dut._regimes([flight], {"a": 0 * y[:, WRENCH]}, noise) if r.quantity == "speed"]
     sizes = [r.rms[0] for r in found]
     assert sizes == sorted(sizes)
     assert sizes[-1] > 2 * sizes[0]
@@ -116,7 +116,7 @@ def test_a_residual_that_grows_with_speed_does_so_across_speed_regimes(seen, noi
 
 def test_what_never_changes_is_no_regime(seen, noise):
     hover = seen(vigour=0.0)
-    assert dut.regimes([hover], {"a": hover.y[:, WRENCH]}, noise) == ()
+    assert dut._regimes([hover], {"a": hover.y[:, WRENCH]}, noise) == ()
 
 
 def test_quantities_are_those_of_the_flight(seen):
@@ -136,7 +136,7 @@ def test_quantities_are_those_of_the_flight(seen):
 
 def test_spectra_of_white_noise_are_flat_and_as_the_model_says(seen, noise):
     flight = with_residual(seen(seconds=60.0), white(4, 3001))
-    found = dut.bands([flight], {"a": 0.5 * flight.y[:, WRENCH]}, noise)
+    found = dut._bands([flight], {"a": 0.5 * flight.y[:, WRENCH]}, noise)
     assert [b.channel for b in found] == list(CHANNELS)
     for band in found:
         inside = slice(2, -2)

@@ -20,7 +20,7 @@ def problem(seed: int, rows: int = 12, channels: int = 2, k: int = 4) -> tuple[n
 def gram(X: np.ndarray, y: np.ndarray) -> Gram:
     """Return the Gram matrix of white columns (m, c, k) and channels (m, c)."""
     flat, target = X.reshape(-1, X.shape[-1]), y.reshape(-1)
-    return Gram(flat.T @ flat, flat.T @ target, float(target @ target), len(y))
+    return Gram(flat.T @ flat, flat.T @ target)
 
 
 def density(X: np.ndarray, y: np.ndarray, variance: float = 1.0) -> float:
@@ -65,7 +65,7 @@ def test_columns_of_every_model_may_be_taken_out_first(seed, n, chosen):
     X, y = problem(seed, k=5)
     dut, rest = gram(X, y), np.array(sorted(chosen), int)
     index = np.concatenate([np.arange(n), n + rest])
-    given_n, base = dut.given(n)
+    given_n, base = dut.given(n), dut.log_evidence(np.arange(n))
     assert base + given_n.log_evidence(rest) == pytest.approx(dut.log_evidence(index), abs=1e-8)
     for whole, part in zip(dut.posterior(index), given_n.posterior(rest), strict=True):
         np.testing.assert_allclose(part, whole[(slice(n, None),) * whole.ndim], atol=1e-9)
@@ -123,8 +123,6 @@ def test_grams_of_two_flights_add_to_that_of_both():
     total = gram(X, y) + gram(Z, u)
     np.testing.assert_allclose(total.XX, both.XX)
     np.testing.assert_allclose(total.Xy, both.Xy)
-    assert total.yy == pytest.approx(both.yy)
-    assert total.samples == both.samples == 19
 
 
 def test_an_empty_model_has_the_evidence_of_noise():

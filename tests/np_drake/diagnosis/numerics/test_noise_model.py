@@ -54,10 +54,9 @@ def test_columns_of_zeros_and_absent_channels_change_no_product(flight):
 def test_only_channels_that_are_there_and_act_have_innovations():
     model, values = a_model(5), np.random.default_rng(6).standard_normal((M, C))
     values[:, 4] = 0.0
-    channels, driven = model.driven(values)
-    assert channels.tolist() == [0, 1, 3]
-    assert driven.shape == (M - P, 3)
-    np.testing.assert_allclose(driven[:, 0], values[P:, 0])
+    parts = model._driven([values[..., None]], "")
+    assert [c for c, _, _ in parts] == [0, 1, 3]
+    np.testing.assert_allclose(parts[0][2], values[P:, :1])
 
 
 def test_the_spectrum_integrates_to_the_variance_of_the_process():

@@ -12,21 +12,19 @@ from np_drake.diagnosis.forward_model.payload_state import Term
 from np_drake.diagnosis.forward_model.prediction import predicted_residual
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors.library import (
-    effect_candidates,
+    _effect_candidates,
+    _not_negative,
     library_candidates,
-    not_negative,
     switched,
     wind_candidates,
 )
-from np_drake.diagnosis.regressors.payload import LEAST_MASS_DEVIATIONS, heavy_enough
-from np_drake.diagnosis.regressors.payload_grid import payload_candidates
+from np_drake.diagnosis.regressors.payload import LEAST_MASS_DEVIATIONS, heavy_enough, payloads_of
 from np_drake.diagnosis.residuals import flight_residuals as ev
 from np_drake.diagnosis.residuals.make_flight_residuals import make_flight_residuals
 from np_drake.effects.library import LIBRARY
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
 from np_drake.effects.parameter_prior import correlation_root
-from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.vehicle import Vehicle
 
 REAL, IDEAL = Options.for_sensors(True), Options.for_sensors(False)
@@ -84,7 +82,7 @@ def test_columns_times_coefficients_are_the_trace_of_their_terms(flights, candid
 @pytest.mark.parametrize("name", [n for n in LIBRARY if n not in ("suspended_payload", "constant_wind", "gusty_wind")])
 def test_small_coefficients_mean_small_effects_of_that_trace(flights, candidates, name):
     for candidate in (c for c in candidates if c.identifiers == (name,)):
-        single = effect_candidates(LIBRARY[name], flights, {})
+        single = _effect_candidates(LIBRARY[name], flights, {})
         assert candidate.variant in {c.variant for c in single}
         c = np.full(candidate.size, 0.5 if not LIBRARY[name].linear and candidate.size == 1 else 0.05)
         for e in flights:
@@ -122,7 +120,7 @@ def test_a_wind_pushes_as_much_whatever_the_sign_of_a_weak_drag(flights, candida
 
 
 def test_a_payload_at_rest_has_the_trace_of_its_terms(flights):
-    (dut,) = payload_candidates(flights, np.array([0.6]), priors=REAL.priors)
+    (dut,) = (p.candidate(flights) for p in payloads_of(flights, np.array([0.6]), REAL.priors))
     c = np.zeros(dut.size)
     c[0], c[3] = 0.9, -0.4  # mass, and the hook below
     for e in flights:
@@ -133,7 +131,7 @@ def test_a_payload_at_rest_has_the_trace_of_its_terms(flights):
 
 
 def test_a_payload_that_swings_has_the_trace_of_its_terms(flights):
-    (dut,) = payload_candidates(flights, np.array([0.6]), priors=REAL.priors)
+    (dut,) = (p.candidate(flights) for p in payloads_of(flights, np.array([0.6]), REAL.priors))
     c = np.zeros(dut.size)
     c[0] = 1.0
     c[4:] = 0.3 * np.array([1, -1, 0.5, 0.5, -1, 1, 0.5, -0.5])  # every flight has its own start
@@ -145,7 +143,7 @@ def test_a_payload_that_swings_has_the_trace_of_its_terms(flights):
 
 
 def test_a_payload_weighs_something(flights):
-    (dut,) = payload_candidates(flights, np.array([0.6]), priors=REAL.priors)
+    (dut,) = (p.candidate(flights) for p in payloads_of(flights, np.array([0.6]), REAL.priors))
     c = np.zeros(dut.size)
     assert dut.possible is not None
     assert not dut.possible(c)
@@ -173,7 +171,7 @@ def test_a_mass_hardly_told_is_one_that_hangs_and_the_rest_goes_with_it():
 
 
 def test_a_payload_below_zero_by_its_error_is_possible_a_wide_swing_not(flights):
-    (dut,) = payload_candidates(flights, np.array([0.6]), priors=REAL.priors)
+    (dut,) = (p.candidate(flights) for p in payloads_of(flights, np.array([0.6]), REAL.priors))
     c, covariance = np.zeros(dut.size), 0.01 * np.eye(dut.size)
     c[0] = -0.05
     mended, log_probability = dut.physical(c, covariance)
@@ -185,7 +183,7 @@ def test_a_payload_below_zero_by_its_error_is_possible_a_wide_swing_not(flights)
 
 @pytest.mark.parametrize("effect", [LinearDrag, MassError], ids=lambda e: e.identifier)
 def test_a_gated_candidate_is_that_of_its_onset(flights, effect):
-    (plain,) = effect_candidates(effect, flights, {})
+    (plain,) = _effect_candidates(effect, flights, {})
     onset = {"a": 3.0}
     late = switched(plain, flights, onset)
     c = np.full(plain.size, 0.05)
@@ -215,21 +213,13 @@ def test_where_rotor_speed_is_measured_no_motor_is_blamed(fly):
     assert "thrust_scale" in names
 
 
-def test_a_library_without_wind_or_payload_has_no_such_candidates(flights, library):
-    del library["constant_wind"]
-    del library["suspended_payload"]
-    assert wind_candidates(flights, library_candidates(flights)) == []
-    assert payload_candidates(flights, np.array([0.6]), priors=REAL.priors) == []
-    assert SuspendedPayload.identifier not in library
-
-
 @given(st.integers(0, 2**31))
 def test_a_drag_takes_power_whatever_the_regression_says(seed):
     rng = np.random.default_rng(seed)
     root, A = np.tril(rng.normal(size=(3, 3))) + 3 * np.eye(3), rng.normal(size=(3, 3))
     mean, covariance = rng.normal(size=3), A @ A.T + 0.1 * np.eye(3)
     one_sided = np.array([True, True, False])
-    c, log_probability = not_negative(root, one_sided, mean, covariance)
+    c, log_probability = _not_negative(root, one_sided, mean, covariance)
     away = root @ c
     assert np.all(away[:2] >= -1e-9)
     kept = (root @ mean >= 0) | ~one_sided
@@ -239,6 +229,6 @@ def test_a_drag_takes_power_whatever_the_regression_says(seed):
 
 def test_a_drag_is_half_as_probable_at_none_and_impossible_far_below():
     root, one_sided, I = np.eye(2), np.array([True, False]), np.eye(2)
-    assert not_negative(root, one_sided, np.array([0.0, -9.0]), I)[1] == pytest.approx(np.log(0.5))
-    assert not_negative(root, one_sided, np.array([-8.0, 0.0]), I)[1] < -30
-    assert not_negative(root, one_sided, np.array([8.0, -9.0]), I)[1] == pytest.approx(0.0, abs=1e-9)
+    assert _not_negative(root, one_sided, np.array([0.0, -9.0]), I)[1] == pytest.approx(np.log(0.5))
+    assert _not_negative(root, one_sided, np.array([-8.0, 0.0]), I)[1] < -30
+    assert _not_negative(root, one_sided, np.array([8.0, -9.0]), I)[1] == pytest.approx(0.0, abs=1e-9)

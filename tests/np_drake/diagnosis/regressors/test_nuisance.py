@@ -8,15 +8,8 @@ import pytest
 from np_drake.diagnosis.calibration.columns import flight_errors
 from np_drake.diagnosis.forward_model.payload_state import Term
 from np_drake.diagnosis.forward_model.prediction import predicted_residual
-from np_drake.diagnosis.options import IDEAL_SENSORS, Options, Tolerance
-from np_drake.diagnosis.regressors.nuisance import (
-    LATENCY,
-    MOUNTING,
-    calibration,
-    calibration_terms,
-    tolerance_of,
-    with_input,
-)
+from np_drake.diagnosis.options import IDEAL_SENSORS, SPREAD, Options, Tolerance
+from np_drake.diagnosis.regressors.nuisance import calibration, calibration_terms, tolerance_of, with_input
 from np_drake.effects.accelerometer_bias import AccelerometerBias
 from np_drake.effects.gyro_bias import GyroBias
 from np_drake.effects.linear_drag import LinearDrag
@@ -55,7 +48,7 @@ def test_a_throttle_opens_the_mounting_and_the_latency_of_its_autopilot(flights)
     flying = [dc.replace(e, vehicle=held, log=dc.replace(e.log, input="normalised")) for e in flights]
     open_ = with_input(Options.for_sensors(True), flying).tolerance
     found = {t.effect.identifier: d for t, d in calibration_terms(Vehicle(), open_)}
-    assert (found["imu_mounting"], found["attitude_latency"]) == (MOUNTING, LATENCY)
+    assert (found["imu_mounting"], found["attitude_latency"]) == (SPREAD.mounting, SPREAD.latency)
     assert [c.size for c in calibration(flights, open_)].count(3) == 1  # three axes of the mounting
 
 

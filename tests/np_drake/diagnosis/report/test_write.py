@@ -13,7 +13,7 @@ from matplotlib.image import imread
 
 from np_drake.diagnosis.report import page
 from np_drake.diagnosis.report.page import write_report
-from np_drake.diagnosis.result import Finding, as_json
+from np_drake.diagnosis.result import Finding
 
 HOSTILE = '<script>alert("x")</script>&$\\frac{$ 飞.csv'
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
@@ -111,9 +111,9 @@ def test_new_fields_go_through_json(diagnosis, tmp_path, undrawn):
     assert content["novel"] == [
         {"name": "wind", "text": "a slow force along x, 3 N", "size": 3.0, "figures": {"force": 3.0}, "measurement": ""}
     ]
-    assert set(content["refit"]) == set(as_json(diagnosis)) - {"schema"}
+    assert set(content["refit"]) == set(diagnosis.as_json()) - {"schema"}
     assert (content["refit"]["joined"], content["refit"]["refit"]) == (["heldout_1"], None)
-    assert as_json(diagnosis)["refit"] is None
+    assert diagnosis.as_json()["refit"] is None
 
 
 def test_a_page_without_a_verdict_claims_nothing(diagnosis, tmp_path, undrawn):
@@ -136,7 +136,8 @@ def test_a_vehicle_that_its_file_describes_has_no_section_of_differences(diagnos
 
 @pytest.mark.parametrize("share", [0.94, float("nan")])
 def test_a_share_is_written_where_there_is_one(diagnosis, share):
-    (written,) = as_json(dc.replace(diagnosis, causes=(dc.replace(diagnosis.causes[0], share=share),)))["causes"]
+    shared = dc.replace(diagnosis, causes=(dc.replace(diagnosis.causes[0], share=share),))
+    (written,) = shared.as_json()["causes"]
     assert written["share"] == (0.94 if share == 0.94 else None)
 
 

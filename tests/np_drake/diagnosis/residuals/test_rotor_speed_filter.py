@@ -9,7 +9,7 @@ from np_drake.diagnosis.adequacy.residual_statistics import slow_torque
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.residuals.accelerations import low_pass
 from np_drake.diagnosis.residuals.make_flight_residuals import make_flight_residuals
-from np_drake.diagnosis.residuals.rotor_thrust import read_thrust
+from np_drake.diagnosis.residuals.rotor_thrust import _read_thrust
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.flight_log import FlightLog
 from np_drake.rotor_input import rotor_speed, rotor_wrench
@@ -52,7 +52,7 @@ def test_a_collective_motion_lets_no_noise_into_torque():
     thrust = 4.0 * low_pass(rng.normal(size=(n, 1)), 0.01, 15.0)
     rotors = 4.0 + thrust + 0.3 * rng.normal(size=(n, 4))
     log = as_log(rotors @ VEHICLE.mixer.T)
-    found, noise = read_thrust(log, VEHICLE)
+    found, noise = _read_thrust(log, VEHICLE)
     left = (found @ VEHICLE.mixer.T)[:, 1:].var(axis=0) / noise[1:] ** 2
     assert left.max() < 0.05  # of the noise that was read; the share of the bands with thrust is about a third
     known = (found @ VEHICLE.mixer.T)[:, 0]
@@ -62,20 +62,20 @@ def test_a_collective_motion_lets_no_noise_into_torque():
 def test_rows_put_into_gaps_do_not_lower_the_noise():
     rng, n = np.random.default_rng(0), 4000
     log = as_log(4.0 + rng.normal(size=(n, 4)))
-    whole = read_thrust(log, VEHICLE)[1]
+    whole = _read_thrust(log, VEHICLE)[1]
     lost = np.zeros(n, bool)
     for start in range(20, n - 20, 20):
         lost[start : start + 8] = True
     rows = np.arange(n)
     filled = np.stack([np.interp(rows, rows[~lost], c[~lost]) for c in log.u.T], axis=1)
-    noise = read_thrust(dc.replace(log, u=filled, bridged=lost), VEHICLE)[1]
+    noise = _read_thrust(dc.replace(log, u=filled, bridged=lost), VEHICLE)[1]
     np.testing.assert_allclose(noise, whole, rtol=0.1)  # of a median of 1600 differences
 
 
 def test_likeliest_thrust_is_nearer_than_the_reading_and_its_noise_known(fly):
     log = fly(noise=1.0, seconds=20.0)
     true, seen = (x.u @ VEHICLE.unmixer.T for x in (known(log), read(log)))
-    found, noise = read_thrust(read(log), VEHICLE)
+    found, noise = _read_thrust(read(log), VEHICLE)
     np.testing.assert_allclose(noise, wrench_noise(log), rtol=0.1)
     assert np.std(found - true) < 0.5 * np.std(seen - true)
 
@@ -84,7 +84,7 @@ def test_how_the_most_likely_thrust_errs_does_not_go_with_what_it_is(fly):
     """What was read does: there lies the share of noise that a regression takes for an answer."""
     log = fly(noise=1.0, seconds=20.0, vigour=0.2)
     true, seen = (x.u @ VEHICLE.unmixer.T for x in (known(log), read(log)))
-    found, _ = read_thrust(read(log), VEHICLE)
+    found, _ = _read_thrust(read(log), VEHICLE)
     slopes = [np.sum((x - true) * (x - x.mean(axis=0))) / np.sum((x - x.mean(axis=0)) ** 2) for x in (found, seen)]
     assert abs(slopes[0]) < 0.3 * slopes[1]
 
@@ -96,10 +96,10 @@ def test_thrust_that_jitters_is_no_noise_where_the_motion_answers_to_it(fly):
     turned = np.zeros_like(log.w)
     turned[1:, 0] = np.cumsum(0.5 * (jitter[1:, 1] + jitter[:-1, 1]) * np.diff(log.t)) / VEHICLE.J[0, 0]
     shaken = dc.replace(log, u=log.u + jitter, input="rotor_speed")
-    found, noise = read_thrust(dc.replace(shaken, w=log.w + turned), VEHICLE)
+    found, noise = _read_thrust(dc.replace(shaken, w=log.w + turned), VEHICLE)
     np.testing.assert_array_equal(found, shaken.u @ VEHICLE.unmixer.T)
     np.testing.assert_array_equal(noise, 0.0)
-    _, noise = read_thrust(shaken, VEHICLE)  # nothing turns
+    _, noise = _read_thrust(shaken, VEHICLE)  # nothing turns
     assert noise.min() > 0.0
 
 

@@ -6,7 +6,7 @@ import pytest
 
 from np_drake.diagnosis.forward_model.payload_state import NEVER
 from np_drake.diagnosis.options import Options
-from np_drake.diagnosis.regressors.library import effect_candidates, library_candidates, switched
+from np_drake.diagnosis.regressors.library import _effect_candidates, library_candidates, switched
 from np_drake.diagnosis.regressors.regression_problem import RegressionProblem
 from np_drake.diagnosis.residuals.make_flight_residuals import make_flight_residuals
 from np_drake.diagnosis.selection.change_point import OnsetScan, _onsets
@@ -27,7 +27,7 @@ PRIORS = REAL.priors
 
 
 def problem_of(flights, noise, effects) -> RegressionProblem:
-    candidates = [c for e in effects for c in effect_candidates(type(e), flights, {})]
+    candidates = [c for e in effects for c in _effect_candidates(type(e), flights, {})]
     return RegressionProblem(flights, noise, [], candidates, temperature=1.0, options=REAL)
 
 
@@ -209,7 +209,7 @@ def test_what_begins_when_it_does_stands_for_it_and_is_not_beside_it(seen, noise
     flights = [seen(payload, name="1", seed=1, noise=1.0, seconds=10.0, onset={"suspended_payload": 4.0})]
     problem = problem_of(flights, noise, [MassError(0.2)])
     weight = OnsetScan(problem).best(problem.candidates[0])
-    drag = effect_candidates(LinearDrag, flights, {})[0]
+    drag = _effect_candidates(LinearDrag, flights, {})[0]
     then, later = (switched(drag, flights, onset) for onset in (weight.onset, {"1": 7.0}))
     beside = []
     monkeypatch.setattr(PayloadSearch, "followed", lambda self, noise, nuisance, others: beside.extend(others) or [])

@@ -9,7 +9,7 @@ from np_drake.effects.suspended_payload import SuspendedPayload
 REAL, IDEAL = Options.for_sensors(True), Options.for_sensors(False)
 
 
-def slow_power(noise, channel: int) -> float:
+def _slow_power(noise, channel: int) -> float:
     """One-sided spectral density at 0.1 Hz."""
     return float(noise.spectrum(np.array([0.1]))[channel, 0])
 
@@ -27,11 +27,11 @@ def test_a_force_that_is_explained_is_known_no_better_than_the_attitude(seen, re
     calm = noise_of(flights, residual, residual, rig)
     pulled = noise_of(flights, residual, [residual[0] + force], rig)
     for channel in range(3):
-        assert slow_power(pulled, channel) > 2.0 * slow_power(calm, channel)
+        assert _slow_power(pulled, channel) > 2.0 * _slow_power(calm, channel)
     for channel in range(3, 15):  # a pull says nothing of torque and sensors
-        assert slow_power(pulled, channel) == pytest.approx(slow_power(calm, channel))
+        assert _slow_power(pulled, channel) == pytest.approx(_slow_power(calm, channel))
     laboratory = noise_of(flights, residual, [residual[0] + force], IDEAL)
-    assert slow_power(laboratory, 0) < slow_power(pulled, 0)
+    assert _slow_power(laboratory, 0) < _slow_power(pulled, 0)
 
 
 def test_a_payload_is_among_the_candidates_of_flights_that_have_one(seen):

@@ -6,8 +6,7 @@ import pytest
 from np_drake.diagnosis.forward_model.prediction import predicted_residual
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors.library import library_candidates
-from np_drake.diagnosis.regressors.payload import Guess
-from np_drake.diagnosis.regressors.payload_grid import payload_about, payload_candidates, payloads_of
+from np_drake.diagnosis.regressors.payload import Guess, payload_about, payloads_of
 from np_drake.diagnosis.residuals.flight_residuals import FORCE
 from np_drake.diagnosis.residuals.resampling import TAPS
 from np_drake.diagnosis.selection.payload_evidence import OtherRegressors
@@ -55,7 +54,8 @@ def test_what_more_mass_explains_is_no_evidence_for_a_payload(seen, noise):
 
 def test_before_its_onset_a_payload_hangs_on_nothing(seen):
     flights = [seen(name="1", seed=1, seconds=6.0)]
-    for candidate in payload_candidates(flights, np.geomspace(*SEARCH_LENGTHS)[::24], onset={"1": 3.0}, priors=PRIORS):
+    for payload in payloads_of(flights, np.geomspace(*SEARCH_LENGTHS)[::24], onset={"1": 3.0}, priors=PRIORS):
+        candidate = payload.candidate(flights)
         X = candidate.columns["1"]
         smear = TAPS * flights[0].grid.step
         np.testing.assert_allclose(X[flights[0].t < 3.0 - smear], 0.0, atol=1e-12)

@@ -11,7 +11,7 @@ from np_drake.diagnosis.forward_model.payload_state import Term
 from np_drake.diagnosis.forward_model.prediction import predicted_residual
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.residuals.flight_residuals import FORCE, VELOCITY
-from np_drake.diagnosis.wind.whittle_test import SlowForce, _markov, slow_force, slow_power
+from np_drake.diagnosis.wind.whittle_test import SlowForce, _markov, _slow_power, slow_force
 from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.rigid_body import Q
@@ -116,7 +116,7 @@ def test_a_slow_force_has_its_mean_square_as_power_and_a_fast_one_none(seen):
             force = attitude.rotate_back(e.q, np.column_stack([level, level, 0 * level]))
             residual[e.name] = np.zeros_like(e.y)
             residual[e.name][:, FORCE] = force
-        assert slow_power(flights, residual) == pytest.approx(expected, rel=0.1, abs=0.01)
+        assert _slow_power(flights, residual) == pytest.approx(expected, rel=0.1, abs=0.01)
 
 
 def test_an_attitude_read_askew_is_no_slow_force_where_the_vehicle_yaws(seen):
@@ -129,9 +129,9 @@ def test_an_attitude_read_askew_is_no_slow_force_where_the_vehicle_yaws(seen):
     askew[:, FORCE] = [0.8, -0.5, 0.0]
     wind[:, FORCE] = attitude.rotate_back(yawing.q, np.tile([0.8, -0.5, 0.0], (len(yawing.t), 1)))
     size = 0.8**2 + 0.5**2
-    assert slow_power([yawing], {"1": askew}) < 1e-6 * size
-    assert slow_power([yawing], {"1": wind}) < 0.1 * size
-    assert slow_power([yawing], {"1": wind * np.sin(1.5 * yawing.t)[:, None]}) > 0.1 * size
+    assert _slow_power([yawing], {"1": askew}) < 1e-6 * size
+    assert _slow_power([yawing], {"1": wind}) < 0.1 * size
+    assert _slow_power([yawing], {"1": wind * np.sin(1.5 * yawing.t)[:, None]}) > 0.1 * size
 
 
 @pytest.mark.parametrize(("evidence", "probability"), [(4.0, 0.5), (4.0 + np.log(3.0), 0.75), (4.0 - np.log(9.0), 0.1)])
