@@ -42,6 +42,7 @@ from np_drake.diagnosis.residuals import (
     make_flight_residuals,
     natural_step,
     require_flights,
+    with_same_readings,
 )
 from np_drake.diagnosis.result import UNKNOWN, Diagnosis, Replay
 from np_drake.flight_log import FlightLog
@@ -95,6 +96,8 @@ def diagnose(
 
     # 1. Residuals of all flights on one grid, the coarsest of theirs.
     require_flights(train, held_out)
+    alike, unread = with_same_readings([*train, *held_out])
+    train, held_out = alike[: len(train)], alike[len(train) :]
     if neighbours:
         beside = with_neighbours([*train, *held_out], neighbours, vehicle.rotor_radius)
         train, held_out = beside[: len(train)], beside[len(train) :]
@@ -131,7 +134,7 @@ def diagnose(
     answer = _answer(first, names, replay)
     filled = said_of_bridged([*train, *held_out])
     wall = time.perf_counter() - start
-    warnings = (*answer.warnings, *filled, *short, *brief)
+    warnings = (*answer.warnings, *filled, *short, *brief, *unread)
     answer = dc.replace(answer, new_on_held_out=novel, warnings=warnings, wall=wall)
     if not (novel and adaptive_split):
         return answer

@@ -16,6 +16,7 @@ from np_drake.diagnosis.residuals.make_flight_residuals import (
     long_enough,
     make_flight_residuals,
     require_flights,
+    with_same_readings,
 )
 from np_drake.diagnosis.residuals.outliers import (
     LONGEST_BOUNCE,

@@ -152,8 +152,17 @@ def long_enough(logs: Sequence[FlightLog]) -> tuple[list[FlightLog], tuple[str, 
     return kept, tuple(f"{log.name}: {log.t[-1] - log.t[0]:.2g} s is too short and left out." for log in short)
 
 
+def with_same_readings(logs: Sequence[FlightLog]) -> tuple[list[FlightLog], tuple[str, ...]]:
+    """Return the flights with accelerations in all or in none, and a line where those of some are not used."""
+    without = [log.name for log in logs if log.a is None]
+    if not without or len(without) == len(logs):
+        return list(logs), ()
+    said = f"accelerations are used of no flight: {without[0]} has none. Leave it out to use those of the others."
+    return [dc.replace(log, a=None) for log in logs], (said,)
+
+
 def require_flights(train: Sequence[FlightLog], held_out: Sequence[FlightLog]) -> None:
-    """Check names, inputs and accelerations of the flights, and that no held-out flight is a training flight.
+    """Check names and inputs of the flights, and that no held-out flight is a training flight.
 
     Args:
         train: training flights.
@@ -177,10 +186,6 @@ def require_flights(train: Sequence[FlightLog], held_out: Sequence[FlightLog]) -
             f"diagnose: all flights must have the same input; got {got}. Diagnose each kind by itself, or name an "
             "input that all have in the vehicle file (input: …)."
         )
-    present = {log.name: log.a is not None for log in [*train, *held_out]}
-    if len(set(present.values())) > 1:
-        without = next(n for n, there in present.items() if not there)
-        raise ValueError(f"diagnose: all flights or none must have accelerations; {without} has none.")
     seen = {log.name: _motion(log) for log in train}
     for log in held_out:
         own = _motion(log)

@@ -11,7 +11,7 @@ import pytest
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.diagnosis.doctor.examine import examine
 from np_drake.diagnosis.options import Tolerance
-from np_drake.diagnosis.residuals.make_flight_residuals import require_flights
+from np_drake.diagnosis.residuals.make_flight_residuals import require_flights, with_same_readings
 from np_drake.diagnosis.result import Diagnosis
 from np_drake.effects.base import Parameter, WrenchEffect
 from np_drake.effects.command_delay import CommandDelay
@@ -177,7 +177,6 @@ def bad_inputs(fly):
     yield "'a' twice", [a], [dc.replace(b, name="a")]
     yield "'a' twice", [a, dc.replace(b, name="a")], [b]
     yield "same input", [a], [dc.replace(b, input="rotor_speed")]
-    yield "b has none", [a], [dc.replace(b, a=None)]
     yield "at least 3 s", [a], [fly(name="b", seed=1, seconds=2.0)]
     for copy in (a, a.rows(0, len(a) - 7), a.rows(33, len(a)), a.rows(0, len(a) // 4)):
         yield "b is the same flight as a", [a], [dc.replace(copy, name="b")]
@@ -189,6 +188,14 @@ def test_bad_inputs_are_refused_in_one_line_that_says_what_is_wrong(fly):
             diagnose(VEHICLE, train, held_out)
         assert "\n" not in str(error.value)
         assert str(error.value).startswith("diagnose: ")
+
+
+def test_accelerations_that_some_flights_lack_are_used_of_none(fly):
+    a, b, c = (fly(name=name, seed=i, seconds=5.0) for i, name in enumerate("abc"))
+    mixed, (said,) = with_same_readings([a, dc.replace(b, a=None), c])
+    assert all(log.a is None for log in mixed)
+    assert said.startswith("accelerations are used of no flight: b has none.")
+    assert with_same_readings([a, c]) == ([a, c], ())
 
 
 def test_flights_of_different_inputs_are_named_with_a_remedy(fly):
