@@ -179,7 +179,6 @@ class Spread:
     rotor_gain: float = 0.03  # thrust of one rotor [1]
     center_of_mass: float = 0.05  # in the plane of the rotors [arm]
     center_of_mass_height: float = 0.1  # [arm]
-    inertia: float = 0.15  # each moment [1]; source: files give drawings or swings to this
     # Torque about each axis: rotors trim moments that no model has, sampled commands miss most of it, and arms, torque
     # over thrust and inertia are known by their ratio [1]; source: the usual size of `mixer_gain`.
     torque_gain: float = 0.5

@@ -65,7 +65,6 @@ def of_vehicle(e: FlightResiduals, tolerance: Tolerance, spread: Spread = SPREAD
     found = [
         *(Deviation(WeakRotor, {"efficiency": spread.rotor_gain}, {"rotor": i}) for i in ROTORS),
         Deviation(CenterOfMassOffset, _level(spread.center_of_mass * span, spread.center_of_mass_height * span)),
-        Deviation(InertiaError, dict.fromkeys(("scale_xx", "scale_yy", "scale_zz"), spread.inertia)),
         Deviation(MixerGain, dict.fromkeys(("roll", "pitch", "yaw"), spread.torque_gain)),
         Deviation(BladeFlapping, {"moment": moment}),
         Deviation(TranslationalLift, {"lift": spread.lift * mass}),
@@ -86,7 +85,7 @@ def of_vehicle(e: FlightResiduals, tolerance: Tolerance, spread: Spread = SPREAD
 
 
 def calibrated_alone(e: FlightResiduals, tolerance: Tolerance) -> set[str]:
-    """Return the effects that are calibration whatever their size: sensors, torque gains and times of the commands.
+    """Return the effects that are calibration whatever their size: sensors, torque gains, inertia, times of commands.
 
     Args:
         e: a flight.
@@ -95,7 +94,8 @@ def calibrated_alone(e: FlightResiduals, tolerance: Tolerance) -> set[str]:
     if not tolerance.unmeasured:
         return set()
     every = [*of_vehicle(e, tolerance), *of_flight(e, tolerance)]
-    return {
+    # Of inertia and the share of torque that acts a flight shows the ratio alone.
+    return {InertiaError.identifier} | {
         d.effect.identifier
         for d in every
         if d.effect.place == "measurement" or d.effect.role == "mixer" or d.effect.shifts_commands

@@ -75,7 +75,7 @@ def test_slow_drift_adds_up_to_a_constant(flight):
 def test_sensors_and_times_are_calibration_whatever_their_size(flight):
     known = calibrated_alone(flight, UNMEASURED)
     assert {"attitude_bias", "gyro_bias", "motor_lag", "mixer_gain"} <= known
-    assert known.isdisjoint({"weak_rotor", "center_of_mass_offset", "inertia_error", MassError.identifier})
+    assert known.isdisjoint({"weak_rotor", "center_of_mass_offset", MassError.identifier})
     assert calibrated_alone(flight, Tolerance()) == set()
 
 
