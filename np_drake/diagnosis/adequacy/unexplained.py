@@ -15,7 +15,8 @@ from np_drake.diagnosis.held_out import HeldOut
 from np_drake.diagnosis.options import Materiality, Options
 from np_drake.diagnosis.regressors import PREFIX
 from np_drake.diagnosis.residuals import FORCE, TORQUE, WRENCH, FlightResiduals
-from np_drake.diagnosis.result import CHANNELS, Finding
+from np_drake.diagnosis.residuals.residual_parts import CHANNELS
+from np_drake.diagnosis.result import Finding
 from np_drake.diagnosis.selection import Ranking
 from np_drake.diagnosis.wind import gust_probability
 from np_drake.files.number_text import measure

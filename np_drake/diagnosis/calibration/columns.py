@@ -13,6 +13,7 @@ from np_drake.diagnosis.regressors.library import LINEAR, Candidate
 from np_drake.diagnosis.regressors.nuisance import calibration
 from np_drake.diagnosis.residuals import WRENCH, FlightResiduals
 from np_drake.effects.base import Effect
+from np_drake.effects.mixer_gain import MixerGain
 from np_drake.effects.random_sizes import arm
 
 # Smooth functions of velocity, attitude rate and thrust: what an airframe has and no effect of the library describes.
@@ -137,6 +138,7 @@ def calibration_effects(fit: Fit, e: FlightResiduals, tolerance: Tolerance) -> l
     if not fit.calibrated:
         return []
     coefficients, found, first = fit.calibrated[0][1], list[Effect](), 0
+    share = e.torque_share
     for d in of_vehicle(e, tolerance):
         own = coefficients[first : first + len(d.deviation)]
         first += len(d.deviation)
@@ -146,7 +148,8 @@ def calibration_effects(fit: Fit, e: FlightResiduals, tolerance: Tolerance) -> l
         values = {name: p.neutral for name, p in parameters.items() if not p.choices} | d.fixed
         for (name, deviation), c in zip(d.deviation.items(), own, strict=True):
             p = parameters[name]
-            values[name] = float(np.clip(p.neutral + c * deviation, p.lower, p.upper))
+            value = (p.neutral + c * deviation) * (share[name] if d.effect is MixerGain else 1.0)
+            values[name] = float(np.clip(value, p.lower, p.upper))
         found.append(d.effect.of(values))
     return found
 

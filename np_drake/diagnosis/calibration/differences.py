@@ -2,6 +2,7 @@
 
 import dataclasses as dc
 from collections.abc import Iterator, Mapping, Sequence
+from types import MappingProxyType
 
 import numpy as np
 
@@ -35,7 +36,7 @@ def differences(fit: Fit, flights: Sequence[FlightResiduals], tolerance: Toleran
     *errors, body, air = fit.linear
     found = [
         *_of_file(fit, flights[0], tolerance),
-        *_of_parameters(body, of_vehicle(flights[0], tolerance), flights[0].torque_gain),
+        *_of_parameters(body, of_vehicle(flights[0], tolerance), flights[0].torque_share),
         *_of_airframe(air, flights),
         *_of_flights(dict(zip((e.name for e in flights), errors, strict=True)), flights, tolerance),
     ]
@@ -54,10 +55,9 @@ def _of_file(fit: Fit, e: FlightResiduals, tolerance: Tolerance) -> Iterator[Dif
 
 
 def _of_parameters(
-    part: LinearPart, deviations: Sequence[Deviation], torque_gain: tuple[float, ...] = (1.0, 1.0, 1.0)
+    part: LinearPart, deviations: Sequence[Deviation], share: Mapping[str, float] = MappingProxyType({})
 ) -> list[Difference]:
     """Return the parameters of deviations; the lags of rotors, which each act by a share, as one."""
-    shares = {p.name: gain for p, gain in zip(MixerGain.parameters, torque_gain, strict=True)}
     lags = [d for d in deviations if d.at_value]
     names, found, k = parameter_names(list(deviations)), [], 0
     for d in deviations:
@@ -66,7 +66,7 @@ def _of_parameters(
             if not d.at_value:
                 value, sigma = part.coefficients[k] * deviation, np.sqrt(part.covariance[k, k]) * deviation
                 if d.effect is MixerGain:  # of the share of torque that the motion shows
-                    value, sigma = shares[name] * (1.0 + value) - 1.0, shares[name] * sigma
+                    value, sigma = share[name] * (1.0 + value) - 1.0, share[name] * sigma
                 found.append(_difference(names[k], d.effect, parameters[name], d.fixed, value, sigma, deviation))
             k += 1
     if lags:

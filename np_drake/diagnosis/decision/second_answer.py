@@ -11,7 +11,8 @@ import numpy as np
 from np_drake.diagnosis.decision.infer import Inference, conclude
 from np_drake.diagnosis.held_out import misfit
 from np_drake.diagnosis.residuals import FlightResiduals, make_flight_residuals
-from np_drake.diagnosis.result import CHANNELS, Cause, Finding
+from np_drake.diagnosis.residuals.residual_parts import CHANNELS
+from np_drake.diagnosis.result import Cause, Finding
 from np_drake.diagnosis.selection import find_map_model
 from np_drake.effects.gusty_wind import GustyWind
 from np_drake.files.number_text import number

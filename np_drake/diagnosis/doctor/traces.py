@@ -21,7 +21,7 @@ from np_drake.diagnosis.regressors import (
     wind_candidates,
 )
 from np_drake.diagnosis.residuals import WRENCH, FlightResiduals, find_outliers
-from np_drake.diagnosis.result import CHANNELS
+from np_drake.diagnosis.residuals.residual_parts import CHANNELS
 from np_drake.diagnosis.selection.conditioning import noise_of
 from np_drake.effects.base import Parameter
 from np_drake.effects.gusty_wind import GustyWind

@@ -11,7 +11,8 @@ from np_drake.diagnosis.localisation.localisation import localise
 from np_drake.diagnosis.numerics import NoiseModel, fit_noise
 from np_drake.diagnosis.regressors import Candidate, hidden_from, library_candidates
 from np_drake.diagnosis.residuals import QUIET, WRENCH, FlightResiduals
-from np_drake.diagnosis.result import CHANNELS, Confusable, GapReduction, Identifiability
+from np_drake.diagnosis.residuals.residual_parts import CHANNELS
+from np_drake.diagnosis.result import Confusable, GapReduction, Identifiability
 from np_drake.effects.library import REQUIREMENTS, effect_of
 
 # Of any quantity, to tell effects apart [m/s, rad/s, deg, 1]; own choice.

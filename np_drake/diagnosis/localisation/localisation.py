@@ -11,7 +11,7 @@ from np_drake import attitude
 from np_drake.diagnosis.held_out import closed_fraction
 from np_drake.diagnosis.numerics import NoiseModel
 from np_drake.diagnosis.residuals import WRENCH, FlightResiduals
-from np_drake.diagnosis.result import CHANNELS, Band, ChannelGap, Localisation, Regime, Segment
+from np_drake.diagnosis.residuals.residual_parts import CHANNELS, Band, ChannelGap, Localisation, Regime, Segment
 
 UNITS = ("N", "N", "N", "N·m", "N·m", "N·m")
 BINS = 4  # about as many regimes of each quantity

@@ -8,7 +8,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
 
 from np_drake.diagnosis.report.words import fixed, number, plain_name, suited
-from np_drake.diagnosis.result import CHANNELS, Band, Localisation, Regime, ReplayGap
+from np_drake.diagnosis.residuals.residual_parts import CHANNELS, Band, Localisation, Regime
+from np_drake.diagnosis.result import ReplayGap
 from np_drake.files.figure_file import PALETTE, new_figure
 
 BEFORE, AFTER, NOISE = PALETTE[1], PALETTE[0], "0.25"

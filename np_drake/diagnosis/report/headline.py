@@ -6,7 +6,8 @@ import numpy as np
 
 from np_drake.diagnosis.report.remainder import has_gap, share_left, sizes_left
 from np_drake.diagnosis.report.words import bare_name, capital, flights, listed, measure, phrase
-from np_drake.diagnosis.result import UNKNOWN, Cause, Diagnosis, Finding, GapReduction, gap_kinds
+from np_drake.diagnosis.residuals.residual_parts import gap_kinds
+from np_drake.diagnosis.result import UNKNOWN, Cause, Diagnosis, Finding, GapReduction
 from np_drake.files.number_text import NBSP, number, of_at_least, percent, probability
 
 PLAIN_GAP = 1.4  # residual over noise above which a simulator does not agree with the logs [1]; own choice

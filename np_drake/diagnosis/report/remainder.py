@@ -3,7 +3,8 @@
 import math
 
 from np_drake.diagnosis.report.words import percent_interval, suited
-from np_drake.diagnosis.result import LEAST_GAP, Diagnosis, GapReduction, Localisation, gap_kinds
+from np_drake.diagnosis.residuals.residual_parts import SHOWN_GAP, Localisation, gap_kinds
+from np_drake.diagnosis.result import Diagnosis, GapReduction
 from np_drake.files.number_text import NOTHING, measure, number, percent, probability
 
 GAP_HEADER = ["held-out residual, RMS", "nominal", "with causes", "noise", "left"]
@@ -25,7 +26,7 @@ def gap_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
 
 def has_gap(reduction: GapReduction) -> bool:
     """Return whether the held-out residual exceeds the noise enough for a closed fraction to have meaning."""
-    return reduction.before > LEAST_GAP * reduction.floor
+    return reduction.before > SHOWN_GAP * reduction.floor
 
 
 def share_left(reduction: GapReduction) -> float:

@@ -73,6 +73,16 @@ class FlightResiduals:
         return self.log.name
 
     @property
+    def torque_share(self) -> dict[str, float]:
+        """Share of the rotors' torque that the motion shows, by axis [1]."""
+        return dict(zip(("roll", "pitch", "yaw"), self.torque_gain, strict=True))
+
+    @property
+    def logged(self) -> FlightLog:
+        """The flight as it was logged, with all of its torque."""
+        return dc.replace(self.log, u=self.log.u / np.array([1.0, *self.torque_gain]))
+
+    @property
     def uncalibrated(self) -> np.ndarray:
         """(m, 15) residuals without the calibration of the vehicle by a fit."""
         return self.y + self.calibrated

@@ -14,6 +14,7 @@ from diagrams.gap.side_by_side import NoReplay
 from diagrams.loop.flight_result import LostVehicle
 from np_drake.diagnosis import result as an
 from np_drake.diagnosis.report.headline import headline
+from np_drake.diagnosis.residuals import residual_parts
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
 from np_drake.effects.thrust_scale import ThrustScale
@@ -42,7 +43,7 @@ def answer(
         ("mass_error",),
         (cause,),
         an.Identifiability(True, {"speed, RMS [m/s]": 1.0}, {"force x": 0.05}, (confusable,), ("a warning.",)),
-        an.Localisation((an.ChannelGap("force z", "N", 1.0, 0.1, 0.1, 0.99),)),
+        residual_parts.Localisation((residual_parts.ChannelGap("force z", "N", 1.0, 0.1, 0.1, 0.99),)),
         an.GapReduction(5.0, 1.2, 1.0, 0.98, (0.95, 0.99), ladder, gap, gap),
         below_threshold=(an.Finding("gyro_bias", "0.001 rad/s about x.", 0.001),),
         warnings=tuple(f"{name} beside {[log.name for log in own]}" for name, own in (neighbours or {}).items()),

@@ -15,6 +15,7 @@ from diagrams.loop.flight_result import fly
 from diagrams.loop.real_vehicle import make_real_vehicle
 from diagrams.loop.reality import RealityConfig
 from np_drake.diagnosis import result as an
+from np_drake.diagnosis.residuals import residual_parts
 from np_drake.effects.base import Measurement, SensorEffect
 from np_drake.effects.center_of_mass_offset import CenterOfMassOffset
 from np_drake.effects.combine import split_effects
@@ -60,7 +61,7 @@ def diagnosis(*causes, where=None, posterior=None):
     nothing = an.Identifiability(True, {}, {}, ())
     gap_reduction = an.GapReduction(1.0, 1.0, 1.0, 0.0, (0.0, 0.0), ())
     verdict = tuple(c.identifier for c in causes)
-    located = an.Localisation(()) if where is None else where
+    located = residual_parts.Localisation(()) if where is None else where
     return an.Diagnosis("paper", ("a",), ("b",), verdict, causes, nothing, located, gap_reduction, posterior=posterior)
 
 
@@ -269,10 +270,10 @@ def test_what_remains_has_size_and_time_of_the_noiseless_residual():
         slow[k] = keep * slow[k - 1] + np.sqrt(1 - keep**2) * rng.standard_normal(6)
     after = size * (slow + noise * rng.standard_normal((n, 6)))
     channels = tuple(
-        an.ChannelGap(name, "", 1.0, noise * s, float(np.hypot(s, noise * s)), 0.0)
-        for name, s in zip(an.CHANNELS, size, strict=True)
+        residual_parts.ChannelGap(name, "", 1.0, noise * s, float(np.hypot(s, noise * s)), 0.0)
+        for name, s in zip(residual_parts.CHANNELS, size, strict=True)
     )
-    where = an.Localisation(channels, times={"a": step * np.arange(n)}, after={"a": after})
+    where = residual_parts.Localisation(channels, times={"a": step * np.arange(n)}, after={"a": after})
     found = remaining_disturbance(where)
     np.testing.assert_allclose([*found.force, *found.torque], size, rtol=1e-6)
     np.testing.assert_allclose([*found.force_time, *found.torque_time], time, rtol=0.25)

@@ -6,6 +6,7 @@ import json
 import numpy as np
 
 from np_drake.diagnosis import result as an
+from np_drake.diagnosis.residuals import residual_parts
 
 GAP = an.ReplayGap((0.5, 1.0), *(np.array([[0.1, 0.05, 0.2], [np.inf, 0.3, np.inf]]) for _ in range(3)), 24)
 
@@ -14,11 +15,14 @@ def small() -> an.Diagnosis:
     cause = an.Cause(
         "mass_error", 0.9, {"delta_mass": an.Estimate(0.1, "kg", (0.05, 0.15))}, {"train_1": None, "heldout": 3.0}
     )
-    where = an.Localisation(
-        (an.ChannelGap("force x", "N", 0.4, 0.1, 0.11, 0.97), an.ChannelGap("torque z", "N·m", 0.1, 0.1, 0.1, np.nan)),
-        (an.Segment("heldout", 0.0, 3.0, (1.0,) * 6),),
-        (an.Regime("speed", "m/s", 0.0, 1.0, 100, (1.0,) * 6),),
-        (an.Band("force x", np.arange(3.0), np.ones(3), np.ones(3), np.ones(3)),),
+    where = residual_parts.Localisation(
+        (
+            residual_parts.ChannelGap("force x", "N", 0.4, 0.1, 0.11, 0.97),
+            residual_parts.ChannelGap("torque z", "N·m", 0.1, 0.1, 0.1, np.nan),
+        ),
+        (residual_parts.Segment("heldout", 0.0, 3.0, (1.0,) * 6),),
+        (residual_parts.Regime("speed", "m/s", 0.0, 1.0, 100, (1.0,) * 6),),
+        (residual_parts.Band("force x", np.arange(3.0), np.ones(3), np.ones(3), np.ones(3)),),
         times={"heldout": np.arange(5.0)},
     )
     check = an.Identifiability(

@@ -6,15 +6,8 @@ import numpy as np
 import pytest
 
 from np_drake.diagnosis.report.headline import headline
-from np_drake.diagnosis.result import (
-    Cause,
-    ChannelGap,
-    Diagnosis,
-    Estimate,
-    GapReduction,
-    Identifiability,
-    Localisation,
-)
+from np_drake.diagnosis.residuals.residual_parts import ChannelGap, Localisation
+from np_drake.diagnosis.result import Cause, Diagnosis, Estimate, GapReduction, Identifiability
 from np_drake.flight_log import FlightLog
 
 ROWS = 50

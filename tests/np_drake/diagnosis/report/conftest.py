@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from np_drake.diagnosis import result as an
+from np_drake.diagnosis.residuals import residual_parts
 
 HELD_OUT = ("heldout_1", "heldout_2")
 NOISE = (0.05, 0.05, 0.08, 0.004, 0.004, 0.002)  # [N, N·m]
@@ -23,17 +24,17 @@ def traces(flight: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return t, noise + hung[:, None] * swing * np.array(NOISE) * SIZE, 1.08 * noise
 
 
-def bands() -> tuple[an.Band, ...]:
+def bands() -> tuple[residual_parts.Band, ...]:
     frequency = np.linspace(0.0, 50.0, 101)
     noise = 1e-4 * (1 + 5 / (1 + frequency))
     bump = 30 * np.exp(-0.5 * ((frequency - 0.6) / 0.5) ** 2)
     return tuple(
-        an.Band(channel, frequency, noise * (1 + bump * size), 1.15 * noise, noise)
-        for channel, size in zip(an.CHANNELS, SIZE, strict=True)
+        residual_parts.Band(channel, frequency, noise * (1 + bump * size), 1.15 * noise, noise)
+        for channel, size in zip(residual_parts.CHANNELS, SIZE, strict=True)
     )
 
 
-def regimes() -> tuple[an.Regime, ...]:
+def regimes() -> tuple[residual_parts.Regime, ...]:
     edges = {"speed": ("m/s", (0, 1, 2, 3, 5)), "thrust": ("N", (15, 20, 23, 28)), "height": ("m", (0.5, 1, 2, 3))}
     edges |= {"tilt": ("deg", (0, 5, 10, 20)), "rate": ("rad/s", (0, 0.5, 1, 3))}
     out = []
@@ -41,7 +42,7 @@ def regimes() -> tuple[an.Regime, ...]:
         for k, (lower, upper) in enumerate(itertools.pairwise(bounds)):
             rms = tuple(float(size * (0.7 + 0.25 * k)) for size in SIZE)
             after = tuple(float(1.0 + 0.03 * size) for size in SIZE)
-            out.append(an.Regime(quantity, unit, lower, upper, 900 - 150 * k, rms, after))
+            out.append(residual_parts.Regime(quantity, unit, lower, upper, 900 - 150 * k, rms, after))
     return tuple(out)
 
 
@@ -53,18 +54,18 @@ def replay(scale: float) -> an.ReplayGap:
     )
 
 
-def where() -> an.Localisation:
+def where() -> residual_parts.Localisation:
     made = {name: traces(k) for k, name in enumerate(HELD_OUT)}
     channels = tuple(
-        an.ChannelGap(channel, "N" if k < 3 else "N·m", noise * size, noise, 1.08 * noise, 0.97 - 0.02 * k)
-        for k, (channel, noise, size) in enumerate(zip(an.CHANNELS, NOISE, SIZE, strict=True))
+        residual_parts.ChannelGap(channel, "N" if k < 3 else "N·m", noise * size, noise, 1.08 * noise, 0.97 - 0.02 * k)
+        for k, (channel, noise, size) in enumerate(zip(residual_parts.CHANNELS, NOISE, SIZE, strict=True))
     )
     segments = (
-        an.Segment(HELD_OUT[0], 0.0, 20.0, SIZE),
-        an.Segment(HELD_OUT[1], 0.0, 8.02, (1.0, 1.0, 1.1, 1.0, 1.0, 1.0)),
-        an.Segment(HELD_OUT[1], 8.02, 20.0, SIZE),
+        residual_parts.Segment(HELD_OUT[0], 0.0, 20.0, SIZE),
+        residual_parts.Segment(HELD_OUT[1], 0.0, 8.02, (1.0, 1.0, 1.1, 1.0, 1.0, 1.0)),
+        residual_parts.Segment(HELD_OUT[1], 8.02, 20.0, SIZE),
     )
-    return an.Localisation(
+    return residual_parts.Localisation(
         channels,
         segments,
         regimes(),
@@ -106,7 +107,7 @@ def check() -> an.Identifiability:
     return an.Identifiability(
         True,
         {"speed, RMS [m/s]": 1.84, "thrust, span [N]": 11.2, "tilt, RMS [deg]": 9.7, "rate, RMS [rad/s]": 0.74},
-        dict(zip(an.CHANNELS, NOISE, strict=True)),
+        dict(zip(residual_parts.CHANNELS, NOISE, strict=True)),
         (confusable,),
         ("heldout_2: angular acceleration was differentiated from the gyro: torque above 15 Hz is smoothed.",),
     )

@@ -3,7 +3,8 @@
 import dataclasses as dc
 
 from np_drake.diagnosis.report.remainder import calibration_share, gap_rows, remains
-from np_drake.diagnosis.result import ChannelGap, Rung
+from np_drake.diagnosis.residuals.residual_parts import ChannelGap
+from np_drake.diagnosis.result import Rung
 
 
 def with_channels(diagnosis, *channels):
