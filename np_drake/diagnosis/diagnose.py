@@ -19,7 +19,7 @@ from np_drake.diagnosis.calibration.differences import differences
 from np_drake.diagnosis.calibration.torque_gain import torque_gain, with_torque_gain
 from np_drake.diagnosis.decision.causes import joint_posterior, without_late_onsets
 from np_drake.diagnosis.decision.explanations import explanations_of
-from np_drake.diagnosis.decision.infer import Inference, infer
+from np_drake.diagnosis.decision.infer import Inference, as_named, infer
 from np_drake.diagnosis.decision.second_answer import novelty, second_answer, without_onsets_in
 from np_drake.diagnosis.doctor.doubts import as_lines, doubts
 from np_drake.diagnosis.forward_model import predicted_residual
@@ -154,6 +154,7 @@ def diagnose(
 
 def _answer(found: Inference, names: dict[str, Any], replay: Replay | None) -> Diagnosis:
     """Return the diagnosis of an inference: its causes, what these logs cannot tell, where the gap lies, how far."""
+    found = as_named(found)
     ends = {e.name: float(e.log.t[-1]) for e in (*found.flights, *found.held_out)}
     causes, late = without_late_onsets(found.causes, ends)
     found = dc.replace(found, causes=causes, below_threshold=[*found.below_threshold, *late])

@@ -61,6 +61,23 @@ def causes_of(
     return without_missing_drag(causes, minor)
 
 
+def of_named_fit(causes: Sequence[Cause], fit: Fit, ranking: Ranking) -> list[Cause]:
+    """Return the causes with sizes of a fit that has their effects alone.
+
+    Args:
+        causes: of the best model.
+        fit: of these causes.
+        ranking: of the models.
+    """
+    vehicle, priors = ranking.problem.flights[0].vehicle, ranking.options.priors
+    terms = {t.effect.identifier: i for i, t in enumerate(fit.terms)}
+    return [
+        dc.replace(c, parameters=_estimates(fit, i, vehicle, priors), effect=fit.terms[i].effect)
+        for c in causes
+        for i in [terms[c.identifier]]
+    ]
+
+
 def _same(ranking: Ranking) -> Mapping[str, tuple[str, ...]]:
     members = {names_of(ranking.problem, m): m for m in reversed(ranking.models)}
     key = names_of_fit(ranking.best)

@@ -18,7 +18,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from np_drake.diagnosis.adequacy import LinearModel, Unexplained, find_unexplained
-from np_drake.diagnosis.decision.causes import causes_of
+from np_drake.diagnosis.decision.causes import causes_of, of_named_fit
 from np_drake.diagnosis.forward_model import Term, predicted_residual
 from np_drake.diagnosis.held_out import HeldOut, mark_outliers, on_held_out, with_calibration
 from np_drake.diagnosis.options import Options
@@ -26,7 +26,7 @@ from np_drake.diagnosis.regressors import DRAG, GUSTY
 from np_drake.diagnosis.regressors.generic import ELSEWHERE
 from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.diagnosis.result import Cause, Finding
-from np_drake.diagnosis.selection import Ranking, SearchResult, find_map_model, rank_models
+from np_drake.diagnosis.selection import Ranking, SearchResult, find_map_model, rank_models, with_named_fit
 from np_drake.diagnosis.wind import as_gusts, position_p_value, with_drag
 from np_drake.effects.gusty_wind import GustyWind
 
@@ -90,11 +90,7 @@ def conclude(found: SearchResult, held_out: Sequence[FlightResiduals]) -> Infere
         held_out: held-out flights.
     """
     ranking = rank_models(found)
-    flights, priors, noise = ranking.problem.flights, ranking.options.priors, ranking.noise
-    held_out = [with_calibration(ranking.best, e, noise, ranking.options) for e in held_out]
-    best = ranking.best
-    held_out = [mark_outliers(best.terms, e, noise, priors, best.calibration) for e in held_out]
-    held = on_held_out(ranking.best, held_out, noise, priors)
+    flights, held = ranking.problem.flights, _held_out(ranking, held_out)
     linear = LinearModel(ranking)
     _, structure = linear.select_structure()
     unexplained = find_unexplained(ranking, linear, structure, held)
@@ -112,6 +108,27 @@ def conclude(found: SearchResult, held_out: Sequence[FlightResiduals]) -> Infere
         unexplained = dc.replace(unexplained, findings=(slow, *unexplained.findings))
     causes, minor = causes_of(ranking, linear, structure, held)
     return Inference(flights, ranking, held, unexplained, causes, minor, probability)
+
+
+def as_named(found: Inference) -> Inference:
+    """Return the inference with its causes fitted as they are named: without the effects that are not.
+
+    What is not named gives way to calibration and the causes, which were fitted beside it.
+    """
+    named, ranking = {c.identifier for c in found.causes}, found.ranking
+    if not named < {t.effect.identifier for t in ranking.best.terms}:
+        return found
+    ranking = with_named_fit(ranking, named)
+    causes = of_named_fit(found.causes, ranking.best, ranking)
+    return dc.replace(found, ranking=ranking, held=_held_out(ranking, found.held_out), causes=causes)
+
+
+def _held_out(ranking: Ranking, held_out: Sequence[FlightResiduals]) -> HeldOut:
+    """Return the best fit on held-out flights, calibrated and with their outliers marked."""
+    best, noise, priors = ranking.best, ranking.noise, ranking.options.priors
+    own = [with_calibration(best, e, noise, ranking.options) for e in held_out]
+    marked = [mark_outliers(best.terms, e, noise, priors, best.calibration) for e in own]
+    return on_held_out(best, marked, noise, priors)
 
 
 def _in_gusts(

@@ -61,7 +61,8 @@ def split_flights(flights: Sequence[FlightResiduals]) -> tuple[list[FlightResidu
             judges.append(e)
             continue
         half = dc.replace(log.rows(0, int(np.searchsorted(log.t, middle))), name=NAME.format(e.name))
-        halves.append(dc.replace(make_flight_residuals(half, e.vehicle, e.grid.step), goes_on=True))
+        own = make_flight_residuals(half, e.vehicle, e.grid.step)
+        halves.append(dc.replace(own, goes_on=True, torque_gain=e.torque_gain))
         judges.append(dc.replace(e, joined=e.t <= middle))
     return halves, judges
 

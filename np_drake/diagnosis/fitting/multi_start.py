@@ -1,6 +1,7 @@
 """Multi-start fit of a set of candidates: `refine` from several starts where there is a hidden swing."""
 
 import dataclasses as dc
+from collections.abc import Collection
 from functools import partial
 
 import numpy as np
@@ -77,6 +78,20 @@ def restart(problem: RegressionProblem, model: Model, fit: Fit, noise: NoiseMode
         if fit.log_evidence < before.log_evidence + 1.0:
             return max(before, fit, key=lambda f: f.log_evidence)
     return fit
+
+
+def fit_of_some(problem: RegressionProblem, fit: Fit, names: Collection[str], noise: NoiseModel) -> Fit:
+    """Return the fit of some effects of another fit alone, with the calibration that suits them.
+
+    Args:
+        problem: the regression that holds flights and nuisance.
+        fit: of more effects.
+        names: identifiers of those that stay.
+        noise: noise model that whitens.
+    """
+    kept = [i for i, t in enumerate(fit.terms) if t.effect.identifier in names]
+    found = _descend(problem, Model((), 0.0), [fit.terms[i] for i in kept], noise, ITERATIONS)
+    return dc.replace(found, onset_prior=sum(fit.onset_prior_of(i) for i in kept))
 
 
 def _descend(problem: RegressionProblem, model: Model, start: list[Term], noise: NoiseModel, iterations: int) -> Fit:

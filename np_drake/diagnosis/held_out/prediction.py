@@ -75,6 +75,8 @@ def on_held_out(fit: Fit, flights: Sequence[FlightResiduals], noise: NoiseModel,
 def with_calibration(fit: Fit, e: FlightResiduals, noise: NoiseModel, options: Options) -> FlightResiduals:
     """Return a held-out flight without what the calibration of the vehicle gives, and what it differs by itself.
 
+    An earlier calibration of the flight is undone.
+
     Args:
         fit: to training flights.
         e: the flight.
@@ -83,6 +85,7 @@ def with_calibration(fit: Fit, e: FlightResiduals, noise: NoiseModel, options: O
     """
     if not options.tolerance.unmeasured:
         return e
+    e = dc.replace(e, y=e.uncalibrated, calibrated=0.0)
     shared = fit.calibration_on(e)
     there = dc.replace(e, y=e.y - shared)
     terms = adapt(fit.terms, there, noise, options.priors, fit.calibration, unmeasured=True)

@@ -1,6 +1,4 @@
 """Search over sets of effects, change points and model ranking."""
 
 from np_drake.diagnosis.selection.map_model import SearchResult, find_map_model
-from np_drake.diagnosis.selection.ranking import Ranking, names_of, names_of_fit, rank_models, score_of
-
-__all__ = ["Ranking", "SearchResult", "find_map_model", "names_of", "names_of_fit", "rank_models", "score_of"]
+from np_drake.diagnosis.selection.ranking import Ranking, names_of, names_of_fit, rank_models, score_of, with_named_fit

@@ -1,11 +1,11 @@
 """Ranking of the best model among its rivals, all parameters of each refined."""
 
 import dataclasses as dc
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.fitting import Fit, greatest_height, is_possible, refit, restart
+from np_drake.diagnosis.fitting import Fit, fit_of_some, greatest_height, is_possible, refit, restart
 from np_drake.diagnosis.forward_model import predicted_residual
 from np_drake.diagnosis.numerics import NoiseModel
 from np_drake.diagnosis.options import Options, Priors
@@ -81,6 +81,17 @@ def drop_negligible(problem: RegressionProblem, model: Model, fit: Fit) -> list[
     kept = [tuple(i for i in model.members if i not in some) for some in dropped if some]
     kept = [members for members in kept if members]
     return [Model(members, problem.score(members)) for members in kept]
+
+
+def with_named_fit(ranking: Ranking, names: Collection[str]) -> Ranking:
+    """Return the ranking with a fit of some effects of the best model alone before the others.
+
+    Args:
+        ranking: of the models.
+        names: identifiers of the effects.
+    """
+    fit = fit_of_some(ranking.problem, ranking.best, names, ranking.noise)
+    return dc.replace(ranking, fits=(fit, *ranking.fits))
 
 
 def _only(problem: RegressionProblem, model: Model, fit: Fit) -> Fit:

@@ -19,16 +19,11 @@ def test_drag_is_found_and_something_stays_unknown(neurobem, one):
     assert {"linear_drag", "unknown"} <= set(verdict)
 
 
-def test_the_gap_of_an_unseen_flight_closes_sideways_and_in_torque(neurobem, one):
+def test_the_gap_of_an_unseen_flight_closes_in_force_and_torque(neurobem, one):
     table = {r["group"]: r for r in rows([one]) if r["flight"] == one.name}
     assert set(table) == set(GROUPS)
     assert table["lateral force"]["cut"] > 0.5  # 0.7 and more on whole flights
+    assert table["vertical force"]["cut"] > 0.0  # little on such stretches; whole flights, pooled: see the docs
     assert table["torque"]["after"] < 0.25 * table["torque"]["nominal"]
     assert table["torque"]["after"] < 1.2 * table["torque"]["zero"]
     assert np.isfinite([r["after"] for r in table.values()]).all()
-
-
-@pytest.mark.xfail(strict=True, reason="it grows by an eighth: thrust at speed is extrapolated")
-def test_the_vertical_gap_of_an_unseen_stretch_closes(neurobem, one):
-    table = {r["group"]: r for r in rows([one]) if r["flight"] == one.name}
-    assert table["vertical force"]["cut"] > 0.0
