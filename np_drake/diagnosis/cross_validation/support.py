@@ -24,14 +24,13 @@ class Support:
 
     total: of all training flights [nat]: each predicted from the others; of an effect that the calibration can take,
         whose size is improbable for a healthy vehicle, from those before it, the first from priors alone.
-    gains: (n,) of the training flights; flights: (n,) their names.   held_out: (m,) of held-out flights; judges: names.
+    gains: (n,) of the training flights; flights: (n,) their names.   held_out: (m,) of held-out flights.
     """
 
     total: float
     gains: np.ndarray
     flights: tuple[str, ...]
     held_out: np.ndarray
-    judges: tuple[str, ...]
 
     @property
     def error(self) -> float:
@@ -98,7 +97,7 @@ def support_of(
 
     whole = linear_without(set())
     best, found = whole.scores(set()), []
-    names, judges = (tuple(e.name for e in some for _ in whole.blocks[e.name].parts) for some in (flights, held_out))
+    names = tuple(e.name for e in flights for _ in whole.blocks[e.name].parts)
     calibrated = {t.effect.identifier for t in fit.calibration}
     calibrated |= {d.effect.identifier for of in (of_vehicle, of_flight) for d in of(flights[0], options.tolerance)}
     for i, term in enumerate(fit.terms):
@@ -108,7 +107,7 @@ def support_of(
         gains = best[1] - rest[1]
         total = best[0] - rest[0] if term.effect.identifier in calibrated else float(gains.sum())
         total += fit.onset_prior_of(i)  # an onset is of the flight itself that it predicts
-        found.append(Support(total, gains, names, best[2] - rest[2], judges))
+        found.append(Support(total, gains, names, best[2] - rest[2]))
     return found
 
 

@@ -12,7 +12,7 @@ DRAG = LinearDrag(0.3, 0.3, 0.3)
 
 def made(total, gains, held_out=()):
     gains = np.array(gains, float)
-    return Support(total, gains, ("a",) * len(gains), np.array(held_out, float), ("b",) * len(held_out))
+    return Support(total, gains, ("a",) * len(gains), np.array(held_out, float))
 
 
 def test_a_steady_gain_is_sure_and_none_is_not():
@@ -31,7 +31,7 @@ def test_a_gain_of_one_block_alone_is_less_sure_than_a_steady_one():
 
 def test_a_gain_in_one_flight_that_costs_another_is_not_sure():
     gains = np.array([10.0] * 5 + [-8.0] * 5)
-    apart = Support(60.0, gains, ("a",) * 5 + ("b",) * 5, np.zeros(0), ())
+    apart = Support(60.0, gains, ("a",) * 5 + ("b",) * 5, np.zeros(0))
     assert apart.probability < 0.7 < made(60.0, [6.0] * 10).probability
 
 
