@@ -1,7 +1,8 @@
 """Share of the rotors' torque to which the motion responds: calibration that comes before everything else.
 
 Controllers run faster than logs, rotors differ and trim moments that no model has: of logged torque the motion often
-shows a small part. An effect that acts in proportion to torque, as ground effect does, would be judged by the rest.
+shows a small part, and its controller cancels other torque before it is logged. J dw/dt = gain (torque of rotors and
+effects) holds for both.
 """
 
 import dataclasses as dc
@@ -9,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.residuals import TORQUE, FlightResiduals, make_flight_residuals
+from np_drake.diagnosis.residuals import TORQUE, WRENCH, FlightResiduals
 
 LAGS = (0.0, 0.04, 0.08)  # at which motion may answer torque, as rotors do [s]
 LEAST = 0.02  # so that calibration still has a torque to scale [1]
@@ -43,16 +44,16 @@ def _lagged(e: FlightResiduals, axis: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def with_torque_gain(flights: Sequence[FlightResiduals], gain: np.ndarray) -> list[FlightResiduals]:
-    """Return flights whose rotors have that share of their torque; what it takes from the residual is `gained`.
+    """Return flights whose motion shows that share of all torque: that of the rotors, and that of any effect.
 
     Args:
         flights: as logged.
         gain: (3,) by `torque_gain` [1].
     """
-    scale = np.concatenate([[1.0], gain])
     found = []
     for e in flights:
-        log = dc.replace(e.log, u=e.log.u * scale)
-        now = make_flight_residuals(log, e.vehicle, e.grid.step)
-        found.append(dc.replace(now, gained=e.y - now.y, torque_gain=tuple(gain.tolist())))
+        scaled = dc.replace(e, torque_gain=tuple(gain.tolist()))
+        y, nominal = e.y.copy(), e.nominal * scaled.shown
+        y[:, WRENCH] += e.nominal - nominal
+        found.append(dc.replace(scaled, y=e.known(y), nominal=nominal))
     return found

@@ -209,7 +209,7 @@ def scaled_jacobian(now: Sequence[Term], free: Sequence[Free], flight: FlightRes
             (predicted_residual(flight, [moved[i] for i in group], stages) - base[group]) / step * scale[k]
         )
     for term, moves in swinging.items():
-        wrench = swing_wrenches(flight, [now[term], *(m for _, _, m in moves)])
+        wrench = swing_wrenches(flight, [now[term], *(m for _, _, m in moves)]) * flight.shown
         for i, (k, step, _) in enumerate(moves, start=1):
             columns[:, WRENCH, k] = (wrench[:, i] - wrench[:, 0]) / step * scale[k]
     return columns

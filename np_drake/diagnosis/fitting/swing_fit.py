@@ -132,7 +132,7 @@ class SwingFit:
 
     def _misses(self, swings: np.ndarray) -> np.ndarray:
         """Return the whitened misfits (k, n) of swings (k, size)."""
-        wrench = swing_wrenches(self._flight, [self.term(s) for s in swings])
+        wrench = swing_wrenches(self._flight, [self.term(s) for s in swings]) * self._flight.shown
         channels = np.zeros((len(wrench), self._flight.y.shape[1], len(swings)))
         channels[:, WRENCH] = np.moveaxis(wrench, 1, 2)
         return (self._target[..., None] - self._white(channels)).reshape(-1, len(swings)).T

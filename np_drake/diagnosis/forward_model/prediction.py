@@ -73,13 +73,14 @@ def predicted_residual(flight: FlightResiduals, terms: Sequence[Term], stages: S
     for term in terms:
         if term.has_hidden_state:
             added = added + swing_wrench(flight, term)
-    y[:, channels.WRENCH] += _through_mass(
+    needed = _through_mass(
         flight,
         terms,
         added,
         turned.ahead,
         lambda now: stages.once("body", (sensors, now), partial(ModifiedInertia, flight, now)),
     )
+    y[:, channels.WRENCH] += needed * flight.shown
     return flight.known(y)
 
 

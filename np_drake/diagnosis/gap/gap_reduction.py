@@ -87,7 +87,7 @@ def _judging(flight: FlightResiduals, onsets: Sequence[float | None]) -> FlightL
 
     Times and the onsets of the causes count from the first row of the log [s].
     """
-    log = dc.replace(flight.logged, t=flight.log.t - flight.log.t[0])
+    log = dc.replace(flight.log, t=flight.log.t - flight.log.t[0])
     first = 0
     if flight.joined.any():
         first = int(np.searchsorted(flight.log.t, flight.t[flight.joined][-1], side="right"))

@@ -221,7 +221,8 @@ def _columns(
     rate = math.sqrt(flights[0].vehicle.gravity / guess.length)
     hooks = [guess.hook, *(priors.hook * np.eye(3))]
     own = {}
-    for name, pull in pulls.items():
+    for e in flights:
+        pull = pulls[e.name]
         force = np.swapaxes(mass * pull, 1, 2)  # (m, 3, k)
         widths = np.array([priors.length, priors.damping, priors.swing]) / SMALL
         more = np.repeat(widths, [int(shaped), int(shaped), pull.shape[1] - 1 - SHAPE * shaped])
@@ -230,7 +231,7 @@ def _columns(
         X[:, FORCE, 0], X[:, FORCE, AT_REST:] = force[..., 0], moved
         X[:, TORQUE, :AT_REST] = np.stack([force[..., 0] @ attitude.skew(h).T for h in hooks], axis=-1)
         X[:, TORQUE, AT_REST:] = attitude.skew(guess.hook) @ moved
-        own[name] = X
+        own[e.name] = X * e.shown[:, None]
     return PayloadColumns(guess, own, onset, mass, rate, priors, shaped)
 
 

@@ -43,7 +43,7 @@ class FlightResiduals:
     joined (m,): rows of a held-out flight that joined the fit (adaptive split).
     goes_on: the flight continues after these rows, so that an effect absent here may begin later.
     calibrated (m, 15): what a calibration of the vehicle gives, already taken from y; 0: nothing.
-    gained (m, 15): likewise what `torque_gain` of the rotors' torque gives; log and nominal wrench hold that share.
+    torque_gain: share of torque, about each axis, that the motion shows [1]; y and the nominal wrench count with it.
     knows_torque: whether the log tells the rotors' torque; without it the torque channels are empty.
     """
 
@@ -64,7 +64,6 @@ class FlightResiduals:
     goes_on: bool = False
     knows_torque: bool = True
     calibrated: np.ndarray | float = 0.0
-    gained: np.ndarray | float = 0.0
     torque_gain: tuple[float, float, float] = (1.0, 1.0, 1.0)
 
     @property
@@ -78,9 +77,14 @@ class FlightResiduals:
         return dict(zip(("roll", "pitch", "yaw"), self.torque_gain, strict=True))
 
     @property
-    def logged(self) -> FlightLog:
-        """The flight as it was logged, with all of its torque."""
-        return dc.replace(self.log, u=self.log.u / np.array([1.0, *self.torque_gain]))
+    def shown(self) -> np.ndarray:
+        """(6,) share of force and torque that the motion shows [1]."""
+        return np.array([1.0, 1.0, 1.0, *self.torque_gain])
+
+    @property
+    def unscaled(self) -> np.ndarray:
+        """(m, 6) wrench of nominal rotors with all of its torque, in B [N, N·m]."""
+        return self.nominal / self.shown
 
     @property
     def uncalibrated(self) -> np.ndarray:
@@ -90,7 +94,9 @@ class FlightResiduals:
     @property
     def against_file(self) -> np.ndarray:
         """(m, 15) residuals against the vehicle file, without any calibration."""
-        return self.uncalibrated + self.gained
+        y = self.uncalibrated.copy()
+        y[:, WRENCH] += self.nominal - self.unscaled
+        return self.known(y)
 
     @property
     def untold(self) -> list[slice]:
@@ -210,9 +216,8 @@ class FlightResiduals:
             return self
         grid = dc.replace(self.grid, t=self.t[:n], fine=self.grid.fine[: (n - 1) * self.grid.factor + 1])
         parts = {name: getattr(self, name)[:n] for name in ("y", "nominal", "w", "outliers", "joined")}
-        taken = (("calibrated", self.calibrated), ("gained", self.gained))
-        parts |= {name: part[:n] for name, part in taken if isinstance(part, np.ndarray)}
-        return dc.replace(self, grid=grid, **parts)
+        given = self.calibrated[:n] if isinstance(self.calibrated, np.ndarray) else self.calibrated
+        return dc.replace(self, grid=grid, **parts, calibrated=given)
 
     def begun(self, onset: float | None) -> np.ndarray:
         """Return a step (m, 15) that is one from `onset` [s] on (None: always), smeared as each channel is."""
