@@ -39,13 +39,14 @@ def explanations_of(ranking: Ranking, held: HeldOut) -> tuple[Explanation, ...]:
     score = {id(fit): score_of(fit, priors) for fit in fits}
     vehicle, height = problem.flights[0].vehicle, greatest_height(problem.flights)
     possible = [f for f in fits if f is fits[0] or is_possible(f, vehicle, height)]
-    least = max(score.values()) - math.log(STANDS)
+    least = max(score[id(f)] for f in possible) - math.log(STANDS)
     standing = [f for f in possible if score[id(f)] >= least or names_of_fit(f) in swapped]
     standing = standing or [ranking.best]
     groups: dict[tuple[str, ...], list[Fit]] = {}
     for fit in sorted(standing, key=lambda f: -score[id(f)]):
         groups.setdefault(_material(ranking, fit, held), []).append(fit)
-    weights = {name: sum(math.exp(score[id(f)] - least) for f in fits) for name, fits in groups.items()}
+    top = max(score[id(f)] for f in standing)
+    weights = {name: sum(math.exp(score[id(f)] - top) for f in fits) for name, fits in groups.items()}
     total = sum(weights.values())
     found = [_explanation(name, fits[0], weights[name] / total) for name, fits in groups.items()]
     return tuple(sorted(found, key=lambda e: -e.probability))

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from np_drake.diagnosis.decision import explanations
 from np_drake.diagnosis.decision.explanations import explanations_of
 from np_drake.diagnosis.decision.infer import infer
 from np_drake.effects.explanation import STANDS
@@ -55,3 +56,10 @@ def test_a_plain_cause_stands_alone(seen, quick_searches):
     _, dut = standing(seen, LinearDrag(0.6, 0.6, 0.6), noise=1.0, seconds=8.0)
     assert [e.named for e in dut] == [("linear_drag",)]
     assert dut[0].probability == 1.0
+
+
+def test_probabilities_add_up_where_the_likeliest_fits_are_impossible(hover, monkeypatch):
+    ranking = hover[0].ranking
+    monkeypatch.setattr(explanations, "is_possible", lambda *_: False)
+    monkeypatch.setattr(explanations, "score_of", lambda fit, _: -2000.0 if fit is ranking.fits[0] else 0.0)
+    assert sum(e.probability for e in explanations_of(ranking, hover[0].held)) == pytest.approx(1.0)
