@@ -4,6 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 DOCS_STAMP := $(VENV)/.docs
+AUTOPILOT_STAMP := $(VENV)/.autopilot
 PYTEST_ARGS ?=
 CODE := np_drake systems diagrams tests docs
 
@@ -11,7 +12,7 @@ CODE := np_drake systems diagrams tests docs
 export OMP_NUM_THREADS := 1
 export MPLBACKEND := Agg
 
-.PHONY: venv demo test suite fuzz mutants campaigns golden lint format docs clean
+.PHONY: venv demo test suite autopilot fuzz mutants campaigns golden lint format docs clean
 
 venv: $(STAMP)
 
@@ -36,6 +37,14 @@ test: lint suite
 
 suite: venv
 	$(BIN)/python -m pytest -n 2 --dist worksteal $(PYTEST_ARGS)
+
+# Betaflight's firmware, built with gcc and make, and the tests that fly it.
+autopilot: $(AUTOPILOT_STAMP)
+	$(BIN)/python -m pytest $(PYTEST_ARGS) tests/np_drake/autopilot tests/systems/test_betaflight.py
+
+$(AUTOPILOT_STAMP): $(STAMP)
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[autopilot]'
+	touch $@
 
 # Hostile files for every reader: FUZZ_SECONDS each. What breaks one is kept in out/fuzz.
 FUZZ_SECONDS ?= 3600

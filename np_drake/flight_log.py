@@ -23,6 +23,7 @@ COLUMNS: dict[str, tuple[str, ...]] = {  # field of FlightLog: columns of the fi
     "throttles": ("throttle1", "throttle2", "throttle3", "throttle4"),
     "throttle": ("throttle",),
     "voltage": ("voltage",),
+    "commanded_rates": ("wx_cmd", "wy_cmd", "wz_cmd"),
 }
 
 
@@ -35,7 +36,8 @@ class FlightLog:
     body rates [rad/s].   u: (n, 4) commanded [f_u, tau_m] after saturation [N, N·m].   a: (n, 3) dv/dt in W
     without gravity [m/s²].   al: (n, 3) dw/dt in B [rad/s²].   rotor: (n, 4) measured rotor speed [rad/s].
     throttle: (n, 1) collective or (n, 4) of the rotors, normalised, of unknown scale [1].   voltage: (n,) of the
-    battery [V].   bridged: (n,) bool, rows that a reader put into gaps; None: none.
+    battery [V].   commanded_rates: (n, 3) body rates that an autopilot was asked for [rad/s].   bridged: (n,) bool,
+    rows that a reader put into gaps; None: none.
     input: what thrust and torque come from: `command` (thrust and torque), `rotor_speed`, `thrust_only` (torque is
     NaN), `normalised` (throttle; thrust and torque by an estimated map).
     timing: standard deviation of the time at which a row's command acts [s]; 0 where it is held from its row.
@@ -57,6 +59,7 @@ class FlightLog:
     rotor: np.ndarray | None = None
     throttle: np.ndarray | None = None
     voltage: np.ndarray | None = None
+    commanded_rates: np.ndarray | None = None
     bridged: np.ndarray | None = None
     name: str = "flight"  # for messages and tables
     input: str = "command"  # command | rotor_speed | thrust_only | normalised

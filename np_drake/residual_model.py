@@ -44,6 +44,25 @@ class Reaction(Protocol):
 
 
 @dc.dataclass(frozen=True)
+class ForceAlone:
+    """The force of a reaction, without its torque."""
+
+    whole: Reaction
+
+    def __call__(self, zeta: np.ndarray) -> np.ndarray:
+        """Return chi (..., 6) [N, N·m] at zeta (..., 6) [m/s, rad/s]."""
+        chi = np.array(self.whole(zeta), float)
+        chi[..., 3:] = 0.0
+        return chi
+
+    def jacobian(self, zeta: np.ndarray) -> np.ndarray:
+        """Return dchi/dzeta (n, 6, 6) at zeta (n, 6)."""
+        slope = np.array(self.whole.jacobian(zeta), float)
+        slope[:, 3:] = 0.0
+        return slope
+
+
+@dc.dataclass(frozen=True)
 class WrenchForecast:
     """Forecast of the residual wrench over a horizon at its own step.
 
@@ -70,6 +89,13 @@ class WrenchForecast:
         """First wrench of the forecast, chi_0 (6,) [N, N·m]."""
         chi = self.C @ self.z + self.offset[0]
         return chi if self.reaction is None else chi + self.reaction(self.zeta)
+
+    def force_alone(self) -> "WrenchForecast":
+        """Return the forecast without torque."""
+        offset, C = self.offset.copy(), self.C.copy()
+        offset[:, 3:], C[3:] = 0.0, 0.0
+        reaction = None if self.reaction is None else ForceAlone(self.reaction)
+        return dc.replace(self, C=C, offset=offset, reaction=reaction)
 
     def rollout(self, zeta: np.ndarray) -> np.ndarray:
         """Return chi_hat (N, 6) [N, N·m] for a given zeta (N, 6) [m/s, rad/s]."""

@@ -8,6 +8,7 @@ import numpy as np
 
 from np_drake.files.yaml_file import load_checked
 from np_drake.files.yaml_text import read_yaml
+from np_drake.rate_loop import RateLoop
 from np_drake.vehicle_calibration import Calibration, ThrottleMap
 from np_drake.vehicle_physics import implausible
 from np_drake.vehicle_sources import Intervals, checked_intervals, without
@@ -78,6 +79,7 @@ class Vehicle:
     thrust_uncertainty: float | None = None  # of thrust from command, rotor speed or throttle
     throttle: ThrottleMap | None = None  # None: not known
     calibration: Calibration = dc.field(default_factory=Calibration)
+    rate_loop: RateLoop | None = None  # of the autopilot; None: not known
     # By field, as `mass` or `calibration.command_delay`; they say nothing of the vehicle itself, so two are equal
     # whatever is said of them.
     sources: dict[str, str] = dc.field(default_factory=dict, compare=False)
@@ -151,6 +153,8 @@ class Vehicle:
         known = self.calibration.check()
         if self.throttle is not None:
             self.throttle.check()
+        if self.rate_loop is not None:
+            self.rate_loop.check()
         reach = float(np.linalg.norm(self.rotor_positions, axis=1).max())
         offset = float(np.linalg.norm(known.center_of_mass))
         _require(

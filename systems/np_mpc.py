@@ -22,6 +22,7 @@ class NpMpc(LeafSystem):
         - forecast
         output_ports:
         - u
+        - rates_thrust
         - status
         - solve_time
         - plan_u
@@ -33,7 +34,8 @@ class NpMpc(LeafSystem):
     | x | 13 | measured state | |
     | flat | 15 (N+1) | reference motion over the horizon (`ReferenceSource`) | m … m/s⁴ |
     | forecast | WrenchForecast | residual wrench; leave it unconnected for the nominal MPC | |
-    | u | 4 | command, held between events | N, N·m |
+    | u | 4 | command, held between events; under commanded rates with the torque that drives the rate loop | N, N·m |
+    | rates_thrust | 4 | collective thrust and body rates, for an autopilot: commanded, or the plan's next | N, rad/s |
     | status | 1 | `MpcStatus` of the last event | |
     | solve_time | 1 | wall time of the last event | s |
     | plan_u, plan_x, plan_chi | 4 N, 13 (N+1), 6 N | the last plan: inputs, states, chi_hat | |
@@ -55,6 +57,7 @@ class NpMpc(LeafSystem):
             self.DeclareDiscreteState(BasicVector(array.ravel()))
         xd = {self.xd_ticket()}
         self.DeclareVectorOutputPort("u", INPUT_SIZE, self._calc_u, xd)
+        self.DeclareVectorOutputPort("rates_thrust", INPUT_SIZE, self._calc_rates_thrust, xd)
         self.DeclareVectorOutputPort("status", 1, self._calc_flag(0), xd)
         self.DeclareVectorOutputPort("solve_time", 1, self._calc_flag(1), xd)
         for group, (name, shape) in enumerate(zip(("plan_u", "plan_x", "plan_chi"), self._shapes, strict=True)):
@@ -80,6 +83,10 @@ class NpMpc(LeafSystem):
 
     def _calc_u(self, context, output) -> None:
         output.SetFromVector(context.get_discrete_state(0).value()[:INPUT_SIZE])
+
+    def _calc_rates_thrust(self, context, output) -> None:
+        memory = self._memory(context)
+        output.SetFromVector(self.controller.rates_thrust(memory))
 
     def _calc_flag(self, index: int):
         def calc(context, output) -> None:

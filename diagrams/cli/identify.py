@@ -10,7 +10,7 @@ from typer import Argument, Option
 from diagrams.batch.failed_run import FailedRun
 from diagrams.cli import output
 from diagrams.cli.identify_inputs import READ, fit_to_judge, open_logs, prior_of, require_different, split
-from diagrams.cli.identify_tables import as_json, judged, table
+from diagrams.cli.identify_tables import as_json, judged, rate_loop, table
 from diagrams.cli.output import progress, say, tell
 from diagrams.cli.runner import Report, Run, reports
 
@@ -97,7 +97,8 @@ def identify(
     from diagrams.identification.text import change, summary
 
     lines = [*summary(found), *filter(None, [change(rows)])]
-    tables = [table(found), *([judged(found, rows)] if rows else [])]
+    loops = [rate_loop(found)] if found.rate_loop else []
+    tables = [table(found), *loops, *([judged(found, rows)] if rows else [])]
     return Report(tables, config=config, metrics=metrics, lines=lines, write=write, failure=failure)
 
 

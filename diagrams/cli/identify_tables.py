@@ -23,6 +23,21 @@ def table(found: "Identification") -> Table:
     return "vehicle", header, [row[: len(header)] for row in rows]
 
 
+def rate_loop(found: "Identification") -> Table:
+    """Return the table of an autopilot's rate loop."""
+    rows = [
+        (axis, 1e3 * one.lag, _ends(1e3 * one.lag_interval[0], 1e3 * one.lag_interval[1]), one.gain,
+         _ends(*one.gain_interval), f"{100 * one.share:.0f} %")
+        for axis, one in zip(("roll", "pitch", "yaw"), found.rate_loop, strict=True)
+    ]  # fmt: skip
+    header = ["axis", "lag [ms]", "95 %", "gain [1]", "95 %", "explains"]
+    return "rate loop: when 63 % of a step of the command is followed, and rate over command", header, rows
+
+
+def _ends(low: float, high: float) -> str:
+    return f"{low:.3g} to {high:.3g}"
+
+
 def judged(found: "Identification", rows: "list[HeldOut]") -> Table:
     """Return the table of errors on what was not fitted.
 
@@ -90,6 +105,11 @@ def as_json(found: "Identification", rows: "list[HeldOut]") -> dict[str, Any]:
              "flights": [list(map(float, row)) for row in zip(own.value, own.low, own.high, strict=True)],
              "apart": list(own.apart), "moves_with": own.moves_with}
             for own in own_values(found)
+        ],
+        "rate_loop": [
+            {"axis": axis, "lag": one.lag, "lag95": list(one.lag_interval), "gain": one.gain,
+             "gain95": list(one.gain_interval), "share": one.share}
+            for axis, one in zip("xyz", found.rate_loop, strict=False)
         ],
         "not_told": [{"names": names, "because": why, "manoeuvre": way} for way, names, why in not_told(found)],
         "held_out": [

@@ -66,6 +66,7 @@ def scenarios(
     solver: str | None,
     predictor: Path | None,
     told_mass: bool,
+    autopilot: str | None = None,
     numbers: Numbers,
 ) -> "list[FlightConfig]":
     """Return a checked scenario for every controller; what cannot be flown is refused before any work.
@@ -78,6 +79,7 @@ def scenarios(
         solver: None: the scenario's, or the default.
         predictor: model file.
         told_mass: whether the controllers know the payload's mass.
+        autopilot: that stands before the rotors; None: the scenario's.
         numbers: that are changed.
     Raises: ValueError: on bad input.
     """
@@ -90,6 +92,8 @@ def scenarios(
         raise ValueError(f"--controller: must name each once; {twice[0]} stands {len(twice)} times.")
     first = load_experiment(experiment, None if vehicle is None else load_vehicle(vehicle), reality)
     first = numbers.applied(first)
+    if autopilot is not None:
+        first = _with_autopilot(first, autopilot)
     first.controller.solver = solver or named_solver(experiment) or options.DEFAULT_SOLVER
     if told_mass:
         first.controller.extra_mass = 0.0 if first.reality.hung.tether == "none" else first.reality.hung.mass
@@ -105,6 +109,22 @@ def scenarios(
     if twice := [name for name in names if names.count(name) > 1]:
         raise ValueError(f"--controller: two are called {twice[0]}, and so would their files be. Rename one.")
     return configs
+
+
+def _with_autopilot(config: "FlightConfig", kind: str) -> "FlightConfig":
+    """Return the scenario with an autopilot, by the loop of a usual tune where the vehicle's file names none."""
+    from np_drake.rate_loop import RateLoop
+
+    config = config.with_autopilot(kind)
+    config.autopilot.check()
+    if config.autopilot.flies and config.vehicle.rate_loop is None:
+        loop = RateLoop()
+        lags = ", ".join(f"{1e3 * lag:.0f}" for lag in loop.lag)
+        tell(
+            f"vehicle {config.vehicle.name!r} names no rate_loop; lags of {lags} ms are taken. identify LOG tells them."
+        )
+        config = dc.replace(config, vehicle=dc.replace(config.vehicle, rate_loop=loop))
+    return config
 
 
 def _flown_with(config: "FlightConfig", kind: str) -> "FlightConfig":
@@ -142,8 +162,11 @@ def _require(config: "FlightConfig") -> None:
     from diagrams.loop.controllers import make_residual_model
     from diagrams.loop.flight_diagram import make_flight_diagram
     from diagrams.loop.own_controller import is_own
+    from np_drake.autopilot.firmware import find_firmware
 
     config.check()
+    if config.autopilot.kind == "betaflight":
+        find_firmware()
     make_residual_model(config.controller, config.controller.believed(config.vehicle))
     if is_own(config.controller.kind):
         make_flight_diagram(config)

@@ -35,6 +35,7 @@ from systems.cascaded_controller import CascadedController
 from systems.delay_estimator import DelayEstimator
 from systems.neural_predictor import NeuralPredictor
 from systems.np_mpc import NpMpc
+from systems.rate_loop import RateLoopTorque
 from systems.reference_source import ReferenceSource
 from systems.residual_predictor import ResidualPredictor
 from systems.wrench_estimator import WrenchEstimator
@@ -265,12 +266,18 @@ def add_controller(
     )
     builder.Connect(rig.GetOutputPort("x"), mpc.GetInputPort("x"))
     builder.Connect(source.GetOutputPort("flat"), mpc.GetInputPort("flat"))
+    u, rates_thrust = mpc.GetOutputPort("u"), mpc.GetOutputPort("rates_thrust")
+    if config.mpc.command == "rates":
+        loop = builder.AddNamedSystem("believed_rate_loop", RateLoopTorque(believed))
+        builder.Connect(rates_thrust, loop.GetInputPort("rates_thrust"))
+        builder.Connect(rig.GetOutputPort("x"), loop.GetInputPort("x"))
+        u = loop.get_output_port()
     builder.Connect(rig.GetOutputPort("x"), estimator.GetInputPort("x"))
     builder.Connect(rig.GetOutputPort("acceleration"), estimator.GetInputPort("acceleration"))
-    ports = {"u": mpc.GetOutputPort("u"), "label": estimator.GetOutputPort("last_label")}
+    ports = {"u": u, "label": estimator.GetOutputPort("last_label")}
     timing = delay_filter(config, believed, model, true_model)
-    delay = None if timing is None else _add_delay_estimator(builder, timing, rig, mpc, source)
-    acting = mpc.GetOutputPort("u") if delay is None else delay.GetOutputPort("acting")
+    delay = None if timing is None else _add_delay_estimator(builder, timing, rig, u, source)
+    acting = u if delay is None else delay.GetOutputPort("acting")
     if delay is not None:
         ports["delay"] = delay.GetOutputPort("delay")
     builder.Connect(acting, estimator.GetInputPort("u"))
@@ -286,6 +293,8 @@ def add_controller(
         _connect_delay(builder, delay, predictor)
         ports["chi_hat"] = predictor.GetOutputPort("chi_hat")
     ports |= {name: mpc.GetOutputPort(name) for name in ("status", "solve_time")}
+    if config.mpc.command == "rates":
+        ports["rates_thrust"] = rates_thrust
     ports["p_ref"] = source.GetOutputPort("position")
     return ports
 
@@ -329,12 +338,12 @@ def delay_filter(
     return DelayFilter(lagged, step=config.period, known=known, track=config.track_delay or learns)
 
 
-def _add_delay_estimator(builder, timing: DelayFilter, rig, mpc, source) -> DelayEstimator:
+def _add_delay_estimator(builder, timing: DelayFilter, rig, u: OutputPort, source) -> DelayEstimator:
     """Add the estimator of the delay between sensors, controller and reference."""
     system = builder.AddNamedSystem("delay_estimator", DelayEstimator(timing))
     for name in ("x", "acceleration"):
         builder.Connect(rig.GetOutputPort(name), system.GetInputPort(name))
-    builder.Connect(mpc.GetOutputPort("u"), system.GetInputPort("u"))
+    builder.Connect(u, system.GetInputPort("u"))
     builder.Connect(system.GetOutputPort("delay"), source.GetInputPort("lead"))
     return system
 

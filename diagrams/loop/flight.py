@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from pydrake.systems.analysis import GetIntegrationSchemes, SimulatorConfig
 
+from diagrams.loop.autopilots import NONE, AutopilotConfig
 from diagrams.loop.controllers import ControllerConfig
 from diagrams.loop.own_controller import Factory, beside, is_own, kind_of
 from diagrams.loop.reality import RealityConfig
@@ -47,6 +48,7 @@ class FlightConfig:
     reality: RealityConfig = dc.field(default_factory=RealityConfig)  # what acts beyond that
     reference: ReferenceConfig = dc.field(default_factory=ReferenceConfig)  # motion to follow
     controller: ControllerConfig = dc.field(default_factory=ControllerConfig)  # its kind, MPC and timing
+    autopilot: AutopilotConfig = dc.field(default_factory=AutopilotConfig)  # between controller and rotors
     # What happens to the payload in flight, at times of their own.
     events: list[PayloadEvent] = dc.field(default_factory=list)
     # Drake's integrator and its step.
@@ -61,7 +63,7 @@ class FlightConfig:
 
         Raises: ValueError: where one is impossible.
         """
-        for part in (self.vehicle, self.reality, self.reference, self.controller):
+        for part in (self.vehicle, self.reality, self.reference, self.controller, self.autopilot):
             part.check()
         if not re.fullmatch(r"\w[\w.-]*", self.name):
             raise ValueError(f"FlightConfig: name must be letters, digits, '_', '-' and '.'; got {self.name!r}.")
@@ -73,6 +75,7 @@ class FlightConfig:
                 f"a period of {self.controller.period:g} s; got {self.end:g}. Fly it in parts."
             )
         self._check_events()
+        self._check_autopilot()
         if self.controller.kind == "oracle":
             self._check_oracle()
         if self.carried_mass * self.vehicle.gravity > LIFTED * self.lift:
@@ -93,6 +96,30 @@ class FlightConfig:
             raise ValueError(f"{self.name}: events must have times of their own within the flight; got {times} [s].")
         if times and self.reality.hung.tether != "cable":
             raise ValueError(f"{self.name}: events need a payload on a cable; got {self.reality.hung.tether}.")
+
+    def _check_autopilot(self) -> None:
+        rates, kind = self.controller.mpc.command == "rates", self.controller.kind
+        if rates != self.autopilot.flies:
+            raise ValueError(
+                f"{self.name}: controller.mpc.command must be rates with an autopilot and rotors without; got "
+                f"{self.controller.mpc.command} and autopilot {self.autopilot.kind}."
+            )
+        if rates and (kind in ("oracle", "cascade") or is_own(kind)):
+            raise ValueError(f"{self.name}: autopilot: {kind} commands torque, which an autopilot does not take.")
+        if rates and self.vehicle.rate_loop is None:
+            raise ValueError(
+                f"{self.name}: vehicle {self.vehicle.name!r} must have a rate_loop for an autopilot; it has none."
+            )
+
+    def with_autopilot(self, kind: str) -> "FlightConfig":
+        """Return the flight with an autopilot, whose controller commands body rates.
+
+        Args:
+            kind: of `AUTOPILOTS`.
+        """
+        mpc = dc.replace(self.controller.mpc, command="rates" if kind != NONE else "rotors")
+        autopilot, controller = dc.replace(self.autopilot, kind=kind), dc.replace(self.controller, mpc=mpc)
+        return dc.replace(self, autopilot=autopilot, controller=controller)
 
     def _check_oracle(self) -> None:
         reality, longest = self.reality, LONGEST_DELAY * self.controller.period

@@ -13,6 +13,7 @@ import numpy as np
 from pydrake.common import RandomGenerator
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 
+from diagrams.loop.autopilots import add_autopilot
 from diagrams.loop.controllers import add_controller
 from diagrams.loop.flight import FlightConfig, flown_by
 from diagrams.loop.own_controller import Factory
@@ -79,12 +80,18 @@ def make_flight_diagram(
         solver_faults=() if knows else faults.solver,
         factory=controller,
     )
-    builder.Connect(ports["u"], vehicle.GetInputPort("u"))
+    driven, autopilot = ports["u"], {}
+    if config.autopilot.flies:
+        system = add_autopilot(builder, config.autopilot, config.vehicle, vehicle, ports["rates_thrust"])
+        driven = system.GetOutputPort("u")
+        autopilot = {"motors": system.GetOutputPort("motors")} if system.HasOutputPort("motors") else {}
+    builder.Connect(driven, vehicle.GetInputPort("u"))
     signals = {
         "x": rig.GetOutputPort("x"),
         "acceleration": rig.GetOutputPort("acceleration"),
         "rotor_speed": rig.GetOutputPort("rotor_speed"),
         **ports,
+        **autopilot,
         "x_true": vehicle.GetOutputPort("x"),
         "acceleration_true": vehicle.GetOutputPort("acceleration"),
         "rotor_thrust": vehicle.GetOutputPort("rotor_thrust"),

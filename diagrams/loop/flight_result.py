@@ -1,8 +1,10 @@
 """Simulation of a flight, and its result: log, truth and metrics."""
 
 import dataclasses as dc
+import tempfile
 from collections.abc import Callable
 from functools import cached_property
+from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
@@ -10,6 +12,7 @@ from pydrake.systems.analysis import ApplySimulatorConfig, Simulator
 from pydrake.systems.framework import Context, Diagram
 
 from diagrams.batch.failed_run import FailedRun, one_line
+from diagrams.loop.autopilots import firmware_of
 from diagrams.loop.flight import ARENA, FlightConfig, flown_by
 from diagrams.loop.flight_diagram import NO_FAULTS, Faults, make_flight_diagram, recorded, set_initial_state
 from diagrams.loop.own_controller import Factory, is_own
@@ -69,6 +72,7 @@ def simulate(
     watch: Watch | None = None,
     real: RealVehicle = DRAKE,
     controller: Factory | None = None,
+    blackbox: Path | None = None,
 ) -> dict[str, np.ndarray]:
     """Simulate the experiment and return the recorded signals (see `Recorder.read`).
 
@@ -81,12 +85,26 @@ def simulate(
         watch: looks at the flight, sets its pace and may end it early.
         real: makes the vehicle that flies.
         controller: makes a controller of one's own, in the place of the one that `config` names.
+        blackbox: file to which an autopilot's own log goes, where it writes one.
     Raises: LostVehicle: if the integrator gives up, or the vehicle leaves arena or tolerance, or is below ground;
     FailedRun: if a controller of one's own fails; ValueError: on what `real` cannot do, or if such a controller
     does not fit.
     """
     config = flown_by(config, controller)
     diagram = make_flight_diagram(config, pushed=watch is not None, faults=faults, real=real, controller=controller)
+    firmware = firmware_of(diagram)
+    try:
+        signals = _advance(diagram, config, seed=seed, monitor=monitor, tolerance=tolerance, watch=watch, real=real)
+        if firmware is not None and blackbox is not None:
+            firmware.keep_blackbox(blackbox)
+        return signals
+    finally:
+        if firmware is not None:
+            firmware.close()
+
+
+def _advance(diagram: Diagram, config: FlightConfig, *, seed, monitor, tolerance, watch, real) -> dict[str, np.ndarray]:
+    """Fly the diagram to its end; arguments as of `simulate`."""
     simulator = Simulator(diagram)
     ApplySimulatorConfig(config.simulator, simulator)
     context = simulator.get_mutable_context()
@@ -147,6 +165,7 @@ class FlightResult:
     config: FlightConfig
     seed: int  # of the noise
     signals: dict[str, np.ndarray]
+    blackbox: bytes = b""  # log that the autopilot's firmware itself has written; empty without one
 
     def __repr__(self) -> str:
         """Return experiment, controller, seed and errors in a line."""
@@ -223,6 +242,8 @@ class FlightResult:
             a=a[:, :3],
             al=a[:, 3:],
             rotor=s["rotor_speed"],
+            throttle=s.get("motors"),
+            commanded_rates=s["rates_thrust"][:, 1:] if "rates_thrust" in s else None,
             name=self.config.name,
         )
 
@@ -352,5 +373,10 @@ def fly(
         real: makes the vehicle that flies.
         controller: makes a controller of one's own, in the place of the one that `config` names.
     """
-    signals = simulate(config, seed=seed, monitor=monitor, watch=watch, real=real, controller=controller)
-    return FlightResult(flown_by(config, controller), seed, signals)
+    how: dict[str, Any] = {"monitor": monitor, "watch": watch, "real": real, "controller": controller}
+    if config.autopilot.kind != "betaflight":
+        return FlightResult(flown_by(config, controller), seed, simulate(config, seed=seed, **how))
+    with tempfile.TemporaryDirectory() as folder:
+        log = Path(folder) / "blackbox"
+        signals = simulate(config, seed=seed, blackbox=log, **how)
+        return FlightResult(flown_by(config, controller), seed, signals, log.read_bytes())

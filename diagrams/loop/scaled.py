@@ -36,6 +36,7 @@ MPC = {  # a cost has no unit: a weight is the inverse square of what it weighs
     "weight_position": (-2, 0, 0),
     "weight_velocity": (-2, 0, 2),
     "weight_rate": (0, 0, 2),
+    "weight_rates": (0, 0, 2),
     "weight_swing": (-2, -2, 4),
     "max_speed": (1, 0, -1),
     "terminal_radius": (1, 0, 0),

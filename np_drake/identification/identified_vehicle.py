@@ -7,6 +7,7 @@ import numpy as np
 
 from np_drake.identification.identify import Identification
 from np_drake.identification.quantities import Identified
+from np_drake.rate_loop import RateLoop
 from np_drake.vehicle import Vehicle
 from np_drake.vehicle_calibration import Calibration, ThrottleMap
 
@@ -70,6 +71,15 @@ def identified_vehicle(found: Identification, name: str) -> Vehicle:
     if "command_delay" in own:
         own["command_delay"] = max(own["command_delay"], 0.0)
     calibration = Calibration(**own)
+    loop = None
+    if found.rate_loop:
+        lags, gains = ([_rounded(getattr(axis, of)) for axis in found.rate_loop] for of in ("lag", "gain"))
+        most = np.maximum([axis.max_rate for axis in found.rate_loop], RateLoop().max_rate)
+        loop = RateLoop(lags, gains, [_rounded(float(rate)) for rate in most])
+        for of in ("lag", "gain"):
+            ends = (getattr(axis, f"{of}_interval") for axis in found.rate_loop)
+            intervals[f"rate_loop.{of}"] = [[_rounded(low), _rounded(high)] for low, high in ends]
+            sources[f"rate_loop.{of}"] = f"identified from {len(found.models)} flight{'s' * (len(found.models) > 1)}"
     plain = {f: v for f, v in values.items() if "." not in f and f != "mass"}
     return dc.replace(
         prior,
@@ -78,6 +88,7 @@ def identified_vehicle(found: Identification, name: str) -> Vehicle:
         max_rotor_thrust=values.get("throttle.full_thrust", prior.max_rotor_thrust),
         throttle=throttle,
         calibration=calibration,
+        rate_loop=loop,
         sources=sources,
         intervals=intervals,
         **plain,

@@ -14,6 +14,7 @@ from np_drake.identification.model import FlightModel
 from np_drake.identification.parameters import Layout
 from np_drake.identification.priors import parameters
 from np_drake.identification.quantities import QUANTITIES, SURE, TOLD, Basis, Identified
+from np_drake.identification.rate_loop import AxisLoop, identify_rate_loop
 from np_drake.identification.signals import Signals, signals
 from np_drake.vehicle import Vehicle
 
@@ -37,6 +38,7 @@ class Identification:
     models: tuple[FlightModel, ...]
     prior: Vehicle
     notes: tuple[str, ...] = ()
+    rate_loop: tuple[AxisLoop, ...] = ()  # of an autopilot; empty: logs hold no commanded rates, or show no loop
 
     @cached_property
     def quantities(self) -> tuple[Identified, ...]:
@@ -122,7 +124,8 @@ def identify(
     layout = Layout.of(parameters(spin, step), parts, len(seen))
     models = tuple(FlightModel(flight, frame) for flight in seen)
     basis = Basis(frame, drive, mass, coefficient, spin, newtons)
-    return Identification(basis, estimate(models, layout), frozenset(known), models, prior, tuple(notes))
+    loops = identify_rate_loop(kept) or ()
+    return Identification(basis, estimate(models, layout), frozenset(known), models, prior, tuple(notes), loops)
 
 
 def lasts(log: FlightLog) -> float:

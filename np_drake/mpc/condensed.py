@@ -13,6 +13,7 @@ from scipy.linalg import lapack
 from scipy.linalg.blas import dsyrk
 
 from np_drake.mpc import condensing
+from np_drake.mpc.actuation import Actuation
 from np_drake.mpc.dynamics import DiscreteDynamics
 from np_drake.mpc.horizon import Horizon, Preparation, hover_solution
 from np_drake.mpc.objective import LATERAL, Objective, SoftRows, lateral_response, penalty
@@ -90,15 +91,17 @@ class Condensed:
 
     def __init__(self, vehicle: Vehicle, config: MpcConfig):
         self.vehicle, self.config = vehicle, config
-        self.objective = Objective(config)
-        self.dynamics = DiscreteDynamics(vehicle, config.step)
+        self.actuation = by = Actuation.of(vehicle, config.command)
+        self.R = by.input_weights(config)
+        self.objective = Objective(config, self.R)
+        self.dynamics = DiscreteDynamics(vehicle, config.step, by)
         self._prepare = Preparation(vehicle, config)
         n = config.horizon
         self.size = 4 * n
-        self._mixer, self._Q, self._R = np.ascontiguousarray(vehicle.mixer, float), config.Q, config.R
+        self._mixer, self._Q, self._R = np.ascontiguousarray(by.mixer, float), config.Q, self.R
         self._Q_root = np.sqrt(config.Q)
-        over_thrust = vehicle.mixer.T @ (config.R[:, None] * vehicle.mixer)
-        self._inputs = np.asfortranarray(np.kron(np.eye(n), 2 * over_thrust))
+        over_decision = by.mixer.T @ (self.R[:, None] * by.mixer)
+        self._inputs = np.asfortranarray(np.kron(np.eye(n), 2 * over_decision))
         cuts = [n - first for first in range(0, n, _PART)][::-1]
         self._parts = [
             (first, np.empty((13 * (last - first), 4 * last))) for first, last in zip([0, *cuts], cuts, strict=False)
@@ -114,8 +117,8 @@ class Condensed:
         return self._prepare(problem, markov)
 
     def clip(self, T: np.ndarray) -> np.ndarray:
-        """Return the thrusts clipped to the hard input set [N]."""
-        return np.minimum(np.maximum(T, 0.0), self.vehicle.max_rotor_thrust)
+        """Return the decision (..., 4) clipped to the hard input set."""
+        return self.actuation.clip(T)
 
     def rollout(self, h: Horizon, T: np.ndarray) -> Trajectory:
         """Return the trajectory from h.x0.
@@ -124,7 +127,7 @@ class Condensed:
             h: the problem made ready.
             T: (N, 4) rotor thrusts [N].
         """
-        u = np.ascontiguousarray(T @ self.vehicle.mixer.T)
+        u = np.ascontiguousarray(T @ self._mixer.T)
         chi, x = h.free.copy(), np.empty((self.config.horizon + 1, STATE_SIZE))
         x[0] = h.x0
         if h.reaction is None:
@@ -225,7 +228,7 @@ def initial_trajectory(condensed: Condensed, h: Horizon, warm_start: MpcSolution
     Raises: SolverFailure: if there is no finite rollout from this state.
     """
     if warm_start is not None and np.shape(warm_start.u) == h.u_ref.shape:
-        T = condensed.clip(warm_start.u @ condensed.vehicle.unmixer.T)
+        T = condensed.clip(warm_start.u @ condensed.actuation.unmixer.T)
         t = condensed.rollout(h, T)
         if t.finite:
             return t, False
@@ -240,7 +243,7 @@ def _feedback_thrusts(condensed: Condensed, h: Horizon) -> np.ndarray:
 
     The wrench is that before any planned motion.
     """
-    vehicle = condensed.vehicle
+    vehicle, by = condensed.vehicle, condensed.actuation
     gain = hover_solution(vehicle, condensed.config)[1]
     bound, unit = np.full(13, np.inf), ratios(vehicle)
     bound[0:3], bound[7:10] = _REACH * unit.length, _PACE * unit.speed
@@ -248,7 +251,7 @@ def _feedback_thrusts(condensed: Condensed, h: Horizon) -> np.ndarray:
     x = h.x0
     for i in range(len(T)):
         e = np.clip(x - h.x_ref[i], -bound, bound)
-        T[i] = condensed.clip(vehicle.unmixer @ (h.u_ref[i] - gain @ e))
+        T[i] = condensed.clip(by.unmixer @ (h.u_ref[i] - gain @ e))
         chi = h.free[i] if h.reaction is None else h.free[i] + h.reaction(x[7:13])
-        x = condensed.dynamics.advance(x, vehicle.mixer @ T[i], chi)
+        x = condensed.dynamics.advance(x, by.mixer @ T[i], chi)
     return T

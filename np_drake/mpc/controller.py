@@ -5,10 +5,12 @@ import time
 
 import numpy as np
 
+from np_drake.mpc.actuation import Actuation
 from np_drake.mpc.plan import shift
 from np_drake.mpc.problem import MpcConfig, MpcProblem, MpcSolution, MpcSolver, MpcStatus, SolverFailure
 from np_drake.references.flatness import body_rates, targets
 from np_drake.residual_model import WrenchForecast, no_forecast
+from np_drake.rigid_body import W
 from np_drake.vehicle import Vehicle
 
 
@@ -37,6 +39,7 @@ class MpcController:
         self, vehicle: Vehicle, config: MpcConfig, solver: MpcSolver, *, period: float = 0.02, deadline: float = np.inf
     ):
         self.vehicle, self.config, self.solver = vehicle, config.check(), solver
+        self.actuation = Actuation.of(vehicle, config.command)
         self.period, self.deadline = period, deadline
 
     def initial_memory(self) -> ControllerMemory:
@@ -51,7 +54,8 @@ class MpcController:
         """Return the problem at this instant.
 
         References follow the wrench that the reference motion itself would meet. Where commands are on their way, the
-        problem begins where the forecast does.
+        problem begins where the forecast does. Under commanded rates the forecast's torque is left out: the rate loop
+        makes up for it.
 
         Args:
             x: (13,) measured.
@@ -59,15 +63,17 @@ class MpcController:
             forecast: None for the nominal MPC.
             t: of the measurement [s].
         """
-        N = self.config.horizon
+        N, by = self.config.horizon, self.actuation
         forecast = forecast or no_forecast(N)
+        forecast = forecast if by.loop is None else forecast.force_alone()
         x = x if forecast.start is None else forecast.start
         chi = np.zeros((N + 1, 6))
         w_ref = body_rates(self.vehicle, flat[:, :N])
         chi[:N] = forecast.rollout(np.concatenate([flat[1, :N], w_ref], axis=1))
         chi[N] = chi[N - 1]
         x_ref, u_ref = targets(self.vehicle, flat, chi)
-        return MpcProblem(x0=x, x_ref=x_ref, u_ref=self.vehicle.saturate(u_ref[:N]), forecast=forecast, t=t)
+        u_ref = by.saturate(by.driving(self.vehicle, x_ref[:N], u_ref[:N]))
+        return MpcProblem(x0=x, x_ref=x_ref, u_ref=u_ref, forecast=forecast, t=t)
 
     def step(
         self,
@@ -102,6 +108,18 @@ class MpcController:
         has_plan = last is not None or solution.status <= MpcStatus.SQP_FALLBACK
         flags = np.array([float(solution.status), spent, float(has_plan)])
         return ControllerMemory(solution.u, solution.x, solution.chi, flags)
+
+    def rates_thrust(self, memory: ControllerMemory) -> np.ndarray:
+        """Return collective thrust and body rates (4,) for an autopilot [N, rad/s].
+
+        Where the MPC decides on rates they are those of its first stage, else those that the plan has at the next.
+
+        Args:
+            memory: of the last period.
+        """
+        if self.actuation.loop is not None:
+            return self.actuation.unmixer @ memory.u[0]
+        return np.array([memory.u[0, 0], *memory.x[1, W]])
 
     def _last_plan(self, memory: ControllerMemory) -> MpcSolution | None:
         if not memory.flags[2]:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from np_drake.compiled import compiled
+from np_drake.mpc.actuation import Actuation
 from np_drake.rigid_body import STATE_SIZE
 from np_drake.vehicle import Vehicle
 
@@ -36,12 +37,13 @@ class DiscreteDynamics:
     Args:
         vehicle: nominal.
         step: [s].
+        actuation: how the input turns the vehicle; default: by the torque of its rotors.
     """
 
-    def __init__(self, vehicle: Vehicle, step: float):
+    def __init__(self, vehicle: Vehicle, step: float, actuation: Actuation | None = None):
         self.vehicle, self.step = vehicle, step
-        J = np.ascontiguousarray(vehicle.J, float)
-        self._body = (float(step), float(vehicle.mass), float(vehicle.gravity), J, np.linalg.inv(J))
+        by = actuation or Actuation.of(vehicle)
+        self._body = (float(step), float(vehicle.mass), float(vehicle.gravity), by.J_free, by.J_inv, by.damping)
 
     def linearise(self, x: np.ndarray, u: np.ndarray, chi: np.ndarray) -> Linearisation:
         """Return value and Jacobians at N stages.
@@ -82,7 +84,7 @@ class DiscreteDynamics:
 
 
 @compiled
-def _advance(x, u, chi, step, mass, gravity, J, J_inv, out):
+def _advance(x, u, chi, step, mass, gravity, J, J_inv, damping, out):
     """Write the state (13,) after one step of Runge and Kutta into `out`; u (4,) [N, N·m], chi (6,) [N, N·m]."""
     w, i, j, k, a, b, c = x[3], x[4], x[5], x[6], x[10], x[11], x[12]
     tau_x, tau_y, tau_z = u[1] + chi[3], u[2] + chi[4], u[3] + chi[5]
@@ -95,9 +97,9 @@ def _advance(x, u, chi, step, mass, gravity, J, J_inv, out):
         hy = J[1, 0] * a + J[1, 1] * b + J[1, 2] * c
         hz = J[2, 0] * a + J[2, 1] * b + J[2, 2] * c
         tx, ty, tz = tau_x - b * hz + c * hy, tau_y - c * hx + a * hz, tau_z - a * hy + b * hx
-        da = J_inv[0, 0] * tx + J_inv[0, 1] * ty + J_inv[0, 2] * tz
-        db = J_inv[1, 0] * tx + J_inv[1, 1] * ty + J_inv[1, 2] * tz
-        dc = J_inv[2, 0] * tx + J_inv[2, 1] * ty + J_inv[2, 2] * tz
+        da = J_inv[0, 0] * tx + J_inv[0, 1] * ty + J_inv[0, 2] * tz - damping[0] * a
+        db = J_inv[1, 0] * tx + J_inv[1, 1] * ty + J_inv[1, 2] * tz - damping[1] * b
+        dc = J_inv[2, 0] * tx + J_inv[2, 1] * ty + J_inv[2, 2] * tz - damping[2] * c
         dw, di = 0.5 * (-i * a - j * b - k * c), 0.5 * (w * a + j * c - k * b)
         dj, dk = 0.5 * (w * b + k * a - i * c), 0.5 * (w * c + i * b - j * a)
         vx, vy, vz = vx + weight * zx, vy + weight * zy, vz + weight * zz
@@ -138,17 +140,17 @@ def _respond(x, markov, i, chi):
 
 
 @compiled
-def _rollout(x, u, chi, markov, step, mass, gravity, J, J_inv):
+def _rollout(x, u, chi, markov, step, mass, gravity, J, J_inv, damping):
     """Write x_1 … x_N of the states x (N+1, 13) under u (N, 4), and add to chi (N, 6) what the motion drives."""
     n, known = len(u), markov.shape[1]
     for i in range(n):
         if known:
             _respond(x, markov, i, chi[i])
-        _advance(x[i], u[i], chi[i], step, mass, gravity, J, J_inv, x[i + 1])
+        _advance(x[i], u[i], chi[i], step, mass, gravity, J, J_inv, damping, x[i + 1])
 
 
 @compiled
-def _linearise(x, u, chi, step, mass, gravity, J, J_inv, x_next, Fx, Fu):
+def _linearise(x, u, chi, step, mass, gravity, J, J_inv, damping, x_next, Fx, Fu):
     """Write value (N, 13) and Jacobians over [x, chi] (N, 13, 19) and u (N, 13, 4) of a step from each x (N, 13).
 
     The Jacobians come zeroed.
@@ -159,7 +161,7 @@ def _linearise(x, u, chi, step, mass, gravity, J, J_inv, x_next, Fx, Fu):
     z, in_v, in_p = np.zeros((3, 10)), np.zeros((3, 10)), np.zeros((3, 10))
     sixth = step / 6
     for n in range(len(x)):
-        _advance(x[n], u[n], chi[n], step, mass, gravity, J, J_inv, x_next[n])
+        _advance(x[n], u[n], chi[n], step, mass, gravity, J, J_inv, damping, x_next[n])
         r = np.zeros(7)
         r[:4], r[4:] = x[n, 3:7], x[n, 10:13]
         start = r.copy()
@@ -169,7 +171,7 @@ def _linearise(x, u, chi, step, mass, gravity, J, J_inv, x_next, Fx, Fu):
             D[c, c] = 1.0
         for stage in range(4):
             w, i, j, k, a, b, c_ = r[0], r[1], r[2], r[3], r[4], r[5], r[6]
-            _rotation_jacobian(r, J, J_inv, M, turn)
+            _rotation_jacobian(r, J, J_inv, damping, M, turn)
             for row in range(7):
                 for col in range(10):
                     rate[row, col] = 0.0
@@ -198,12 +200,14 @@ def _linearise(x, u, chi, step, mass, gravity, J, J_inv, x_next, Fx, Fu):
             tx = u[n, 1] + chi[n, 3] - b * hz + c_ * hy
             ty = u[n, 2] + chi[n, 4] - c_ * hx + a * hz
             tz = u[n, 3] + chi[n, 5] - a * hy + b * hx
+            rate_now = (a, b, c_)
             r[0] = start[0] + ahead * 0.5 * (-i * a - j * b - k * c_)
             r[1] = start[1] + ahead * 0.5 * (w * a + j * c_ - k * b)
             r[2] = start[2] + ahead * 0.5 * (w * b + k * a - i * c_)
             r[3] = start[3] + ahead * 0.5 * (w * c_ + i * b - j * a)
             for row in range(3):
-                r[4 + row] = start[4 + row] + ahead * (J_inv[row, 0] * tx + J_inv[row, 1] * ty + J_inv[row, 2] * tz)
+                turned = J_inv[row, 0] * tx + J_inv[row, 1] * ty + J_inv[row, 2] * tz
+                r[4 + row] = start[4 + row] + ahead * (turned - damping[row] * rate_now[row])
             for row in range(7):
                 for col in range(10):
                     total[row, col] += weight * rate[row, col]
@@ -235,7 +239,7 @@ def _place(row_x, row_u, over, factor):
 
 
 @compiled
-def _rotation_jacobian(r, J, J_inv, M, turn):
+def _rotation_jacobian(r, J, J_inv, damping, M, turn):
     """Write the Jacobian M (7, 7) of the rate of (q, w) at r (7,); `turn` (3, 3) is a workspace."""
     w, i, j, k, a, b, c = r[0], r[1], r[2], r[3], r[4], r[5], r[6]
     M[0, 1], M[0, 2], M[0, 3] = -0.5 * a, -0.5 * b, -0.5 * c
@@ -264,3 +268,4 @@ def _rotation_jacobian(r, J, J_inv, M, turn):
             M[4 + row, 4 + col] = (
                 J_inv[row, 0] * turn[0, col] + J_inv[row, 1] * turn[1, col] + J_inv[row, 2] * turn[2, col]
             )
+        M[4 + row, 4 + row] -= damping[row]

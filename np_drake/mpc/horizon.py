@@ -8,6 +8,7 @@ import numpy as np
 from scipy.linalg import solve_discrete_are
 
 from np_drake.compiled import compiled, finite
+from np_drake.mpc.actuation import Actuation
 from np_drake.mpc.dynamics import DiscreteDynamics
 from np_drake.mpc.problem import MpcConfig, MpcProblem, SolverFailure
 from np_drake.residual_model import Reaction, WrenchForecast
@@ -58,17 +59,19 @@ def hover_solution(vehicle: Vehicle, config: MpcConfig) -> tuple[np.ndarray, np.
         vehicle: nominal.
         config: weights and step.
     """
-    key = (vehicle.mass, vehicle.gravity, vehicle.J.tobytes(), config.step, config.Q.tobytes(), config.R.tobytes())
-    return _solve(*key)
+    by = Actuation.of(vehicle, config.command)
+    key = (vehicle.mass, vehicle.gravity, vehicle.J.tobytes(), by.J_free.tobytes(), by.damping.tobytes())
+    return _solve(*key, config.step, config.Q.tobytes(), by.input_weights(config).tobytes())
 
 
 @lru_cache(maxsize=32)
-def _solve(mass, gravity, J, step, Q, R) -> tuple[np.ndarray, np.ndarray]:
+def _solve(mass, gravity, J, J_free, damping, step, Q, R) -> tuple[np.ndarray, np.ndarray]:
     vehicle = Vehicle(mass=mass, gravity=gravity, inertia=np.frombuffer(J).reshape(3, 3).tolist())
+    by = dc.replace(Actuation.of(vehicle), J_free=np.frombuffer(J_free).reshape(3, 3), damping=np.frombuffer(damping))
     q, r = np.frombuffer(Q), np.diag(np.frombuffer(R))
     x = np.zeros((1, 13))
     x[0, 3] = 1.0
-    model = DiscreteDynamics(vehicle, step).linearise(x, vehicle.hover_input[None], np.zeros((1, 6)))
+    model = DiscreteDynamics(vehicle, step, by).linearise(x, vehicle.hover_input[None], np.zeros((1, 6)))
     keep = _CONTROLLABLE
     A, B = model.Fx[0][np.ix_(keep, keep)], model.Fu[0][keep]
     P = np.zeros((13, 13))

@@ -74,7 +74,8 @@ class IpoptCondensedSolver:
 
         Dense rows then cost more than IPOPT gains.
         """
-        at_bounds = np.mean((t.T <= 0) | (t.T >= self.condensed.vehicle.max_rotor_thrust))  # noqa: SIM300
+        by = self.condensed.actuation
+        at_bounds = np.mean((by.lower >= t.T) | (by.upper <= t.T))
         return bool(t.excess.max() > _ACTIVE or at_bounds > _CROWDED)
 
     def _converge(self, h: Horizon, sqp: Trajectory, deadline: float) -> tuple[Trajectory, MpcStatus, int]:
@@ -137,10 +138,12 @@ class Preconditioned:
         self._M = lapack.dtrtri(factor, lower=1)[0].T  # L^-T
         self._w: np.ndarray = np.zeros(condensed.size)
         self._key, self._point = self._w.tobytes(), (t_0, S)
-        config, self._top = condensed.config, condensed.vehicle.max_rotor_thrust
+        config, by = condensed.config, condensed.actuation
+        self._lower, self._upper = np.tile(by.lower, config.horizon), np.tile(by.upper, config.horizon)
+        self._middle, self._reach = 0.5 * (self._lower + self._upper), 0.5 * (self._upper - self._lower)
         self._kind = np.repeat(range(KINDS), [3 * config.horizon, config.horizon, 1])
         size = np.array([config.max_speed, 1 - condensed.objective.min_cosine, config.terminal_radius])
-        self._inputs = np.abs(self._T_0 - 0.5 * self._top) > 0.5 * self._top - near * self._top
+        self._inputs = np.abs(self._T_0 - self._middle) > (1 - 2 * near) * self._reach
         self._soft = t_0.excess > -near * size[self._kind]
         self._unit = 1 / math.sqrt(2 * QUADRATIC * config.slack_weight)
 
@@ -158,8 +161,8 @@ class Preconditioned:
         prog.AddCost(self._cost, vars=w)
         start = self._w
         if self._inputs.any():
-            T = self._T_0[self._inputs]
-            prog.AddLinearConstraint(self._M[self._inputs], -T, self._top - T, w)
+            T, lower, upper = (values[self._inputs] for values in (self._T_0, self._lower, self._upper))
+            prog.AddLinearConstraint(self._M[self._inputs], lower - T, upper - T, w)
         if self._soft.any():
             self._add_soft_rows(prog, w)
             start = np.concatenate([start, self._at(start)[0].slacks / self._unit])
@@ -173,7 +176,7 @@ class Preconditioned:
         """Return whether t breaks a row that was left out, and include such rows from now on."""
         T = t.T.ravel()
         slacks = self._c.objective.slacks(np.where(self._soft, t.excess, 0.0))
-        inputs = ~self._inputs & (np.abs(T - 0.5 * self._top) > 0.5 * self._top + _VIOLATED)
+        inputs = ~self._inputs & (np.abs(T - self._middle) > self._reach + _VIOLATED)
         soft = ~self._soft & (t.excess > slacks[self._kind] + _VIOLATED)
         self._inputs |= inputs
         self._soft |= soft

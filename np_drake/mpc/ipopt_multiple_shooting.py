@@ -167,7 +167,7 @@ class IpoptMultipleShootingSolver:
         self.condensed = Condensed(vehicle, config)
         self._stages = stages = StackedStages(self.condensed)
         self._scale, self._centre = np.ones(stages.size), np.zeros(stages.size)
-        self._scale[stages.u] = np.tile(1 / np.sqrt(2 * config.R), config.horizon)
+        self._scale[stages.u] = np.tile(1 / np.sqrt(2 * self.condensed.R), config.horizon)
         self._scale[stages.chi] = np.tile(_CHI_SCALE, config.horizon)
         self._scale[stages.s] = 1 / np.sqrt(2 * QUADRATIC * config.slack_weight)
         self._h: Horizon | None = None
@@ -188,7 +188,7 @@ class IpoptMultipleShootingSolver:
             if not result.is_success():
                 raise SolverFailure(f"MPC: multiple shooting: IPOPT: {result.get_solution_result()}.")
             u = (self._centre + self._scale * result.GetSolution(self._y))[self._stages.u]
-            T = self.condensed.clip(u.reshape(-1, 4) @ self.condensed.vehicle.unmixer.T)
+            T = self.condensed.clip(u.reshape(-1, 4) @ self.condensed.actuation.unmixer.T)
             end = self.condensed.rollout(h, T)
         return as_solution(end, MpcStatus.OPTIMAL, 1, time.perf_counter() - start)
 
@@ -198,9 +198,10 @@ class IpoptMultipleShootingSolver:
         self._y = y = self._prog.NewContinuousVariables(stages.size, "y")
         eye, zero = np.eye(stages.size), np.zeros(stages.size)
         self._cost = self._prog.AddQuadraticCost(eye, zero, y, is_convex=True).evaluator()
-        self._unmix = np.kron(np.eye(n), self.condensed.vehicle.unmixer)
-        top = np.full(4 * n, self.condensed.vehicle.max_rotor_thrust)
-        self._rotors = self._prog.AddLinearConstraint(self._unmix, 0 * top, top, y[stages.u]).evaluator()
+        by = self.condensed.actuation
+        self._unmix = np.kron(np.eye(n), by.unmixer)
+        self._lower, self._upper = np.tile(by.lower, n), np.tile(by.upper, n)
+        self._rotors = self._prog.AddLinearConstraint(self._unmix, self._lower, self._upper, y[stages.u]).evaluator()
         self._prog.AddBoundingBoxConstraint(0, np.inf, y[stages.s])
         lower, upper = stages.bounds()
         rows = self._prog.AddConstraint(self._constraint, lower, upper, vars=y).evaluator()
@@ -216,7 +217,7 @@ class IpoptMultipleShootingSolver:
         self._centre[stages.x], self._centre[stages.u] = h.x_ref[1:].ravel(), h.u_ref.ravel()
         H, g = np.zeros((stages.size, stages.size)), np.zeros(stages.size)
         weights = np.zeros(stages.size)
-        weights[stages.u], weights[stages.x] = np.tile(config.R, config.horizon), curvature.ravel()
+        weights[stages.u], weights[stages.x] = np.tile(self.condensed.R, config.horizon), curvature.ravel()
         weights[stages.chi].reshape(-1, 6)[:, LATERAL] = config.weight_swing
         weights[stages.s], g[stages.s] = QUADRATIC * config.slack_weight, config.slack_weight
         np.fill_diagonal(H, 2 * weights)
@@ -224,8 +225,8 @@ class IpoptMultipleShootingSolver:
         H[last, last] = 2 * h.P
         H *= self._scale[:, None] * self._scale
         self._cost.UpdateCoefficients(H, g * self._scale, 0.0, is_convex=True)
-        base, top = self._unmix @ h.u_ref.ravel(), self.condensed.vehicle.max_rotor_thrust
-        self._rotors.UpdateCoefficients(self._unmix * self._scale[stages.u], -base, top - base)
+        base = self._unmix @ h.u_ref.ravel()
+        self._rotors.UpdateCoefficients(self._unmix * self._scale[stages.u], self._lower - base, self._upper - base)
 
     def _constraint(self, y: np.ndarray) -> Any:
         symbolic = y.dtype == object

@@ -74,12 +74,17 @@ class SoftRows:
 
 
 class Objective:
-    """Cost, soft sets and merit of trajectories; it holds constants only."""
+    """Cost, soft sets and merit of trajectories; it holds constants only.
 
-    def __init__(self, config: MpcConfig):
+    Args:
+        config: weights and sets.
+        R: (4,) diagonal input weight; default: that of `config` [1/N², 1/(N·m)²].
+    """
+
+    def __init__(self, config: MpcConfig, R: np.ndarray | None = None):
         self.config = config
         self.min_cosine = float(np.cos(config.max_tilt))
-        self._Q, self._R = config.Q, config.R
+        self._Q, self._R = config.Q, config.R if R is None else R
         stages = config.horizon
         self.kind = np.repeat(range(KINDS), [3 * stages, stages, 1])
         self.softening = _SOFTENING * config.terminal_radius**2

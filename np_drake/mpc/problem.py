@@ -9,6 +9,7 @@ import numpy as np
 from np_drake.residual_model import WrenchForecast
 
 LONGEST_HORIZON = 200  # [1]; own choice: ten times the usual one, and 100 MB of matrices
+COMMANDS = ("rotors", "rates")  # what an MPC may decide on
 LONGEST_STEP = 10.0  # [s]; own choice
 
 
@@ -27,6 +28,8 @@ class MpcConfig:
     weight_velocity: list[float] = dc.field(default_factory=lambda: [2.0, 2.0, 2.0])  # [s²/m²]
     weight_rate: list[float] = dc.field(default_factory=lambda: [0.03, 0.03, 0.03])  # [s²/rad²]
     weight_input: list[float] = dc.field(default_factory=lambda: [0.02, 18.0, 18.0, 45.0])  # [1/N², 1/(N·m)²]
+    command: str = "rotors"  # rotors: thrust and torque | rates: body rates and collective thrust, for an autopilot
+    weight_rates: list[float] = dc.field(default_factory=lambda: [0.3, 0.3, 0.3])  # of commanded rates [s²/rad²]
     weight_swing: float = 0.0  # on the predicted lateral force, to damp a payload's swing; 0: off [1/N²]
     terminal: str = "riccati"  # P: riccati = cost-to-go at hover | scaled = terminal_scale * Q
     terminal_scale: float = 5.0  # of Q on position and velocity, where terminal is `scaled` [1]
@@ -44,7 +47,7 @@ class MpcConfig:
             1 <= self.horizon <= LONGEST_HORIZON, f"horizon must be 1 to {LONGEST_HORIZON} steps; got {self.horizon}"
         )
         _require(0 < self.step <= LONGEST_STEP, f"step must be positive, {LONGEST_STEP:g} s at most; got {self.step}")
-        for name, size in (("position", 3), ("attitude", 4), ("velocity", 3), ("rate", 3), ("input", 4)):
+        for name, size in (("position", 3), ("attitude", 4), ("velocity", 3), ("rate", 3), ("rates", 3), ("input", 4)):
             weight = np.array(getattr(self, f"weight_{name}"), float)
             _require(weight.shape == (size,), f"weight_{name} must have {size} entries; got {weight.shape}")
             _require(
@@ -52,6 +55,8 @@ class MpcConfig:
                 f"weight_{name} must be finite and not negative; got {weight.tolist()}",
             )
         _require(min(self.weight_input) > 0, "weight_input must be positive")
+        _require(min(self.weight_rates) > 0, "weight_rates must be positive")
+        _require(self.command in COMMANDS, f"command: {' | '.join(COMMANDS)}; got {self.command!r}")
         _require(min(self.weight_position) > 0, "weight_position must be positive: the terminal set needs it")
         _require(
             0 <= self.weight_swing < np.inf, f"weight_swing must be finite and not negative; got {self.weight_swing}"

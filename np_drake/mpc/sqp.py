@@ -150,9 +150,9 @@ class SqpSolver:
     def _step(self, prepared: Prepared, time_limit: float) -> tuple[Trajectory, float]:
         h, t = prepared.horizon, prepared.trajectory
         model = self.condensed.model(h, t, prepared.sensitivities, prepared.curvature)
-        flat = t.T.ravel()
-        top = self.condensed.vehicle.max_rotor_thrust
-        step = self._qp.solve(model, -flat, top - flat, time_limit)
+        by = self.condensed.actuation
+        lower, upper = (by.lower - t.T).ravel(), (by.upper - t.T).ravel()
+        step = self._qp.solve(model, lower, upper, time_limit)
         predicted, size = step.decrease, 1.0
         for _ in range(_BACKTRACKS):
             new = self.condensed.rollout(h, self.condensed.clip(t.T + size * step.d.reshape(-1, 4)))

@@ -62,6 +62,7 @@ def default_map(contents: Contents) -> LogMap | None:
         rotor_speed=driven.rotor_speed,
         throttle=driven.throttle,
         voltage=_voltage(contents, told),
+        commanded_rates=_setpoint(contents, indiflight),
     )
 
 
@@ -95,6 +96,13 @@ def _voltage(contents: Contents, told: dict[str, float]) -> Source:
     version = told.get("betaflight", 4.0)
     found = first_source(contents, [["main/vbatLatest"]], unit="V", scale=0.01 if version >= 4 else 0.1)
     return found if version >= 3.01 else Source()  # 3.1
+
+
+def _setpoint(contents: Contents, indiflight: bool) -> Source:
+    """Return the rates that the controller is asked for, as logged beside the gyro; none of Indiflight's."""
+    if indiflight:
+        return Source()
+    return first_source(contents, [_indexed("setpoint", 3)], unit="deg/s", axes="body", body="flu")
 
 
 def _gyro_delay(told: dict[str, float]) -> float:

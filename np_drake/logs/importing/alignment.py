@@ -12,11 +12,11 @@ from np_drake.logs.errors import LogError
 from np_drake.logs.importing.convert import GRAVITY, convert_quantity
 from np_drake.logs.importing.interpolation import FASTER, SLOWEST_ROTORS, Signal, Signals
 from np_drake.logs.importing.log_map import LogMap
-from np_drake.logs.importing.signals import STATE
+from np_drake.logs.importing.signals import OPTIONAL, STATE
 
 FASTEST = 500.0  # rate of the rows unless another is asked for [Hz]; own choice
 COMMANDS = ("thrust", "torque", "throttle")
-READINGS = ("rotor_speed", "voltage", "hover_throttle")
+READINGS = ("rotor_speed", *OPTIONAL)
 SMOOTH = 0.1  # window in which a position is differentiated where there is no velocity [s]; own choice
 
 _G = np.array([0.0, 0.0, GRAVITY])
@@ -82,7 +82,7 @@ def align(signals: Signals, log_map: LogMap, path: str = "log") -> Aligned:
         out["angular_acceleration"] = _averaged_after(in_frames("angular_acceleration"), t, width)
     for name in (n for n in READINGS if n in signals):
         own = in_frames(name)
-        steps = name == "rotor_speed" and width > 0 and own.renewal > FASTER * width
+        steps = name == "commanded_rates" or (name == "rotor_speed" and width > 0 and own.renewal > FASTER * width)
         if name == "rotor_speed" and own.renewal * SLOWEST_ROTORS > 1:  # of which the collective alone is taken
             out[name] = own.renewed.linear(t)
         else:
@@ -110,7 +110,7 @@ def common_rows(signals: Signals, rate: float) -> tuple[np.ndarray, dict[str, np
 
 
 def _overlap(signals: Signals) -> tuple[float, float]:
-    needed = [s for name, s in signals.items() if name not in ("voltage", "hover_throttle")]
+    needed = [s for name, s in signals.items() if name not in OPTIONAL]
     return max(float(s.t[0]) for s in needed), min(float(s.t[-1]) for s in needed)
 
 

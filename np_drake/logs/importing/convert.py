@@ -54,7 +54,7 @@ def convert_quantity(name: str, values: np.ndarray, log_map: LogMap, q: np.ndarr
     return _turned(name, scaled, q, log_map) if name in _TURNED else scaled
 
 
-_TURNED = ("position", "velocity", "rates", "acceleration", "angular_acceleration", "torque")
+_TURNED = ("position", "velocity", "rates", "commanded_rates", "acceleration", "angular_acceleration", "torque")
 
 
 def _attitude(values: np.ndarray, source: Source, log_map: LogMap) -> np.ndarray:

@@ -23,6 +23,7 @@ UNITS: dict[str, dict[str, float]] = {  # by quantity: factor to SI
     "throttle": {"1": 1.0, "percent": 0.01, "us": 1.0, "pwm16": 1 / 65535, "dshot": 1 / 2000},
     "hover_throttle": {"1": 1.0, "percent": 0.01, "us": 1.0, "pwm16": 1 / 65535, "dshot": 1 / 2000},
     "voltage": {"V": 1.0, "mV": 0.001},
+    "commanded_rates": {"rad/s": 1.0, "deg/s": 0.017453292519943295},
     "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9},
 }
 SIZES: dict[str, tuple[int, ...]] = {  # number of columns
@@ -38,6 +39,7 @@ SIZES: dict[str, tuple[int, ...]] = {  # number of columns
     "throttle": (1, 4, 6, 8),  # of more than four rotors their collective is taken
     "hover_throttle": (1,),
     "voltage": (1,),
+    "commanded_rates": (3,),
 }
 RATES = (4.0, 20000.0)  # of the rows of a flight log [Hz]: those that are read again
 TIME_SIZE = (1,)  # columns of the time, which is no quantity
@@ -127,6 +129,7 @@ class LogMap:
     throttle: Source = dc.field(default_factory=Source)
     hover_throttle: Source = dc.field(default_factory=Source)
     voltage: Source = dc.field(default_factory=Source)
+    commanded_rates: Source = dc.field(default_factory=Source)
 
     def frames(self, source: Source) -> tuple[str, str]:
         """Return the frames W and B of one of its quantities."""

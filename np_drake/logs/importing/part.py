@@ -168,6 +168,7 @@ def _flight(aligned: Aligned, rows: np.ndarray, log_map: LogMap) -> FlightLog:
         rotor=x.get("rotor_speed"),
         throttle=throttle,
         voltage=x["voltage"][:, 0] if "voltage" in x else None,
+        commanded_rates=x.get("commanded_rates"),
         input=kind,
     )
 

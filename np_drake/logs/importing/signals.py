@@ -13,7 +13,7 @@ from np_drake.logs.importing.telemetry import spread_ticks, without_lines, witho
 
 BACK = 0.1  # share of samples earlier than one before them from which these are another log [1]; own choice
 LEAST_NORM = 1e-3  # of a quaternion that is one, of whatever length [1]; own choice
-OPTIONAL = ("voltage", "hover_throttle")  # of which a few samples are as good as none
+OPTIONAL = ("voltage", "hover_throttle", "commanded_rates")  # of which a few samples are as good as none
 SENSORS = ("rates", "acceleration")
 STATE = ("position", "velocity", "attitude", "rates", "acceleration", "angular_acceleration")
 

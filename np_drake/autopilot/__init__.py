@@ -1,0 +1,1 @@
+"""Autopilots that run as a process of their own."""

@@ -1,0 +1,131 @@
+"""Rate loop of an autopilot, identified from the rates that it was asked for and those that were flown."""
+
+import dataclasses as dc
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.optimize import least_squares
+from scipy.signal import cont2discrete, lfilter, ss2tf, step
+
+from np_drake.flight_log import FlightLog
+
+# Frequency [rad/s], damping [1] and delay [s] of a loop: where they are looked for, and from where; own choice.
+BOUNDS = ((1.0, 300.0), (0.2, 5.0), (1e-4, 0.15))
+STARTS = ((8.0, 1.0, 0.02), (20.0, 1.0, 0.02), (50.0, 1.0, 0.02))
+TINY = 1e-12
+FORGOTTEN = 1.0  # time after which the start of a block is left out [s]; own choice: several lags of a slow loop
+BLOCK = 5.0  # of a flight, of which one is left out at a time [s]; own choice: several turns of a slow loop
+FEWEST = 4  # blocks that give an interval [1]
+SURE = 1.96  # standard deviations of a 95 % interval
+LEAST = 0.3  # correlation of command and rate below which a loop is not shown [1]; source: own choice
+
+
+@dc.dataclass(frozen=True)
+class AxisLoop:
+    """Loop of one body axis."""
+
+    lag: float  # time at which the rate has followed 63 % of a step of its command, delays among it [s]
+    gain: float  # rate over command, at rest [1]
+    lag_interval: tuple[float, float]  # 95 % [s]
+    gain_interval: tuple[float, float]  # 95 % [1]
+    max_rate: float  # largest that was commanded [rad/s]
+    share: float  # of the rate's mean square that it explains [1]
+
+
+@dc.dataclass(frozen=True)
+class _Block:
+    """Stretch without gaps: command held from its row, rate, and sampling time."""
+
+    command: np.ndarray  # (n,) [rad/s]
+    rate: np.ndarray  # (n,) [rad/s]
+    step: float  # [s]
+
+
+def identify_rate_loop(flights: Sequence[FlightLog]) -> tuple[AxisLoop, AxisLoop, AxisLoop] | None:
+    """Return the loops of roll, pitch and yaw; None where a flight has no commanded rates, or shows no loop.
+
+    For each axis a second-order loop behind a delay, with an offset for each block of 5 s, is fitted to the measured
+    rate by least squares; its lag is read from its step response. Intervals are those of the jackknife over blocks.
+
+    Args:
+        flights: of one vehicle, whose rows hold the commanded rates.
+    """
+    if not flights or any(log.commanded_rates is None for log in flights):
+        return None
+    found = [_axis([block for log in flights for block in _blocks(log, axis)]) for axis in range(3)]
+    return None if any(loop is None for loop in found) else tuple(found)  # type: ignore[return-value]
+
+
+def _blocks(log: FlightLog, axis: int) -> list[_Block]:
+    commanded = log.commanded_rates
+    if commanded is None or len(log) < 2:
+        return []
+    step, rows = log.step, max(int(BLOCK / log.step), 10)
+    whole = np.isfinite(commanded[:, axis]) & np.isfinite(log.w[:, axis])
+    whole[1:] &= np.abs(np.diff(log.t) - step) < 0.5 * step
+    found = []
+    for start in range(0, len(log) - rows + 1, rows):
+        part = slice(start, start + rows)
+        if whole[part].all():
+            found.append(_Block(commanded[part, axis], log.w[part, axis], step))
+    return found
+
+
+def _axis(blocks: Sequence[_Block]) -> AxisLoop | None:
+    if len(blocks) < FEWEST:
+        return None
+    z, gain, share = _fit(blocks, *np.log(STARTS))
+    if share < LEAST**2:
+        return None
+    found = [_fit([*blocks[:k], *blocks[k + 1 :]], z)[:2] for k in range(len(blocks))]
+    left = np.array([(_rise(part), g) for part, g in found])
+    most = max(float(np.abs(block.command).max()) for block in blocks)
+    n, middle = len(blocks), np.array([_rise(z), gain])
+    deviation = np.sqrt((n - 1) / n * np.sum((left - left.mean(axis=0)) ** 2, axis=0))
+    low, high = np.maximum(middle - SURE * deviation, 0.0), middle + SURE * deviation
+    within = [(float(a), float(b)) for a, b in zip(low, high, strict=True)]
+    return AxisLoop(float(middle[0]), gain, within[0], within[1], most, share)
+
+
+def _fit(blocks: Sequence[_Block], *starts: np.ndarray) -> tuple[np.ndarray, float, float]:
+    """Return z = log of [frequency [rad/s], damping, delay [s]], gain, and the share of the mean square explained.
+
+    The gain is eliminated: for given z it is a linear least squares.
+    """
+
+    def at(z: np.ndarray) -> tuple[np.ndarray, float]:
+        parts = []
+        for block in blocks:
+            late = min(int(FORGOTTEN / block.step), len(block.rate) // 2)
+            y, w = _response(block, z)[late:], block.rate[late:]
+            parts.append((y - y.mean(), w - w.mean()))
+        y, w = (np.concatenate(values) for values in zip(*parts, strict=True))
+        gain = float(y @ w) / max(float(y @ y), TINY)
+        return (w - gain * y) / max(float(np.linalg.norm(w)), TINY), gain
+
+    low, high = np.log(BOUNDS).T
+    found = [least_squares(lambda z: at(z)[0], np.clip(z, low + 1e-6, high - 1e-6), bounds=(low, high)) for z in starts]
+    best = min(found, key=lambda one: one.cost)
+    rest, gain = at(best.x)
+    return best.x, gain, 1.0 - float(rest @ rest)
+
+
+def _response(block: _Block, z: np.ndarray) -> np.ndarray:
+    """Return the rate (n,) of a loop of gain 1 that starts settled; the command is held from row to row [rad/s]."""
+    frequency, damping, delay = np.exp(z)
+    a = np.array([[0.0, 1.0], [-(frequency**2), -2 * damping * frequency]])
+    b, c = np.array([[0.0], [frequency**2]]), np.array([[1.0, 0.0]])
+    top, bottom = ss2tf(*cont2discrete((a, b, c, np.zeros((1, 1))), block.step)[:4])
+    whole, part = divmod(delay / block.step, 1.0)
+    n, first = len(block.rate), block.command[0]
+    command = np.concatenate([np.full(int(whole) + 1, first), block.command])[: n + 1]
+    acting = part * command[:-1] + (1 - part) * command[1:]
+    return first + lfilter(top[0], bottom, acting - first)
+
+
+def _rise(z: np.ndarray) -> float:
+    """Return the time after a step of the command at which the loop has followed 63 % of it [s]."""
+    frequency, damping, delay = np.exp(z)
+    t = np.linspace(0.0, 20 * max(1.0, damping) / frequency, 4000)
+    y = step(([frequency**2], [1.0, 2 * damping * frequency, frequency**2]), T=t)[1]
+    return float(delay + np.interp(1 - np.exp(-1), np.maximum.accumulate(y), t))

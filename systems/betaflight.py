@@ -1,0 +1,74 @@
+"""Betaflight's firmware as a LeafSystem between the controller and the rotors."""
+
+import numpy as np
+from pydrake.systems.framework import BasicVector, LeafSystem
+
+from np_drake import attitude
+from np_drake.autopilot.betaflight import PERIOD, Betaflight
+from np_drake.autopilot.firmware import Sensed
+from np_drake.rigid_body import P, Q, V, W
+from np_drake.vehicle import Vehicle
+
+
+class BetaflightAutopilot(LeafSystem):
+    """Firmware that runs in lock-step with the Simulator.
+
+    .. pydrake_system::
+
+        name: BetaflightAutopilot
+        input_ports:
+        - x
+        - acceleration
+        - rates_thrust
+        output_ports:
+        - u
+        - motors
+
+    | port | size | meaning | unit |
+    |---|---|---|---|
+    | x | 13 | true state, of which the gyro sees the body rates | |
+    | acceleration | 6 | true [a in W, al in B], of which the accelerometer sees the first | m/s², rad/s² |
+    | rates_thrust | 4 | collective thrust and commanded body rates | N, rad/s |
+    | u | 4 | thrust and torque of the rotors at the motor outputs, before the rotors' own effects | N, N·m |
+    | motors | 4 | motor outputs | 1 |
+
+    State: motors (4). Event: periodic, every millisecond. The firmware's own state is in its process, not in the
+    Context: one system flies one flight, forward in time. It is armed at hover by the initialization event.
+
+    Args:
+        vehicle: that flies.
+        firmware: set up for it; whoever made it closes it.
+    """
+
+    def __init__(self, vehicle: Vehicle, firmware: Betaflight):
+        super().__init__()
+        self._vehicle, self.firmware = vehicle, firmware
+        self._x_port = self.DeclareVectorInputPort("x", 13)
+        self._acceleration_port = self.DeclareVectorInputPort("acceleration", 6)
+        self._command_port = self.DeclareVectorInputPort("rates_thrust", 4)
+        self.DeclareDiscreteState(BasicVector(np.zeros(4)))
+        xd = {self.xd_ticket()}
+        self.DeclareVectorOutputPort("u", 4, self._calc_u, xd)
+        self.DeclareVectorOutputPort("motors", 4, self._calc_motors, xd)
+        self.DeclareInitializationDiscreteUpdateEvent(self._arm)
+        self.DeclarePeriodicDiscreteUpdateEvent(PERIOD, 0.0, self._step)
+
+    def _arm(self, context, discrete_state) -> None:
+        x, g = self._x_port.Eval(context), self._vehicle.gravity
+        level = np.array([1.0, 0.0, 0.0, 0.0])
+        at_rest = Sensed(np.zeros(3), np.array([0.0, 0.0, g]), level, x[P], np.zeros(3))
+        discrete_state.set_value(self.firmware.arm(at_rest, self._command_port.Eval(context)[0]))
+
+    def _step(self, context, discrete_state) -> None:
+        x, a = self._x_port.Eval(context), self._acceleration_port.Eval(context)[:3]
+        q = x[Q] / np.linalg.norm(x[Q])
+        f = attitude.rotate_back(q, a + [0.0, 0.0, self._vehicle.gravity])
+        seen = Sensed(x[W], f, q, x[P], x[V])
+        discrete_state.set_value(self.firmware.step(seen, self._command_port.Eval(context)))
+
+    def _calc_u(self, context, output) -> None:
+        motors = context.get_discrete_state(0).value()
+        output.SetFromVector(self._vehicle.mixer @ self.firmware.rotor_thrust(motors))
+
+    def _calc_motors(self, context, output) -> None:
+        output.SetFromVector(context.get_discrete_state(0).value())

@@ -1,0 +1,121 @@
+"""Laws of an MPC that decides on body rates and collective thrust."""
+
+import dataclasses as dc
+
+import numpy as np
+import pytest
+
+from np_drake.mpc.actuation import Actuation
+from np_drake.mpc.controller import MpcController
+from np_drake.mpc.dynamics import DiscreteDynamics
+from np_drake.mpc.ipopt import IpoptCondensedSolver
+from np_drake.mpc.ipopt_multiple_shooting import IpoptMultipleShootingSolver
+from np_drake.mpc.problem import MpcConfig
+from np_drake.mpc.sqp import SqpSolver
+from np_drake.rate_loop import RateLoop
+from np_drake.references.base import Hover
+from np_drake.residual_model import constant_forecast
+from np_drake.vehicle import Vehicle
+
+LOOP = RateLoop([0.05, 0.07, 0.2], [1.0, 0.9, 1.1], [2.0, 2.0, 1.0])
+VEHICLE = dc.replace(Vehicle(), rate_loop=LOOP, inertia=[[0.02, 0.001, 0.0], [0.001, 0.025, 0.0], [0.0, 0.0, 0.04]])
+RATES = MpcConfig(horizon=10, command="rates")
+
+
+@pytest.fixture(scope="module")
+def by():
+    return Actuation.of(VEHICLE.check(), "rates")
+
+
+@pytest.fixture
+def point():
+    rng = np.random.default_rng(3)
+    x = rng.normal(size=13)
+    x[3:7] /= np.linalg.norm(x[3:7])
+    return x, np.array([19.0, 1.0, -0.5, 0.3]), rng.normal(size=6) * [1, 1, 1, 0.01, 0.01, 0.01]
+
+
+def test_commanded_rates_are_followed_by_the_loops_lag(by, point):
+    x, T, _ = point
+    dynamics, step = DiscreteDynamics(VEHICLE, 0.02, by), 0.02
+    for _ in range(5):
+        expected = LOOP.gain * T[1:] + np.exp(-step / np.array(LOOP.lag)) * (x[10:] - LOOP.gain * T[1:])
+        x = dynamics.advance(x, by.mixer @ T, np.zeros(6))
+        np.testing.assert_allclose(x[10:], expected, rtol=2e-3)
+
+
+def test_jacobians_match_finite_differences(by, point):
+    x, T, chi = point
+    u, dynamics = by.mixer @ T, DiscreteDynamics(VEHICLE, 0.04, by)
+    dut, e = dynamics.linearise(x[None], u[None], chi[None]), 1e-6
+
+    def slope(at, size):
+        return np.transpose([(at(e * axis) - at(-e * axis)) / (2 * e) for axis in np.eye(size)])
+
+    np.testing.assert_allclose(dut.Fx[0, :, :13], slope(lambda d: dynamics.advance(x + d, u, chi), 13), atol=1e-7)
+    np.testing.assert_allclose(dut.Fx[0, :, 13:], slope(lambda d: dynamics.advance(x, u, chi + d), 6), atol=1e-7)
+    np.testing.assert_allclose(dut.Fu[0], slope(lambda d: dynamics.advance(x, u + d, chi), 4), atol=1e-7)
+
+
+def test_the_driving_input_of_a_torque_gives_its_motion(by, point):
+    x, _, chi = point
+    u = np.array([19.0, 0.05, -0.03, 0.02])
+    torque = DiscreteDynamics(VEHICLE, 1e-5).advance(x, u, chi)
+    np.testing.assert_allclose(
+        DiscreteDynamics(VEHICLE, 1e-5, by).advance(x, by.driving(VEHICLE, x, u), chi), torque, atol=1e-7
+    )
+
+
+def test_without_a_rate_loop_rates_cannot_be_commanded():
+    with pytest.raises(ValueError, match="must have a rate_loop"):
+        Actuation.of(Vehicle(), "rates")
+
+
+@pytest.fixture(scope="module")
+def solvers():
+    return {
+        "sqp": SqpSolver(VEHICLE, RATES, steps=30, max_steps=30, time_limit=np.inf),
+        "ipopt": IpoptCondensedSolver(VEHICLE, RATES, time_limit=np.inf),
+        "oracle": IpoptMultipleShootingSolver(VEHICLE, RATES),
+    }
+
+
+@pytest.mark.parametrize("offset", [0.1, 1.5])
+def test_all_solvers_agree_within_the_largest_rates(solvers, by, offset):
+    x = np.zeros(13)
+    x[:3], x[3] = offset, 1.0
+    flat = np.zeros((5, 11, 3))
+    chi = constant_forecast(np.array([0.5, -0.3, -1.0, 0.1, 0.0, 0.0]), 10)
+    problem = MpcController(VEHICLE, RATES, solvers["sqp"]).problem(x, flat, chi)
+    found = {name: solver.solve(problem) for name, solver in solvers.items()}
+    for solution in found.values():
+        T = solution.u @ by.unmixer.T
+        assert (by.lower - 1e-6 <= T).all()
+        assert (by.upper + 1e-6 >= T).all()
+        assert solution.cost == pytest.approx(found["oracle"].cost, rel=1e-5)
+    if offset > 1:
+        assert np.abs(T[:, 1]).max() == pytest.approx(2.0)
+
+
+def test_a_forecast_torque_is_left_to_the_rate_loop(by):
+    controller = MpcController(VEHICLE, RATES, SqpSolver(VEHICLE, RATES))
+    flat, x = Hover(np.zeros(3)).sample(np.arange(11)), np.eye(13)[3]
+    force = np.array([0.5, -0.3, -1.0, 0.0, 0.0, 0.0])
+    told = [controller.problem(x, flat, constant_forecast(force + [0, 0, 0, tau, tau, 0], 10)) for tau in (0.0, 0.2)]
+    np.testing.assert_array_equal(told[0].u_ref, told[1].u_ref)
+    assert not told[1].forecast.offset[:, 3:].any()
+
+
+def test_it_settles_at_its_reference_under_a_known_force(by):
+    controller = MpcController(VEHICLE, RATES, SqpSolver(VEHICLE, RATES))
+    flat, chi = Hover(np.zeros(3)).sample(np.arange(11)), np.array([1.0, 0.5, -2.0, 0.0, 0.0, 0.0])
+    plant, memory = DiscreteDynamics(VEHICLE, 0.02, by), controller.initial_memory()
+    x = np.eye(13)[3] + np.concatenate([[0.3, -0.2, 0.2], np.zeros(10)])
+    for _ in range(250):
+        memory = controller.step(memory, x=x, flat=flat, forecast=constant_forecast(chi, 10))
+        x = plant.advance(x, memory.u[0], chi)
+        x[3:7] /= np.linalg.norm(x[3:7])
+    np.testing.assert_allclose(x[:3], 0.0, atol=1e-3)
+    thrust, *rates = controller.rates_thrust(memory)
+    assert thrust == pytest.approx(np.hypot(np.hypot(1.0, 0.5), VEHICLE.mass * 9.81 + 2.0), rel=1e-3)
+    np.testing.assert_allclose(rates, 0.0, atol=1e-2)
