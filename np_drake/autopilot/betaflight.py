@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from np_drake.autopilot.command_line import CommandLine
+from np_drake.autopilot.command_line import CommandLine, DeafFirmware
 from np_drake.autopilot.firmware import AutopilotError, Firmware, Sensed
 from np_drake.rate_loop import RateLoop
 from np_drake.vehicle import Vehicle
@@ -16,6 +16,7 @@ from np_drake.vehicle_calibration import ThrottleMap
 PERIOD = 0.001  # between states of the vehicle that the firmware gets [s]
 LEAST_THROTTLE, MOST, MIDDLE, HALF = 1010, 2000, 1500, 500  # pulse widths of the receiver [µs]
 RATE_STEP = 10.0  # of the firmware's largest rates [deg/s]
+STARTS = 3  # of the firmware, whose server for the command line is not safe among its threads [1]; own choice
 WARM_UP, SETTLED = 6.0, 0.5  # calibration of the gyro, and what it takes to arm [s]
 ROLL, PITCH, THROTTLE, YAW, ARM = range(5)  # channels of the receiver
 DIRECTIONS = (1.0, -1.0, 1.0, -1.0)  # of rotors front left, front right, rear right, rear left
@@ -102,7 +103,7 @@ class Betaflight:
         self._gains = gain_lines(vehicle, self.config.bandwidth) if self.config.bandwidth else []
         self.firmware = Firmware(folder)
         try:
-            self._idle = self._set_up()
+            self._idle = self._set_up(STARTS)
         except AutopilotError:
             self.close()
             raise
@@ -117,8 +118,8 @@ class Betaflight:
         """
         with CommandLine(self.firmware) as line:  # once it is there, the firmware has booted
             self._hold(at_rest, _LOW, WARM_UP)
-            refusals = line.refusals()
-        self._hold(at_rest, _LOW + [0.0, 0.0, 0.0, 0.0, 1000.0], SETTLED)
+            self._hold(at_rest, _LOW + [0.0, 0.0, 0.0, 0.0, 1000.0], SETTLED)
+            refusals = [] if self._newest.any() else line.refusals()
         if not self._newest.any():
             raise AutopilotError(f"betaflight: does not arm: {', '.join(refusals) or 'no reason is given'}.")
         self._hold(at_rest, self._channels(np.array([thrust, 0.0, 0.0, 0.0])), SETTLED)
@@ -169,8 +170,21 @@ class Betaflight:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _set_up(self) -> float:
-        """Set the firmware up, and return the motor output at no throttle [1]."""
+    def _set_up(self, starts: int) -> float:
+        """Set the firmware up, and return the motor output at no throttle [1].
+
+        Args:
+            starts: after how many a command line that stays deaf, as that of one in some hundred does, is an error.
+        """
+        try:
+            return self._configure()
+        except DeafFirmware:
+            if starts <= 1:
+                raise
+            self.firmware.start()
+            return self._set_up(starts - 1)
+
+    def _configure(self) -> float:
         with CommandLine(self.firmware) as line:
             idle = float(line.ask("get motor_idle").partition("motor_idle = ")[2].split()[0]) / 10000
             rates = [

@@ -20,6 +20,10 @@ REASONS = (
 )  # fmt: skip
 
 
+class DeafFirmware(AutopilotError):
+    """The command line of a firmware takes no line."""
+
+
 class CommandLine:
     """One connection to the command line of a firmware.
 
@@ -63,7 +67,7 @@ class CommandLine:
         self._socket.sendall(f"{line}\n{mark}\n".encode())
         answer = self._read(lambda text: mark in text and text.rstrip(" ").endswith("#"))
         if answer is None:
-            raise AutopilotError(f"betaflight: no answer to `{line}`.")
+            raise DeafFirmware(f"betaflight: no answer to `{line}`.")
         return answer.partition(mark)[0]
 
     def refusals(self) -> list[str]:
@@ -97,7 +101,7 @@ class CommandLine:
             self._socket.sendall(b"#")
             if self._read(lambda text: "#" in text, seconds=CALL) is not None:
                 return
-        raise AutopilotError("betaflight: its command line does not open.")
+        raise DeafFirmware("betaflight: its command line does not open.")
 
     def _read(self, done: Callable[[str], bool], seconds: float = BOOT) -> str | None:
         """Return the answer once it is `done`; None where it is not after a time of the firmware [s]."""
@@ -126,4 +130,4 @@ def _connect(firmware: Firmware) -> socket.socket:
             continue
         connection.settimeout(0.002)
         return connection
-    raise AutopilotError(f"betaflight: no command line after {BOOT:g} s.")
+    raise DeafFirmware(f"betaflight: no command line after {BOOT:g} s.")

@@ -1,0 +1,1 @@
+"""Flights through an autopilot's firmware, and what they are measured by."""
