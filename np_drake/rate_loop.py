@@ -6,7 +6,7 @@ import numpy as np
 
 SLOWEST = 1.0  # lag beyond which it is in another unit than seconds [s]
 GAINS = (0.2, 5.0)  # rate over commanded rate of any loop that flies [1]; source: own choice
-FASTEST = 60.0  # rate beyond which it is in another unit than rad/s [rad/s]; source: own choice
+FASTEST = 44.0  # rate beyond which it is in another unit than rad/s [rad/s]; source: own choice
 
 
 @dc.dataclass
@@ -33,7 +33,7 @@ class RateLoop:
             value = np.array(getattr(self, name), float)
             if value.shape != (3,) or not np.all((value >= least) & (value <= most)):
                 raise ValueError(
-                    f"rate_loop: {name} must be three numbers from {least:g} to {most:g} {unit}, one for each body "
+                    f"rate_loop: {name} must be three numbers from {least:g} to {most:g} [{unit}], one for each body "
                     f"axis; got {getattr(self, name)}."
                 )
         return self

@@ -33,7 +33,8 @@ class BetaflightAutopilot(LeafSystem):
     | motors | 4 | motor outputs | 1 |
 
     State: motors (4). Event: periodic, every millisecond. The firmware's own state is in its process, not in the
-    Context: one system flies one flight, forward in time. It is armed at hover by the initialization event.
+    Context: one system flies one flight, forward in time. It is armed at hover by the initialization event. An input
+    that is not finite raises RuntimeError.
 
     Args:
         vehicle: that flies.
@@ -63,8 +64,10 @@ class BetaflightAutopilot(LeafSystem):
         x, a = self._x_port.Eval(context), self._acceleration_port.Eval(context)[:3]
         q = x[Q] / np.linalg.norm(x[Q])
         f = attitude.rotate_back(q, a + [0.0, 0.0, self._vehicle.gravity])
-        seen = Sensed(x[W], f, q, x[P], x[V])
-        discrete_state.set_value(self.firmware.step(seen, self._command_port.Eval(context)))
+        command = self._command_port.Eval(context)
+        if not (np.isfinite(x).all() and np.isfinite(f).all() and np.isfinite(command).all()):
+            raise RuntimeError("BetaflightAutopilot: x, acceleration and rates_thrust must be finite; one is NaN.")
+        discrete_state.set_value(self.firmware.step(Sensed(x[W], f, q, x[P], x[V]), command))
 
     def _calc_u(self, context, output) -> None:
         motors = context.get_discrete_state(0).value()

@@ -50,7 +50,7 @@ GROUND = (
 )
 EXPERIMENTS = (
     *("batch", "loop", "gym"),
-    *("prediction", "tracking", "payload", "robustness", "cooperative", "gap", "autopilot", "demo", "challenge"),
+    *("prediction", "tracking", "payload", "robustness", "cooperative", "gap", "demo", "challenge"),
     *("identification", "performance", "exports", "cli"),
 )
 MOST_IMPORTS = 10  # modules of the diagnosis that one of them imports; `diagnose` strings the steps together

@@ -73,7 +73,7 @@ STUDIES = {
     "response": Study("prediction.response", "How late the prediction is."),
     "hover": Study("payload.hover_study", "Hover while the payload swings."),
     "attach": Study("payload.attach_study", "The payload changes in flight: attached, cut off, taut."),
-    "autopilot": Study("autopilot.study", "Every controller on Betaflight's firmware, and what simulators foretell."),
+    "autopilot": Study("gap.autopilot_study", "Controllers on Betaflight's firmware; predicted errors."),
     "timing": Study("performance.timing", "What a period costs.", many=False),
     "robustness": Study("robustness.study", "Payload, tether, speed, air, noise, lag, delay, battery."),
     "margins": Study("robustness.margins", "Largest delay and loop gain that each controller bears."),

@@ -379,4 +379,5 @@ def fly(
     with tempfile.TemporaryDirectory() as folder:
         log = Path(folder) / "blackbox"
         signals = simulate(config, seed=seed, blackbox=log, **how)
-        return FlightResult(flown_by(config, controller), seed, signals, log.read_bytes())
+        own = log.read_bytes() if log.is_file() else b""
+        return FlightResult(flown_by(config, controller), seed, signals, own)

@@ -1,5 +1,6 @@
 """Betaflight flown by body rates and collective thrust: settings, sticks, arming, motor outputs."""
 
+import contextlib
 import dataclasses as dc
 import shutil
 from collections.abc import Sequence
@@ -16,6 +17,10 @@ from np_drake.vehicle_calibration import ThrottleMap
 PERIOD = 0.001  # between states of the vehicle that the firmware gets [s]
 LEAST_THROTTLE, MOST, MIDDLE, HALF = 1010, 2000, 1500, 500  # pulse widths of the receiver [µs]
 RATE_STEP = 10.0  # of the firmware's largest rates [deg/s]
+RESERVED = (  # settings by which the sticks are rates and thrust
+    *("min_check", "rates_type", "deadband", "yaw_deadband", "blackbox_device"),
+    *(f"{axis}_{name}" for axis in ("roll", "pitch", "yaw") for name in ("rc_rate", "srate", "expo")),
+)
 STARTS = 3  # of the firmware, whose server for the command line is not safe among its threads [1]; own choice
 WARM_UP, SETTLED = 6.0, 0.5  # calibration of the gyro, and what it takes to arm [s]
 ROLL, PITCH, THROTTLE, YAW, ARM = range(5)  # channels of the receiver
@@ -45,6 +50,10 @@ class BetaflightConfig:
         """
         if not 10 <= self.stick_rate <= 1 / PERIOD:
             raise ValueError(f"betaflight: stick_rate must be 10 to {1 / PERIOD:g} Hz; got {self.stick_rate}.")
+        for line in self.lines:
+            words = line.split("=")[0].split()
+            if not words or words[-1] in RESERVED or words[0] in ("save", "exit", "defaults", "mixer", "aux", "batch"):
+                raise ValueError(f"betaflight: lines must not hold {line!r}, which is set here; leave it out.")
         if len(self.bandwidth) not in (0, 3) or not all(0 < w < FASTEST for w in self.bandwidth):
             raise ValueError(
                 f"betaflight: bandwidth must be three values up to {FASTEST:g} rad/s, or none; got {self.bandwidth}."
@@ -66,6 +75,7 @@ def gain_lines(vehicle: Vehicle, bandwidth: Sequence[float]) -> list[str]:
     Args:
         vehicle: its inertia, rotors and thrust map.
         bandwidth: of roll, pitch and yaw [rad/s].
+    Raises: ValueError: where a gain is larger than the firmware takes.
     """
     curve, hover = thrust_map(vehicle), vehicle.mass * vehicle.gravity / 4
     output = float(curve.throttle(hover))
@@ -77,8 +87,14 @@ def gain_lines(vehicle: Vehicle, bandwidth: Sequence[float]) -> list[str]:
         damping = 0.0 if axis == "yaw" else gain * (vehicle.rotor_time_constant or ROTOR_LAG) * DAMPED
         p, i, d = gain / P_UNIT, gain * wanted / INTEGRAL / I_UNIT, damping / D_UNIT
         for letter, value in (("p", p), ("i", i), ("d", d), ("d_max", d), ("f", 0.0)):
-            if not (letter in ("d", "d_max") and axis == "yaw"):
-                lines.append(f"set {letter}_{axis} = {int(np.clip(round(value), 0, MOST_GAIN))}")
+            if letter in ("d", "d_max") and axis == "yaw":
+                continue
+            if round(value) > MOST_GAIN:
+                raise ValueError(
+                    f"betaflight: bandwidth of {axis} must be lower for this vehicle; {wanted:g} rad/s needs a gain "
+                    f"{letter} of {value:.0f}, and {MOST_GAIN} is the firmware's largest."
+                )
+            lines.append(f"set {letter}_{axis} = {round(value)}")
     return ["simplified_tuning disable", *lines]
 
 
@@ -103,7 +119,7 @@ class Betaflight:
         self._gains = gain_lines(vehicle, self.config.bandwidth) if self.config.bandwidth else []
         self.firmware = Firmware(folder)
         try:
-            self._idle = self._set_up(STARTS)
+            self._idle = self._set_up()
         except AutopilotError:
             self.close()
             raise
@@ -116,7 +132,7 @@ class Betaflight:
             thrust: collective [N].
         Raises: AutopilotError: where it refuses to arm, with its reasons.
         """
-        with CommandLine(self.firmware) as line:  # once it is there, the firmware has booted
+        with self._line(opened=False) as line:  # once it is there, the firmware has booted
             self._hold(at_rest, _LOW, WARM_UP)
             self._hold(at_rest, _LOW + [0.0, 0.0, 0.0, 0.0, 1000.0], SETTLED)
             refusals = [] if self._newest.any() else line.refusals()
@@ -149,16 +165,11 @@ class Betaflight:
         return self._map.thrust(motors)
 
     def keep_blackbox(self, filename: Path) -> None:
-        """Disarm, which ends the blackbox file of the flight, and copy it to `filename`.
-
-        Raises: AutopilotError: where the firmware has written none.
-        """
+        """Disarm, which ends the blackbox file of the flight, and copy it to `filename`, where there is one."""
         still = Sensed(np.zeros(3), np.array([0.0, 0.0, 9.81]), np.array([1.0, 0, 0, 0]), np.zeros(3), np.zeros(3))
         self._hold(still, _LOW, SETTLED)
-        files = sorted(self.firmware.folder.glob("LOG*.BF*"))
-        if not files:
-            raise AutopilotError("betaflight: there is no blackbox file; is `blackbox_device` VIRTUAL?")
-        shutil.copyfile(files[-1], filename)
+        if files := sorted(self.firmware.folder.glob("LOG*.BF*")):
+            shutil.copyfile(files[-1], filename)
 
     def close(self) -> None:
         """End the firmware."""
@@ -170,29 +181,36 @@ class Betaflight:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _set_up(self, starts: int) -> float:
-        """Set the firmware up, and return the motor output at no throttle [1].
+    def _line(self, starts: int = STARTS, *, opened: bool) -> CommandLine:
+        """Return the connection to the command line.
 
         Args:
-            starts: after how many a command line that stays deaf, as that of one in some hundred does, is an error.
+            starts: of the firmware, after which one that stays deaf, as one in some hundred does, is an error.
+            opened: whether it is asked for its version, after which it does not arm until its next start.
         """
         try:
-            return self._configure()
+            line = CommandLine(self.firmware)
+            if opened:
+                with contextlib.ExitStack() as ends:
+                    ends.callback(line.close)
+                    line.ask("version")
+                    ends.pop_all()
+            return line
         except DeafFirmware:
             if starts <= 1:
                 raise
             self.firmware.start()
-            return self._set_up(starts - 1)
+            return self._line(starts - 1, opened=opened)
 
-    def _configure(self) -> float:
-        with CommandLine(self.firmware) as line:
-            idle = float(line.ask("get motor_idle").partition("motor_idle = ")[2].split()[0]) / 10000
-            rates = [
-                f"set {axis}_{name} = {round(most / RATE_STEP)}"
-                for axis, most in zip(("roll", "pitch", "yaw"), self._most, strict=True)
-                for name in ("rc_rate", "srate")
-            ]
-            line.set_up(
+    def _set_up(self) -> float:
+        """Set the firmware up, and return the motor output at no throttle [1]."""
+        rates = [
+            f"set {axis}_{name} = {round(most / RATE_STEP)}"
+            for axis, most in zip(("roll", "pitch", "yaw"), self._most, strict=True)
+            for name in ("rc_rate", "srate")
+        ]
+        with self._line(opened=True) as line:
+            line.enter(
                 [
                     "mixer QUADX",
                     "feature AIRMODE",
@@ -208,6 +226,8 @@ class Betaflight:
                     *self.config.lines,
                 ]
             )
+            idle = float(line.ask("get motor_idle").partition("motor_idle = ")[2].split()[0]) / 10000
+            line.save()
         return idle
 
     def _channels(self, command: np.ndarray) -> np.ndarray:

@@ -36,18 +36,26 @@ class CommandLine:
         self._firmware = firmware
         self._socket, self._asked = _connect(firmware), 0
 
-    def set_up(self, lines: Sequence[str]) -> None:
-        """Give the firmware its settings, save them, and start it anew.
+    def enter(self, lines: Sequence[str]) -> None:
+        """Give the firmware its settings.
 
         Args:
             lines: of the command line, as `set min_check = 1010`.
-        Raises: AutopilotError: where it refuses a line.
+        Raises: AutopilotError: where it refuses a line, or ends at it.
         """
         for line in lines:
-            answer = self.ask(line)
+            try:
+                answer = self.ask(line)
+            except DeafFirmware:
+                raise
+            except (AutopilotError, ConnectionError):
+                raise AutopilotError(f"betaflight: ends at `{line}`; leave the line out.") from None
             if "###ERROR" in answer:
-                reason = answer.partition("###ERROR")[2].strip(" :#\r\n").splitlines()[0]
+                reason = answer.partition("###ERROR")[2].strip(" :#\r\n").splitlines()[0].strip(" #")
                 raise AutopilotError(f"betaflight: refuses `{line}`: {reason}.")
+
+    def save(self) -> None:
+        """Save the settings, with which the firmware starts anew; ends the connection."""
         self._socket.sendall(b"save\n")
         with contextlib.suppress(AutopilotError, ConnectionError):  # it ends
             for _ in range(round(BOOT / TICK)):

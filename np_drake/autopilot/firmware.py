@@ -119,6 +119,7 @@ class Firmware:
                 stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=subprocess.STDOUT,
+                start_new_session=True,  # Ctrl-C ends the flight, and not the firmware before it
             )
         except OSError as error:
             raise AutopilotError(f"betaflight: {self._binary} does not run: {error.strerror}.") from error

@@ -4,7 +4,7 @@
  * - Time goes on only as far as the simulator grants it. The main thread waits in its own sleep, and says so.
  * - Before it goes on, the datagrams that were sent with the grant have been dealt with: their threads ask for the next.
  * - Every port is moved by an offset, and listens on the loopback interface alone.
- * - The process ends with its parent.
+ * - The process ends once the simulator has, whose end of the pipe is then closed.
  *
  * Environment: NP_DRAKE_GRANTS (descriptor: grants in, uint64 nanoseconds and uint64 datagrams), NP_DRAKE_EVENTS
  * (descriptor: one byte out whenever granted time is used up), NP_DRAKE_PORT_OFFSET.
@@ -15,12 +15,10 @@
 #include <errno.h>
 #include <netinet/in.h>
 #include <semaphore.h>
-#include <signal.h>
 #include <stdatomic.h>
 #include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/prctl.h>
 #include <sys/select.h>
 #include <sys/socket.h>
 #include <sys/syscall.h>
@@ -43,7 +41,6 @@ __attribute__((constructor)) static void begin(void)
     grants = atoi(in), events = atoi(out), offset = moved ? atoi(moved) : 0;
     is_main = 1;
     sem_init(&dealt_with, 0, 0);
-    prctl(PR_SET_PDEATHSIG, SIGKILL);
 }
 
 static void advance(uint64_t ns)

@@ -8,6 +8,7 @@ from scipy.optimize import least_squares
 from scipy.signal import cont2discrete, lfilter, ss2tf, step
 
 from np_drake.flight_log import FlightLog
+from np_drake.rate_loop import GAINS, SLOWEST
 
 # Frequency [rad/s], damping [1] and delay [s] of a loop: where they are looked for, and from where; own choice.
 BOUNDS = ((1.0, 300.0), (0.2, 5.0), (1e-4, 0.15))
@@ -74,8 +75,10 @@ def _blocks(log: FlightLog, axis: int) -> list[_Block]:
 def _axis(blocks: Sequence[_Block]) -> AxisLoop | None:
     if len(blocks) < FEWEST:
         return None
+    if min(float(np.std(np.concatenate([part(b) for b in blocks]))) for part in (_command, _rate)) < TINY:
+        return None
     z, gain, share = _fit(blocks, *np.log(STARTS))
-    if share < LEAST**2:
+    if share < LEAST**2 or not (GAINS[0] <= gain <= GAINS[1] and _rise(z) <= SLOWEST):
         return None
     found = [_fit([*blocks[:k], *blocks[k + 1 :]], z)[:2] for k in range(len(blocks))]
     left = np.array([(_rise(part), g) for part, g in found])
@@ -85,6 +88,14 @@ def _axis(blocks: Sequence[_Block]) -> AxisLoop | None:
     low, high = np.maximum(middle - SURE * deviation, 0.0), middle + SURE * deviation
     within = [(float(a), float(b)) for a, b in zip(low, high, strict=True)]
     return AxisLoop(float(middle[0]), gain, within[0], within[1], most, share)
+
+
+def _command(block: _Block) -> np.ndarray:
+    return block.command
+
+
+def _rate(block: _Block) -> np.ndarray:
+    return block.rate
 
 
 def _fit(blocks: Sequence[_Block], *starts: np.ndarray) -> tuple[np.ndarray, float, float]:

@@ -12,6 +12,7 @@ from np_drake.identification.rate_loop import identify_rate_loop
 from np_drake.logs.opening import open_flights
 from np_drake.rate_loop import RateLoop
 from np_drake.vehicle import Vehicle
+from systems.betaflight import BetaflightAutopilot
 
 VEHICLE = dc.replace(Vehicle(), rate_loop=RateLoop())
 
@@ -56,3 +57,19 @@ def test_the_firmwares_own_log_is_read_as_that_of_any_betaflight(flown, tmp_path
     assert log.commanded_rates is not None
     assert log.t[-1] == pytest.approx(own.t[-1], abs=3.0)
     assert np.std(log.w[:, 0]) == pytest.approx(np.std(own.w[:, 0]), rel=0.15)
+
+
+@pytest.mark.parametrize("port", ["x", "acceleration", "rates_thrust"])
+def test_an_input_that_is_not_finite_is_said(port):
+    class Never:
+        def step(self, *_):
+            raise AssertionError("it must not reach the firmware")
+
+    dut = BetaflightAutopilot(VEHICLE, Never())
+    context = dut.CreateDefaultContext()
+    inputs = {"x": np.eye(13)[3], "acceleration": np.zeros(6), "rates_thrust": np.array([20.0, 0.0, 0.0, 0.0])}
+    inputs[port] = np.full(len(inputs[port]), np.nan)
+    for name, value in inputs.items():
+        dut.GetInputPort(name).FixValue(context, value)
+    with pytest.raises(RuntimeError, match="must be finite"):
+        dut.EvalUniquePeriodicDiscreteUpdate(context)

@@ -114,6 +114,22 @@ def test_a_setting_that_the_firmware_refuses_is_said_with_its_reason():
         Betaflight(Vehicle(), BetaflightConfig(lines=["set no_such_thing = 1"]))
 
 
+@pytest.mark.parametrize("line", ["set min_check = 1100", "set roll_srate = 10", "save", "aux 0 0 0 900 900 0 0"])
+def test_lines_that_would_turn_sticks_into_something_else_are_refused(line):
+    with pytest.raises(ValueError, match="lines must not hold"):
+        BetaflightConfig(lines=[line]).check()
+
+
+def test_another_idle_speed_leaves_the_thrust_as_it_is(at_rest):
+    with Betaflight(Vehicle(), BetaflightConfig(lines=["set motor_idle = 1000"])) as dut:
+        np.testing.assert_allclose(dut.rotor_thrust(dut.arm(at_rest, HOVER)), HOVER / 4, rtol=0.01)
+
+
+def test_a_bandwidth_beyond_the_firmwares_gains_is_refused():
+    with pytest.raises(ValueError, match="bandwidth of yaw must be lower"):
+        Betaflight(Vehicle(), BetaflightConfig(bandwidth=[20.0, 20.0, 50.0]))
+
+
 def test_at_hover_every_motor_gives_a_quarter_of_the_thrust(at_rest):
     with Betaflight(Vehicle()) as dut:
         thrust = dut.rotor_thrust(dut.arm(at_rest, HOVER))

@@ -50,6 +50,14 @@ def test_rates_that_do_not_follow_show_no_loop():
     assert identify_rate_loop([dc.replace(log, w=rng.normal(size=log.w.shape))]) is None
 
 
+@pytest.mark.parametrize("gain", [-1.0, 0.0, 0.017])
+def test_an_axis_that_no_loop_turns_so_shows_none(gain):
+    log = flown([0.05] * 3, np.ones(3), noise=0.0)
+    w = log.w.copy()
+    w[:, 2] *= gain
+    assert identify_rate_loop([dc.replace(log, w=w)]) is None
+
+
 def test_missing_rows_are_left_out():
     log = flown([0.05] * 3, np.ones(3))
     holed = log.w.copy()

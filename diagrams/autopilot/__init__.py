@@ -1,1 +1,0 @@
-"""Flights through an autopilot's firmware, and what they are measured by."""
