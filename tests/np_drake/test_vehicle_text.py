@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from np_drake.files.number_text import NBSP
+from np_drake.rate_loop import RateLoop
 from np_drake.vehicle import Vehicle, load_vehicle, preset_names
 from np_drake.vehicle_calibration import Calibration, ThrottleMap
 from np_drake.vehicle_sources import part, values
@@ -19,6 +20,7 @@ KNOWN = dc.replace(
     mass=1.5,
     throttle=MAP,
     calibration=Calibration(command_delay=0.012),
+    rate_loop=RateLoop(),
     sources={
         "mass": "given",
         "thrust_coefficient": "identified from 3 flights",
