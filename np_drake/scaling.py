@@ -14,6 +14,7 @@ import math
 
 import numpy as np
 
+from np_drake.rate_loop import RateLoop
 from np_drake.vehicle import Vehicle
 from np_drake.vehicle_calibration import Calibration
 
@@ -70,6 +71,12 @@ def over_paper(own: Scales) -> Scales:
 def sampling_period(vehicle: Vehicle) -> float:
     """Return the default time between solves of the controller and samples of a predictor [s]."""
     return PERIOD * ratios(vehicle).clock
+
+
+def usual_rate_loop(vehicle: Vehicle) -> RateLoop:
+    """Return the rate loop of a usual tune of an autopilot, that of the paper's vehicle at the pace of `vehicle`."""
+    pace, paper = ratios(vehicle).time, RateLoop()
+    return RateLoop([pace * lag for lag in paper.lag], paper.gain, [rate / pace for rate in paper.max_rate]).check()
 
 
 def payload_ratio(vehicle: Vehicle, paper_mass: float) -> float:

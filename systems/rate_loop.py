@@ -1,4 +1,4 @@
-"""Rate loop of an autopilot as a system without memory: the torque by which it turns the vehicle."""
+"""Rate loop of an autopilot: the torque that a controller assumes of it, and an ideal autopilot that follows it."""
 
 import numpy as np
 from pydrake.systems.framework import LeafSystem
@@ -8,7 +8,7 @@ from np_drake.vehicle import Vehicle
 
 
 class RateLoopTorque(LeafSystem):
-    """Thrust and torque of a vehicle whose autopilot follows commanded body rates as its file says.
+    """Thrust and torque that an estimator assumes, of a vehicle whose autopilot follows its file's rate loop.
 
     .. pydrake_system::
 
@@ -25,8 +25,6 @@ class RateLoopTorque(LeafSystem):
     | rates_thrust | 4 | collective thrust and commanded body rates | N, rad/s |
     | u | 4 | collective thrust and torque | N, N·m |
 
-    In the plant's place it is an ideal autopilot; before an estimator it says what the autopilot is assumed to do.
-
     Args:
         vehicle: with a `rate_loop`.
     Raises: ValueError: where the vehicle's file names none.
@@ -35,14 +33,43 @@ class RateLoopTorque(LeafSystem):
     def __init__(self, vehicle: Vehicle):
         super().__init__()
         if vehicle.rate_loop is None:
-            raise ValueError(f"RateLoopTorque: vehicle {vehicle.name!r} must have a rate_loop; its file names none.")
-        self._vehicle, self._loop = vehicle, vehicle.rate_loop
+            raise ValueError(f"{type(self).__name__}: vehicle {vehicle.name!r} must have a rate_loop; it has none.")
+        self._J, self._loop = vehicle.J, vehicle.rate_loop
         self._x_port = self.DeclareVectorInputPort("x", 13)
         self._command_port = self.DeclareVectorInputPort("rates_thrust", 4)
-        inputs = {self._x_port.ticket(), self._command_port.ticket()}
-        self.DeclareVectorOutputPort("u", 4, self._calc_u, inputs)
+        sources = {self._x_port.ticket(), self._command_port.ticket(), self.xc_ticket()}
+        self.DeclareVectorOutputPort("u", 4, self._calc_u, sources)
 
     def _calc_u(self, context, output) -> None:
         command = self._command_port.Eval(context)
-        tau = self._loop.torque(self._vehicle.J, self._x_port.Eval(context)[W], command[1:])
+        tau = self._loop.torque(self._J, self._x_port.Eval(context)[W], command[1:])
         output.SetFromVector(np.concatenate([command[:1], tau]))
+
+
+class RateLoopAutopilot(RateLoopTorque):
+    """Autopilot that follows the rate loop of a vehicle's file whatever torque disturbs it.
+
+    Ports are those of `RateLoopTorque`. Continuous state: w_r (3,) [rad/s], s (3,) [rad], with
+
+        dw_r/dt = (gain w_c - w_r) / lag,   ds/dt = w_r - w,   al = (gain w_c - w) / lag + s / (4 lag²)
+
+    Undisturbed w is w_r, and s is zero; a steady torque is made up for with both poles at -1 / (2 lag). Source: own
+    choice, model following with critical damping.
+    """
+
+    def __init__(self, vehicle: Vehicle):
+        super().__init__(vehicle)
+        self._lag, self._gain = np.array(self._loop.lag), np.array(self._loop.gain)
+        self.DeclareContinuousState(6)
+
+    def DoCalcTimeDerivatives(self, context, derivatives) -> None:
+        """Write the rates of w_r and s."""
+        w_r = context.get_continuous_state_vector().CopyToVector()[:3]
+        rate = (self._gain * self._command_port.Eval(context)[1:] - w_r) / self._lag
+        derivatives.SetFromVector(np.concatenate([rate, w_r - self._x_port.Eval(context)[W]]))
+
+    def _calc_u(self, context, output) -> None:
+        super()._calc_u(context, output)
+        u, s = output.CopyToVector(), context.get_continuous_state_vector().CopyToVector()[3:]
+        u[1:] += self._J @ (s / (4 * self._lag**2))
+        output.SetFromVector(u)

@@ -113,12 +113,12 @@ def scenarios(
 
 def _with_autopilot(config: "FlightConfig", kind: str) -> "FlightConfig":
     """Return the scenario with an autopilot, by the loop of a usual tune where the vehicle's file names none."""
-    from np_drake.rate_loop import RateLoop
+    from np_drake.scaling import usual_rate_loop
 
     config = config.with_autopilot(kind)
     config.autopilot.check()
     if config.autopilot.flies and config.vehicle.rate_loop is None:
-        loop = RateLoop()
+        loop = usual_rate_loop(config.vehicle)
         lags = ", ".join(f"{1e3 * lag:.0f}" for lag in loop.lag)
         tell(
             f"vehicle {config.vehicle.name!r} names no rate_loop; lags of {lags} ms are taken. identify LOG tells them."

@@ -73,7 +73,7 @@ class Flying:
         where = case["where"]
         config = flight(case["experiment"], case["row"], where, loop=self.loop, duration=self.duration)
         if where in self.reality:
-            config = dc.replace(config, reality=self.reality[where], events=[]).check_and_step()
+            config = dc.replace(config, reality=self.reality[where]).check_and_step()
         measured = fly(config, seed=case["seed"]).metrics()
         kept = {name: measured[name] for name in ("E_xy", "E_z", "solve_failures")}
         return {name: case[name] for name in ("experiment", "row", "where", "seed")} | kept

@@ -4,10 +4,13 @@ import dataclasses as dc
 
 from pydrake.systems.framework import Diagram, DiagramBuilder, LeafSystem, OutputPort
 
+from diagrams.loop.reality import RealityConfig
 from np_drake.autopilot.betaflight import Betaflight, BetaflightConfig
+from np_drake.effects.command_delay import CommandDelay
+from np_drake.effects.motor_lag import MotorLag
 from np_drake.vehicle import Vehicle
 from systems.betaflight import BetaflightAutopilot
-from systems.rate_loop import RateLoopTorque
+from systems.rate_loop import RateLoopAutopilot
 
 NONE = "none"  # the rotors take thrust and torque at once
 AUTOPILOTS = (NONE, "rate_loop", "betaflight")
@@ -52,7 +55,7 @@ def add_autopilot(
     """
     system: LeafSystem
     if config.kind == "rate_loop":
-        system = RateLoopTorque(vehicle)
+        system = RateLoopAutopilot(vehicle)
     else:
         system = BetaflightAutopilot(vehicle, Betaflight(vehicle, config.betaflight))
     builder.AddNamedSystem(AUTOPILOT, system)
@@ -61,6 +64,22 @@ def add_autopilot(
     builder.Connect(real.GetOutputPort("x"), system.GetInputPort("x"))
     builder.Connect(rates_thrust, system.GetInputPort("rates_thrust"))
     return system
+
+
+def as_flown(config: AutopilotConfig, vehicle: Vehicle, reality: RealityConfig) -> tuple[Vehicle, RealityConfig]:
+    """Return the vehicle and what acts on it behind an autopilot; lag and delay of the rotors are within a rate loop.
+
+    Args:
+        config: of the autopilot.
+        vehicle: as its file says.
+        reality: what acts on it besides.
+    """
+    if config.kind != "rate_loop":
+        return vehicle, reality
+    late = (MotorLag, CommandDelay)
+    effects = [entry for entry in reality.effects if not isinstance(entry.made, late)]
+    at_once = dc.replace(reality, motor_lag=0.0, command_delay=0.0, effects=effects)
+    return dc.replace(vehicle, rotor_time_constant=0.0), at_once
 
 
 def firmware_of(diagram: Diagram) -> Betaflight | None:

@@ -308,6 +308,7 @@ def load_flight(filename: str, vehicle: Vehicle | None = None) -> FlightConfig:
 
     def complete(read: Read) -> FlightConfig:
         flight = fill(read)
+        flight = flight.with_autopilot(flight.autopilot.kind) if flight.autopilot.flies else flight
         if is_own(flight.controller.kind):
             flight.controller.kind = beside(flight.controller.kind, Path(filename).parent)
         return flight

@@ -13,7 +13,7 @@ import numpy as np
 from pydrake.common import RandomGenerator
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 
-from diagrams.loop.autopilots import add_autopilot
+from diagrams.loop.autopilots import add_autopilot, as_flown
 from diagrams.loop.controllers import add_controller
 from diagrams.loop.flight import FlightConfig, flown_by
 from diagrams.loop.own_controller import Factory
@@ -62,9 +62,9 @@ def make_flight_diagram(
     config = flown_by(config, controller).check()
     period, knows = config.controller.period, config.controller.kind == "oracle"
     builder = DiagramBuilder()
+    behind, reality = as_flown(config.autopilot, config.vehicle, config.reality)
     vehicle = builder.AddNamedSystem(
-        REAL_VEHICLE,
-        real.make(config.vehicle, config.reality, command_period=period, pushed=pushed, events=config.events),
+        REAL_VEHICLE, real.make(behind, reality, command_period=period, pushed=pushed, events=config.events)
     )
     rig = add_sensor_model(builder, vehicle, config.vehicle, config.reality.sensor_effects(), period=period)
     if faults.measurement and not knows:

@@ -42,6 +42,7 @@ MPC = {  # a cost has no unit: a weight is the inverse square of what it weighs
     "terminal_radius": (1, 0, 0),
     "slack_weight": (-1, 0, 0),  # the unit of the ellipsoid, of the three sets
 }
+FIRMWARE = {"bandwidth": (0, 0, -1)}
 CLOCK = {"period": 1, "hold_bandwidth": -1}  # powers of the sampling period in the controller's fields
 LABEL = {"force_bandwidth": -1, "torque_bandwidth": -1}
 
@@ -77,6 +78,7 @@ def scaled(config: Any) -> Any:
             mpc=dc.replace(mpc, weight_input=weights, step=mpc.step * unit.clock),
             label=_paced(controller.label, LABEL, unit),
         ),
+        autopilot=dc.replace(config.autopilot, betaflight=_times(config.autopilot.betaflight, FIRMWARE, unit)),
         events=[_times(event, EVENT, carried) for event in config.events],
         simulator=simulator,
         scaled=False,

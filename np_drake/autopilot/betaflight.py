@@ -10,7 +10,8 @@ import numpy as np
 
 from np_drake.autopilot.command_line import CommandLine, DeafFirmware
 from np_drake.autopilot.firmware import AutopilotError, Firmware, Sensed
-from np_drake.rate_loop import RateLoop
+from np_drake.rotor_layout import FIRMWARE
+from np_drake.scaling import usual_rate_loop
 from np_drake.vehicle import Vehicle
 from np_drake.vehicle_calibration import ThrottleMap
 
@@ -18,20 +19,19 @@ PERIOD = 0.001  # between states of the vehicle that the firmware gets [s]
 LEAST_THROTTLE, MOST, MIDDLE, HALF = 1010, 2000, 1500, 500  # pulse widths of the receiver [µs]
 RATE_STEP = 10.0  # of the firmware's largest rates [deg/s]
 RESERVED = (  # settings by which the sticks are rates and thrust
-    *("min_check", "rates_type", "deadband", "yaw_deadband", "blackbox_device"),
+    *("min_check", "rates_type", "deadband", "yaw_deadband", "blackbox_device", "yaw_motors_reversed"),
     *(f"{axis}_{name}" for axis in ("roll", "pitch", "yaw") for name in ("rc_rate", "srate", "expo")),
 )
-STARTS = 3  # of the firmware, whose server for the command line is not safe among its threads [1]; own choice
+STARTS = 3  # of the firmware, of which one in about a thousand has a deaf command line [1]; source: own choice
+STICK_EVERY = 5  # periods, while it is held [1]
 WARM_UP, SETTLED = 6.0, 0.5  # calibration of the gyro, and what it takes to arm [s]
-ROLL, PITCH, THROTTLE, YAW, ARM = range(5)  # channels of the receiver
-DIRECTIONS = (1.0, -1.0, 1.0, -1.0)  # of rotors front left, front right, rear right, rear left
 FASTEST = 200.0  # bandwidth beyond which no rotor follows [rad/s]; source: own choice
 INTEGRAL, DAMPED = 20.0, 0.5  # bandwidth over that of I; share of the rotors' lag that D makes up for [1]; own choice
 ROTOR_LAG = 0.03  # of a vehicle whose file names none [s]; source: own choice, as the simulator's
 # Units of the firmware's gains: outputs per thousand over deg/s, deg and deg/s². Source: its pid.h.
 P_UNIT, I_UNIT, D_UNIT, OUTPUT, MOST_GAIN = 0.032029, 0.244381, 0.000529, 1000.0, 250
-_LOW = np.array([MIDDLE, MIDDLE, 1000.0, MIDDLE, 1000.0])  # disarmed, no throttle [µs]
-CORNERS = ((1, 1), (1, -1), (-1, -1), (-1, 1))  # signs of their positions x and y
+_LOW = np.array([MIDDLE, MIDDLE, 1000.0, MIDDLE, 1000.0])  # roll, pitch, throttle, yaw, arming: disarmed [µs]
+_ARMED = np.array([0.0, 0.0, 0.0, 0.0, 1000.0])  # more [µs]
 
 
 @dc.dataclass
@@ -102,22 +102,21 @@ class Betaflight:
     """Firmware that holds body rates at a collective thrust.
 
     Args:
-        vehicle: an X with rotors front left, front right, rear right, rear left; its `rate_loop` names the largest
-            rates and its `throttle` the thrust over motor output.
+        vehicle: with four rotors in an X, in any order; its `rate_loop` names the largest rates and its `throttle` the
+            thrust over motor output.
         config: of the firmware.
-        folder: for settings and blackbox; None: a temporary one.
     Raises: AutopilotError: where there is no firmware or it refuses a setting. ValueError: on another layout.
     """
 
-    def __init__(self, vehicle: Vehicle, config: BetaflightConfig | None = None, *, folder: Path | None = None):
+    def __init__(self, vehicle: Vehicle, config: BetaflightConfig | None = None):
         self.config = (config or BetaflightConfig()).check()
-        _require_layout(vehicle)
+        self._order, self._mirrored = _motors_of(vehicle)
         self._map = thrust_map(vehicle)
-        most = np.degrees((vehicle.rate_loop or RateLoop()).max_rate)
+        most = np.degrees((vehicle.rate_loop or usual_rate_loop(vehicle)).max_rate)
         self._most = RATE_STEP * np.ceil(most / RATE_STEP)
-        self._since, self._newest = np.inf, np.zeros(4)
+        self._since, self._outputs = np.inf, np.zeros(4)
         self._gains = gain_lines(vehicle, self.config.bandwidth) if self.config.bandwidth else []
-        self.firmware = Firmware(folder)
+        self.firmware = Firmware()
         try:
             self._idle = self._set_up()
         except AutopilotError:
@@ -134,12 +133,11 @@ class Betaflight:
         """
         with self._line(opened=False) as line:  # once it is there, the firmware has booted
             self._hold(at_rest, _LOW, WARM_UP)
-            self._hold(at_rest, _LOW + [0.0, 0.0, 0.0, 0.0, 1000.0], SETTLED)
-            refusals = [] if self._newest.any() else line.refusals()
-        if not self._newest.any():
-            raise AutopilotError(f"betaflight: does not arm: {', '.join(refusals) or 'no reason is given'}.")
-        self._hold(at_rest, self._channels(np.array([thrust, 0.0, 0.0, 0.0])), SETTLED)
-        return self._newest
+            self._hold(at_rest, _LOW + _ARMED, SETTLED)
+            if not self._outputs.any():
+                reasons = ", ".join(line.refusals()) or "no reason is given"
+                raise AutopilotError(f"betaflight: does not arm: {reasons}.")
+        return self._hold(at_rest, self._channels(np.array([thrust, 0.0, 0.0, 0.0])), SETTLED)
 
     def step(self, seen: Sensed, command: np.ndarray) -> np.ndarray:
         """Return the motor outputs (4,) after one more period [1].
@@ -153,12 +151,7 @@ class Betaflight:
         if self._since >= 1 / self.config.stick_rate - 1e-9:
             self._since = 0.0
             self.firmware.stick(self._channels(command))
-        self.firmware.sense(seen)
-        self.firmware.advance(PERIOD)
-        newest = self.firmware.motors()
-        if newest is not None:
-            self._newest = newest
-        return self._newest
+        return self._tick(seen)
 
     def rotor_thrust(self, motors: np.ndarray) -> np.ndarray:
         """Return the thrust (..., 4) of rotors at motor outputs (..., 4) [N]."""
@@ -221,6 +214,7 @@ class Betaflight:
                     "set pitch_expo = 0",
                     "set yaw_expo = 0",
                     "set blackbox_device = VIRTUAL",
+                    f"set yaw_motors_reversed = {'ON' if self._mirrored else 'OFF'}",
                     "aux 0 0 0 1700 2100 0 0",
                     *self._gains,
                     *self.config.lines,
@@ -237,20 +231,32 @@ class Betaflight:
         sticks = (roll, pitch, (MOST - LEAST_THROTTLE) * throttle, -yaw, HALF)
         return np.array([MIDDLE, MIDDLE, LEAST_THROTTLE, MIDDLE, MIDDLE]) + sticks
 
-    def _hold(self, seen: Sensed, channels: np.ndarray, seconds: float) -> None:
+    def _hold(self, seen: Sensed, channels: np.ndarray, seconds: float) -> np.ndarray:
         for k in range(round(seconds / PERIOD)):
-            if k % 5 == 0:
+            if k % STICK_EVERY == 0:
                 self.firmware.stick(channels)
-            self.firmware.sense(seen)
-            self.firmware.advance(PERIOD)
-            newest = self.firmware.motors()
-            self._newest = self._newest if newest is None else newest
+            self._tick(seen)
+        return self._outputs
+
+    def _tick(self, seen: Sensed) -> np.ndarray:
+        """Return the outputs (4,) of the vehicle's rotors after one period [1]."""
+        self.firmware.sense(seen)
+        self.firmware.advance(PERIOD)
+        newest = self.firmware.motors()
+        if newest is not None:
+            self._outputs = newest[self._order]
+        return self._outputs
 
 
-def _require_layout(vehicle: Vehicle) -> None:
-    signs = np.sign(np.array(vehicle.rotor_positions, float)[:, :2])
-    if not np.array_equal(signs, CORNERS) or tuple(vehicle.rotor_directions) != DIRECTIONS:
-        raise ValueError(
-            f"betaflight: vehicle {vehicle.name!r} must be an X with rotors front left, front right, rear right, rear "
-            "left, of which the first turns its frame to the left; order the rotors of its file so."
-        )
+def _motors_of(vehicle: Vehicle) -> tuple[list[int], bool]:
+    """Return the firmware's motor of each rotor, from 0, and whether all turn the other way than by default.
+
+    Raises: ValueError: where the vehicle is no X whose opposite rotors turn alike.
+    """
+    layout, positions, directions = FIRMWARE["betaflight"], vehicle.rotor_positions, vehicle.rotor_directions
+    try:
+        return layout.order_of(positions, directions), False
+    except ValueError as error:
+        with contextlib.suppress(ValueError):
+            return layout.order_of(positions, [-turn for turn in directions]), True
+        raise ValueError(f"betaflight: vehicle {vehicle.name!r}: {error}") from error

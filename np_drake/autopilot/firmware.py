@@ -64,19 +64,17 @@ class Firmware:
 
     Its clock goes on only by `advance`, so that a flight is the same however busy the machine is. The firmware runs in
     a temporary folder, listens on loopback ports of its own, and ends with `close`, with this object or with this
-    process, whichever comes first. The blackbox files lie in `folder` until then.
+    process, whichever comes first. Settings and blackbox files lie in `folder` until then.
 
-    Args:
-        folder: for the firmware's settings and blackbox; None: a temporary one, which `close` removes.
     Raises: AutopilotError: where the firmware is missing, does not start or no ports are free.
     """
 
-    def __init__(self, folder: Path | None = None):
+    def __init__(self) -> None:
         binary, compiler = find_firmware(), shutil.which("gcc") or shutil.which("cc")
         if compiler is None:
             raise AutopilotError("betaflight: a C compiler is needed to run the firmware in lock-step; install gcc.")
-        self._own = tempfile.TemporaryDirectory(prefix="np_drake_betaflight_") if folder is None else None
-        self.folder = Path(self._own.name) if self._own else Path(folder)  # type: ignore[arg-type]
+        self._scratch = tempfile.TemporaryDirectory(prefix="np_drake_betaflight_")
+        self.folder = Path(self._scratch.name)
         self._binary, self._resources = binary, contextlib.ExitStack()
         self._process: subprocess.Popen | None = None
         self.time = 0.0  # of the firmware since its last start [s]
@@ -155,30 +153,19 @@ class Firmware:
         self._send(STICKS, struct.pack("<d16H", self.time, *whole.astype(int)))
 
     def motors(self) -> np.ndarray | None:
-        """Return the motor outputs (4,) since the last call, the newest, in the vehicle's order; None for none [1].
-
-        The vehicle's order is front left, front right, rear right, rear left.
-        """
+        """Return the newest outputs (4,) since the last call, of motors 1 to 4 of the firmware; None for none [1]."""
         newest = None
         with contextlib.suppress(BlockingIOError):
             while True:
                 newest = self._motor_socket.recv(64)
         if newest is None:
             return None
-        # Of the packet: front right, rear left, front left, rear right.
-        right, rear_left, left, rear_right = struct.unpack("<4f", newest[:16])
-        return np.clip([left, right, rear_right, rear_left], 0.0, 1.0)
-
-    @property
-    def running(self) -> bool:
-        """Whether the process is there."""
-        return self._process is not None and self._process.poll() is None
+        return np.clip(np.roll(np.frombuffer(newest, "<f4", 4), 1), 0.0, 1.0)  # motor 1 is the packet's last
 
     def close(self) -> None:
         """End the firmware, free its ports and remove its temporary folder; once is enough, and twice does no harm."""
         self._stop()
-        if self._own is not None:
-            self._own.cleanup()
+        self._scratch.cleanup()
 
     def __enter__(self) -> "Firmware":
         return self

@@ -125,6 +125,8 @@ def identify(
     models = tuple(FlightModel(flight, frame) for flight in seen)
     basis = Basis(frame, drive, mass, coefficient, spin, newtons)
     loops = identify_rate_loop(kept) or ()
+    if not loops and all(log.commanded_rates is not None for log in kept):
+        notes.append("rate loop: no body rate follows its command as a loop would, or flights are short; none is told")
     return Identification(basis, estimate(models, layout), frozenset(known), models, prior, tuple(notes), loops)
 
 

@@ -75,8 +75,6 @@ def _blocks(log: FlightLog, axis: int) -> list[_Block]:
 def _axis(blocks: Sequence[_Block]) -> AxisLoop | None:
     if len(blocks) < FEWEST:
         return None
-    if min(float(np.std(np.concatenate([part(b) for b in blocks]))) for part in (_command, _rate)) < TINY:
-        return None
     z, gain, share = _fit(blocks, *np.log(STARTS))
     if share < LEAST**2 or not (GAINS[0] <= gain <= GAINS[1] and _rise(z) <= SLOWEST):
         return None
@@ -90,21 +88,13 @@ def _axis(blocks: Sequence[_Block]) -> AxisLoop | None:
     return AxisLoop(float(middle[0]), gain, within[0], within[1], most, share)
 
 
-def _command(block: _Block) -> np.ndarray:
-    return block.command
-
-
-def _rate(block: _Block) -> np.ndarray:
-    return block.rate
-
-
 def _fit(blocks: Sequence[_Block], *starts: np.ndarray) -> tuple[np.ndarray, float, float]:
     """Return z = log of [frequency [rad/s], damping, delay [s]], gain, and the share of the mean square explained.
 
     The gain is eliminated: for given z it is a linear least squares.
     """
 
-    def at(z: np.ndarray) -> tuple[np.ndarray, float]:
+    def at(z: np.ndarray) -> tuple[np.ndarray, float, float]:
         parts = []
         for block in blocks:
             late = min(int(FORGOTTEN / block.step), len(block.rate) // 2)
@@ -112,13 +102,13 @@ def _fit(blocks: Sequence[_Block], *starts: np.ndarray) -> tuple[np.ndarray, flo
             parts.append((y - y.mean(), w - w.mean()))
         y, w = (np.concatenate(values) for values in zip(*parts, strict=True))
         gain = float(y @ w) / max(float(y @ y), TINY)
-        return (w - gain * y) / max(float(np.linalg.norm(w)), TINY), gain
+        square = max(float(w @ w), TINY)
+        return (w - gain * y) / np.sqrt(square), gain, gain * float(y @ w) / square
 
     low, high = np.log(BOUNDS).T
     found = [least_squares(lambda z: at(z)[0], np.clip(z, low + 1e-6, high - 1e-6), bounds=(low, high)) for z in starts]
     best = min(found, key=lambda one: one.cost)
-    rest, gain = at(best.x)
-    return best.x, gain, 1.0 - float(rest @ rest)
+    return best.x, *at(best.x)[1:]
 
 
 def _response(block: _Block, z: np.ndarray) -> np.ndarray:

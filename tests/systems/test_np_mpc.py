@@ -45,6 +45,15 @@ def evaluate(dut, context, name):
     return dut.GetOutputPort(name).Eval(context)
 
 
+def test_an_autopilot_gets_the_plans_thrust_and_its_next_rates():
+    dut, context = mpc_at(LEVEL + 0.2 * np.eye(13)[0])
+    event(dut, context)
+    thrust, *rates = evaluate(dut, context, "rates_thrust")
+    assert thrust == evaluate(dut, context, "u")[0]
+    np.testing.assert_array_equal(rates, evaluate(dut, context, "plan_x").reshape(-1, 13)[1, 10:])
+    assert rates[1] < -0.1  # it leans back to where it belongs
+
+
 def test_before_the_first_event_it_hovers():
     dut, context = mpc_at(LEVEL)
     np.testing.assert_allclose(evaluate(dut, context, "u"), VEHICLE.hover_input)
