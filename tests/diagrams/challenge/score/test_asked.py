@@ -1,8 +1,6 @@
 """Laws of what is asked for beside what a score has."""
 
 import dataclasses as dc
-import json
-from pathlib import Path
 
 import pytest
 
@@ -10,8 +8,6 @@ from diagrams.challenge.score.asked import ASKED, Asked, asked_tables
 from diagrams.challenge.score.score import score
 from diagrams.challenge.score.tables import at
 from np_drake.files.atomic_file import plain
-
-STUDIES = Path(__file__).parents[4] / "docs" / "studies"
 
 
 @pytest.mark.parametrize(
@@ -59,12 +55,3 @@ def test_what_is_asked_of_wild_sets_is_shown_beside_what_they_have(by_hand):
         "in the 95 % interval": ("0.9 … 0.98", "**32/32**"),
         "calibration error": ("≤ 0.05", "0.0435"),
     }
-
-
-def test_the_pages_table_is_that_of_the_figures_that_are_kept():
-    (draw,) = json.loads((STUDIES / "draws.json").read_text())["draws"]
-    written = set((STUDIES / "diagnosis-benchmark.md").read_text().splitlines())
-    for figure in ASKED:
-        kept = {quality: draw[quality][figure.label] for quality in ("clean", "real")}
-        clean, real = (figure.cells(quality, value.get("value", value)) for quality, value in kept.items())
-        assert f"| {' | '.join([*clean, *real[1:]])} |" in written
