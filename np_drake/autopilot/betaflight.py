@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from np_drake.autopilot.command_line import CommandLine, DeafFirmware
+from np_drake.autopilot.command_line import CommandLine
 from np_drake.autopilot.firmware import AutopilotError, Firmware, Sensed
 from np_drake.rotor_layout import FIRMWARE
 from np_drake.scaling import usual_rate_loop
@@ -22,7 +22,6 @@ RESERVED = (  # settings by which the sticks are rates and thrust
     *("min_check", "rates_type", "deadband", "yaw_deadband", "blackbox_device", "yaw_motors_reversed"),
     *(f"{axis}_{name}" for axis in ("roll", "pitch", "yaw") for name in ("rc_rate", "srate", "expo")),
 )
-STARTS = 3  # of the firmware, of which one in about a thousand has a deaf command line [1]; source: own choice
 STICK_EVERY = 5  # periods, while it is held [1]
 WARM_UP, SETTLED = 6.0, 0.5  # calibration of the gyro, and what it takes to arm [s]
 FASTEST = 200.0  # bandwidth beyond which no rotor follows [rad/s]; source: own choice
@@ -131,7 +130,7 @@ class Betaflight:
             thrust: collective [N].
         Raises: AutopilotError: where it refuses to arm, with its reasons.
         """
-        with self._line(opened=False) as line:  # once it is there, the firmware has booted
+        with CommandLine(self.firmware) as line:  # once it is there, the firmware has booted
             self._hold(at_rest, _LOW, WARM_UP)
             self._hold(at_rest, _LOW + _ARMED, SETTLED)
             if not self._outputs.any():
@@ -174,27 +173,6 @@ class Betaflight:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _line(self, starts: int = STARTS, *, opened: bool) -> CommandLine:
-        """Return the connection to the command line.
-
-        Args:
-            starts: of the firmware, after which one that stays deaf, as one in some hundred does, is an error.
-            opened: whether it is asked for its version, after which it does not arm until its next start.
-        """
-        try:
-            line = CommandLine(self.firmware)
-            if opened:
-                with contextlib.ExitStack() as ends:
-                    ends.callback(line.close)
-                    line.ask("version")
-                    ends.pop_all()
-            return line
-        except DeafFirmware:
-            if starts <= 1:
-                raise
-            self.firmware.start()
-            return self._line(starts - 1, opened=opened)
-
     def _set_up(self) -> float:
         """Set the firmware up, and return the motor output at no throttle [1]."""
         rates = [
@@ -202,7 +180,7 @@ class Betaflight:
             for axis, most in zip(("roll", "pitch", "yaw"), self._most, strict=True)
             for name in ("rc_rate", "srate")
         ]
-        with self._line(opened=True) as line:
+        with CommandLine(self.firmware) as line:
             line.enter(
                 [
                     "mixer QUADX",

@@ -20,10 +20,6 @@ REASONS = (
 )  # fmt: skip
 
 
-class DeafFirmware(AutopilotError):
-    """The command line of a firmware takes no line."""
-
-
 class CommandLine:
     """One connection to the command line of a firmware.
 
@@ -46,10 +42,8 @@ class CommandLine:
         for line in lines:
             try:
                 answer = self.ask(line)
-            except DeafFirmware:
-                raise
-            except (AutopilotError, ConnectionError):
-                raise AutopilotError(f"betaflight: ends at `{line}`; leave the line out.") from None
+            except (AutopilotError, ConnectionError) as error:
+                raise AutopilotError(f"betaflight: ends, or does not answer, at `{line}`; leave it out.") from error
             if "###ERROR" in answer:
                 reason = answer.partition("###ERROR")[2].strip(" :#\r\n").splitlines()[0].strip(" #")
                 raise AutopilotError(f"betaflight: refuses `{line}`: {reason}.")
@@ -75,7 +69,7 @@ class CommandLine:
         self._socket.sendall(f"{line}\n{mark}\n".encode())
         answer = self._read(lambda text: mark in text and text.rstrip(" ").endswith("#"))
         if answer is None:
-            raise DeafFirmware(f"betaflight: no answer to `{line}`.")
+            raise AutopilotError(f"betaflight: no answer to `{line}`.")
         return answer.partition(mark)[0]
 
     def refusals(self) -> list[str]:
@@ -109,7 +103,7 @@ class CommandLine:
             self._socket.sendall(b"#")
             if self._read(lambda text: "#" in text, seconds=CALL) is not None:
                 return
-        raise DeafFirmware("betaflight: its command line does not open.")
+        raise AutopilotError("betaflight: its command line does not open.")
 
     def _read(self, done: Callable[[str], bool], seconds: float = BOOT) -> str | None:
         """Return the answer once it is `done`; None where it is not after a time of the firmware [s]."""
@@ -138,4 +132,4 @@ def _connect(firmware: Firmware) -> socket.socket:
             continue
         connection.settimeout(0.002)
         return connection
-    raise DeafFirmware(f"betaflight: no command line after {BOOT:g} s.")
+    raise AutopilotError(f"betaflight: no command line after {BOOT:g} s.")

@@ -80,7 +80,9 @@ class Firmware:
         self.time = 0.0  # of the firmware since its last start [s]
         shim = self.folder / "lock_step.so"
         built = subprocess.run(
-            [compiler, "-O2", "-shared", "-fPIC", "-o", str(shim), str(_SHIM), "-ldl"], capture_output=True, text=True
+            [compiler, "-O2", "-shared", "-fPIC", "-pthread", "-o", str(shim), str(_SHIM), "-ldl"],
+            capture_output=True,
+            text=True,
         )
         if built.returncode:
             raise AutopilotError(f"betaflight: {compiler} cannot build the clock: {_last_line(built.stderr)}.")

@@ -3,6 +3,8 @@
  * Preloaded into the firmware, it replaces the monotonic clock, sleep and socket ports:
  * - Time goes on only as far as the simulator grants it. The main thread waits in its own sleep, and says so.
  * - Before it goes on, the datagrams that were sent with the grant have been dealt with: their threads ask for the next.
+ * - One thread runs at a time: the others while the main thread waits for time, up to their next call of select. The
+ *   firmware's own server of its command line is not safe among threads.
  * - Every port is moved by an offset, and listens on the loopback interface alone.
  * - The process ends once the simulator has, whose end of the pipe is then closed.
  *
@@ -14,6 +16,7 @@
 #include <dlfcn.h>
 #include <errno.h>
 #include <netinet/in.h>
+#include <pthread.h>
 #include <semaphore.h>
 #include <stdatomic.h>
 #include <stdint.h>
@@ -31,7 +34,20 @@ static int grants = -1, events = -1, offset = 0;
 static _Atomic uint64_t now = 1000000000;
 static uint64_t granted = 1000000000;
 static sem_t dealt_with; /* datagrams */
-static _Thread_local int is_main = 0, took = 0;
+static pthread_mutex_t turn = PTHREAD_MUTEX_INITIALIZER;
+static _Thread_local int is_main = 0, took = 0, runs = 0; /* runs: has its turn */
+
+static void begin_turn(void)
+{
+    if (grants >= 0 && !runs)
+        runs = pthread_mutex_lock(&turn) == 0;
+}
+
+static void end_turn(void)
+{
+    if (runs)
+        runs = pthread_mutex_unlock(&turn) != 0;
+}
 
 __attribute__((constructor)) static void begin(void)
 {
@@ -41,6 +57,7 @@ __attribute__((constructor)) static void begin(void)
     grants = atoi(in), events = atoi(out), offset = moved ? atoi(moved) : 0;
     is_main = 1;
     sem_init(&dealt_with, 0, 0);
+    begin_turn();
 }
 
 static void advance(uint64_t ns)
@@ -49,11 +66,13 @@ static void advance(uint64_t ns)
     while (until > granted) {
         uint64_t more[2] = {0, 0};
         now = granted;
+        end_turn();
         if (write(events, "T", 1) != 1 || read(grants, more, sizeof more) != sizeof more)
             _exit(3); /* the simulator has gone */
         for (; more[1] > 0; more[1]--)
             while (sem_wait(&dealt_with) != 0 && errno == EINTR)
                 ;
+        begin_turn();
         granted += more[0];
     }
     now = until;
@@ -87,7 +106,50 @@ int select(int n, fd_set *in, fd_set *out, fd_set *odd, struct timeval *limit)
         took = 0;
         sem_post(&dealt_with);
     }
-    return real(n, in, out, odd, limit);
+    end_turn();
+    int found = real(n, in, out, odd, limit);
+    int why = errno;
+    begin_turn();
+    errno = why;
+    return found;
+}
+
+struct job {
+    void *(*run)(void *);
+    void *data;
+};
+
+static void *run_in_turn(void *begun)
+{
+    struct job own = *(struct job *)begun;
+    free(begun);
+    begin_turn();
+    void *result = own.run(own.data);
+    end_turn();
+    return result;
+}
+
+int pthread_create(pthread_t *thread, const pthread_attr_t *how, void *(*run)(void *), void *data)
+{
+    static int (*real)(pthread_t *, const pthread_attr_t *, void *(*)(void *), void *);
+    if (!real)
+        real = dlsym(RTLD_NEXT, "pthread_create");
+    struct job *begun = grants < 0 ? NULL : malloc(sizeof *begun);
+    if (!begun)
+        return real(thread, how, run, data);
+    *begun = (struct job){run, data};
+    return real(thread, how, run_in_turn, begun);
+}
+
+int pthread_join(pthread_t thread, void **result)
+{
+    static int (*real)(pthread_t, void **);
+    if (!real)
+        real = dlsym(RTLD_NEXT, "pthread_join");
+    end_turn();
+    int failed = real(thread, result);
+    begin_turn();
+    return failed;
 }
 
 ssize_t recvfrom(int fd, void *data, size_t size, int flags, struct sockaddr *from, socklen_t *length)
