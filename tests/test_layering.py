@@ -45,13 +45,13 @@ GROUND = (
     *("rigid_body", "rotor_input", "scaling", "vehicle_estimate", "autopilot"),
     *("residual_model", "command_delay", "labels"),
     *("training_data", "identification", "effects", "logs", "references", "control", "diagnosis", "flight_design"),
-    *("mpc", "estimation", "faults"),
+    *("mpc", "estimation", "faults", "offboard"),
     *("lifting", "payload_filter", "residual_models", "skill", "__main__"),
 )
 EXPERIMENTS = (
     *("batch", "loop", "gym"),
-    *("prediction", "tracking", "payload", "robustness", "cooperative", "gap", "demo", "challenge"),
-    *("identification", "performance", "exports", "cli"),
+    *("prediction", "tracking", "payload", "robustness", "gap", "demo", "challenge"),
+    *("identification", "performance", "exports", "offboard", "cli"),
 )
 MOST_IMPORTS = 10  # modules of the diagnosis that one of them imports; `diagnose` strings the steps together
 SIMULATOR = ("pydrake.systems", "pydrake.multibody", "pydrake.geometry", "pydrake.visualization")

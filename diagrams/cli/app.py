@@ -16,6 +16,7 @@ from diagrams.cli import (
     identify,
     import_logs,
     next_flight,
+    node,
     options,
     train,
     vehicle,
@@ -33,6 +34,7 @@ app = Verbs(
 )
 app.command("demo")(demo.demo)
 app.command("fly")(fly.fly)
+app.command("node")(node.node)
 app.command("train")(train.train)
 app.command("evaluate")(evaluate.evaluate)
 app.command("import")(import_logs.import_logs)

@@ -9,7 +9,7 @@ from typer import Argument, Option
 from diagrams.batch.columns import Column, tabulate
 from diagrams.batch.failed_run import FailedRun
 from diagrams.cli import options
-from diagrams.cli.flying import all_lost, fly_all, fly_live
+from diagrams.cli.flying import all_lost, fly_all, fly_linked, fly_live
 from diagrams.cli.output import Table, say, tell
 from diagrams.cli.runner import Report, Run, reports
 from diagrams.cli.scenario import Numbers, scenarios
@@ -55,6 +55,10 @@ def fly(
             metavar="KIND", help="none | rate_loop (the vehicle file's) | betaflight (its firmware; extra autopilot)."
         ),
     ] = None,
+    link: Annotated[
+        str | None,
+        Option(metavar="ADDRESS", help="Fly in real time what `np-drake node` commands by MAVLink; udpout:HOST:PORT."),
+    ] = None,
     vehicle: options.VehicleFile = None,
     reality: options.Reality = None,
     sample: Annotated[
@@ -71,15 +75,16 @@ def fly(
     """Simulate an experiment; with --out: flight log, figures and a 3-D replay page."""
     from diagrams.tracking import comparison
 
+    _require_alone(link, controller=controller, live=live, sample=sample)
     configs = scenarios(
         experiment,
-        controller or [],
+        (controller or []) if link is None else ["hold"],
         vehicle=vehicle,
         reality=reality,
         solver=solver,
         predictor=predictor,
         told_mass=told_mass,
-        autopilot=autopilot,
+        autopilot=autopilot or (None if link is None else "rate_loop"),
         numbers=Numbers(payload, length, speed, wind, duration),
     )
     tell(*(f"warning: {text}" for text in configs[0].warnings()), indent="  ")
@@ -91,6 +96,8 @@ def fly(
     else:
         flown = configs
     compared, lost = len(configs) > 1, list[FailedRun]()
+    if link is not None:
+        return _linked(run, configs[0], link, mcap)
     flights = [fly_live(configs[0], run.seed)] if live else fly_all(flown, run.seed, lost if compared else None)
     if mcap is not None:
         from diagrams.loop.mcap_flight import write_flight_mcap
@@ -101,7 +108,7 @@ def fly(
 
     def write(folder: Path) -> None:
         for flight in flights:
-            _write_flight(flight, folder, alone=not compared)
+            _write_flight(flight, folder, figures=("wrench",) if compared else ("track", "errors", "wrench"))
         if compared:
             say(f"comparison: {comparison.write_comparison(flights, folder, lost=[str(one) for one in lost])}")
 
@@ -115,6 +122,35 @@ def fly(
         write=write,
         failure=all_lost(lost) if lost else None,
     )
+
+
+def _linked(run: Run, config: "FlightConfig", link: str, mcap: Path | None) -> Report:
+    """Fly a vehicle behind a link, and return what its autopilot has seen; errors are the node's to tell."""
+    flight, table = fly_linked(config, run.seed, link)
+    if mcap is not None:
+        from diagrams.loop.mcap_flight import write_flight_mcap
+
+        write_flight_mcap(flight, mcap)
+    return Report(
+        [table],
+        config=as_config(config),
+        metrics={"experiment": config.name, "autopilot": dict(table[2])},
+        write=lambda folder: _write_flight(flight, folder, figures=()),
+    )
+
+
+def _require_alone(link: str | None, *, controller: list[str] | None, live: bool, sample: int | None) -> None:
+    """Check that nothing is asked of a vehicle behind a link that its node decides.
+
+    Args:
+        link: address of `--link`.
+        controller: kinds of `--controller`.
+        live: whether it flies in a browser.
+        sample: of simulators, of `--sample`.
+    Raises: ValueError: where it is.
+    """
+    if link is not None and (controller or live or sample is not None):
+        raise ValueError("give either --link, whose node has the controller, or --controller, --live and --sample.")
 
 
 def _require_one_flight(controllers: int, *, sample: int | None, mcap: Path | None, live: bool) -> None:
@@ -199,8 +235,8 @@ def flights_table(flights: "Sequence[FlightResult]") -> Table:
     return tabulate(f"seed {flights[0].seed}, {flights[0].config.controller.solver}", lines, columns)
 
 
-def _write_flight(flight: "FlightResult", folder: Path, *, alone: bool) -> None:
-    """Write flight log, wrench and replay page, and track and errors of a flight alone, named by its controller."""
+def _write_flight(flight: "FlightResult", folder: Path, *, figures: "Sequence[str]") -> None:
+    """Write flight log, figures and replay page of a flight, named by its controller."""
     from diagrams.loop.replay.flight_page import write_replay
     from diagrams.tracking import comparison
     from np_drake.files.figure_file import save
@@ -210,7 +246,7 @@ def _write_flight(flight: "FlightResult", folder: Path, *, alone: bool) -> None:
     write_log(flight.log(), folder / f"{stem}.csv")
     if flight.blackbox:
         (folder / f"{stem}.bbl").write_bytes(flight.blackbox)
-    for what in ("track", "errors", "wrench") if alone else ("wrench",):
+    for what in figures:
         save(flight.plot(what), folder / f"{stem}_{what}.png")
     write_replay(flight, folder / f"{stem}_replay.html")
     say(f"log, figures, replay: {folder}/{stem}*")

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from diagrams.batch.failed_run import FailedRun
-from diagrams.cli.output import progress, say
+from diagrams.cli.output import Table, progress, say
 
 if TYPE_CHECKING:
     from diagrams.loop.flight import FlightConfig
@@ -44,6 +44,30 @@ def fly_all(configs: "list[FlightConfig]", seed: int, lost: list[FailedRun] | No
 def all_lost(lost: Sequence[FailedRun]) -> FailedRun:
     """Return one failure in the words of several."""
     return FailedRun(" ".join(str(one) for one in lost))
+
+
+def fly_linked(config: "FlightConfig", seed: int, address: str) -> "tuple[FlightResult, Table]":
+    """Simulate in real time a vehicle that a process outside commands by MAVLink, until its end.
+
+    Args:
+        config: of the flight, with an autopilot.
+        seed: of its noise.
+        address: of the link.
+    Raises: ValueError: where the link cannot be opened.
+    """
+    from diagrams.loop.flight_result import fly as simulate
+    from diagrams.offboard.linked_flight import CommandedByLink, RealTime
+    from np_drake.offboard.link import MavlinkLink
+
+    link = MavlinkLink(address)
+    try:
+        factory = CommandedByLink(link)
+        say(f"{config.name} behind {address}: np-drake node flies it.")
+        with progress(f"flying {config.name}", config.end) as advance:
+            flight = simulate(config, seed=seed, monitor=advance, watch=RealTime(), controller=factory)
+    finally:
+        link.close()
+    return flight, factory.table()
 
 
 def fly_live(config: "FlightConfig", seed: int) -> "FlightResult":

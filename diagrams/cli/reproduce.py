@@ -74,6 +74,7 @@ STUDIES = {
     "hover": Study("payload.hover_study", "Hover while the payload swings."),
     "attach": Study("payload.attach_study", "The payload changes in flight: attached, cut off, taut."),
     "autopilot": Study("gap.autopilot_study", "Controllers on Betaflight's firmware; predicted errors."),
+    "node": Study("offboard.study", "Faults while a node flies: what is sent, when it stops."),
     "timing": Study("performance.timing", "What a period costs.", many=False),
     "robustness": Study("robustness.study", "Payload, tether, speed, air, noise, lag, delay, battery."),
     "margins": Study("robustness.margins", "Largest delay and loop gain that each controller bears."),
@@ -95,7 +96,7 @@ STUDIES = {
 RETIRED = {
     "pendulum": "it is called tether now: `np-drake reproduce tether`",
     "cost": "`np-drake challenge solve --json` holds time and memory of every case",
-    "cooperative": "cooperative transport is an example, `python -m diagrams.cooperative`",
+    "cooperative": "cooperative transport is an example, `python -m diagrams.payload.cooperative`",
 }
 
 

@@ -223,6 +223,7 @@ def add_controller(
     model: ResidualModel | None = None,
     solver_faults: Sequence[SolverFault] = (),
     factory: Factory | None = None,
+    in_force: OutputPort | None = None,
 ) -> dict[str, OutputPort]:
     """Add reference source, estimator, predictor and MPC, and return their vector ports by signal name.
 
@@ -237,19 +238,24 @@ def add_controller(
         model: used in place of the one that `config` names.
         solver_faults: while which solves have no answer.
         factory: makes a controller in the place of the one that `config` names.
+        in_force: collective thrust and body rates that an autopilot follows; None: those of the MPC.
     Raises: ValueError: if an oracle lacks the real vehicle, or a controller of one's own does not fit.
     """
     believed = config.believed(vehicle)
     if factory is not None or is_own(config.kind):
+        command = "rates_thrust" if config.mpc.command == "rates" else "u"
         system = make_own_controller(
             factory or load_factory(config.kind),
             config.parameters,
             vehicle=believed,
             reference=reference,
             period=config.period,
+            command=command,
         )
         times = {"period": config.period, "step": config.mpc.step}
-        return add_own_controller(builder, system, believed, reference, rig, label=config.label, **times)
+        return add_own_controller(
+            builder, system, believed, reference, rig, label=config.label, command=command, **times
+        )
     if config.kind == "cascade":
         return _add_cascade(builder, believed, reference, rig, period=config.period)
     N, period = config.mpc.horizon, config.period
@@ -269,7 +275,7 @@ def add_controller(
     u, rates_thrust = mpc.GetOutputPort("u"), mpc.GetOutputPort("rates_thrust")
     if config.mpc.command == "rates":
         loop = builder.AddNamedSystem("believed_rate_loop", RateLoopTorque(believed))
-        builder.Connect(rates_thrust, loop.GetInputPort("rates_thrust"))
+        builder.Connect(in_force or rates_thrust, loop.GetInputPort("rates_thrust"))
         builder.Connect(rig.GetOutputPort("x"), loop.GetInputPort("x"))
         u = loop.get_output_port()
     builder.Connect(rig.GetOutputPort("x"), estimator.GetInputPort("x"))

@@ -20,6 +20,7 @@ from np_drake.command_delay import LONGEST_DELAY
 from np_drake.effects.combine import mass_properties
 from np_drake.effects.pendulum import Payload
 from np_drake.files.yaml_file import Read, load_checked
+from np_drake.offboard.config import OffboardConfig
 from np_drake.references.base import Reference
 from np_drake.references.config import ReferenceConfig, make_reference
 from np_drake.references.payload_track import PayloadTrack
@@ -49,6 +50,7 @@ class FlightConfig:
     reference: ReferenceConfig = dc.field(default_factory=ReferenceConfig)  # motion to follow
     controller: ControllerConfig = dc.field(default_factory=ControllerConfig)  # its kind, MPC and timing
     autopilot: AutopilotConfig = dc.field(default_factory=AutopilotConfig)  # between controller and rotors
+    offboard: OffboardConfig = dc.field(default_factory=OffboardConfig)  # of `np-drake node`; a simulation has none
     # What happens to the payload in flight, at times of their own.
     events: list[PayloadEvent] = dc.field(default_factory=list)
     # Drake's integrator and its step.
@@ -63,7 +65,7 @@ class FlightConfig:
 
         Raises: ValueError: where one is impossible.
         """
-        for part in (self.vehicle, self.reality, self.reference, self.controller, self.autopilot):
+        for part in (self.vehicle, self.reality, self.reference, self.controller, self.autopilot, self.offboard):
             part.check()
         if not re.fullmatch(r"\w[\w.-]*", self.name):
             raise ValueError(f"FlightConfig: name must be letters, digits, '_', '-' and '.'; got {self.name!r}.")
@@ -104,7 +106,7 @@ class FlightConfig:
                 f"{self.name}: controller.mpc.command must be rates with an autopilot and rotors without; got "
                 f"{self.controller.mpc.command} and autopilot {self.autopilot.kind}."
             )
-        if rates and (kind in ("oracle", "cascade") or is_own(kind)):
+        if rates and kind in ("oracle", "cascade"):
             raise ValueError(f"{self.name}: autopilot: {kind} commands torque, which an autopilot does not take.")
         if rates and self.vehicle.rate_loop is None:
             raise ValueError(

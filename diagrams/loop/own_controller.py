@@ -19,6 +19,7 @@ from diagrams.batch.failed_run import one_line
 from np_drake.labels import LabelConfig
 from np_drake.references.base import Reference
 from np_drake.vehicle import Vehicle
+from systems.rate_loop import RateLoopTorque
 from systems.reference_source import ReferenceSource
 from systems.wrench_estimator import WrenchEstimator
 
@@ -28,7 +29,9 @@ to follow) and `period` [s] that it names, and with its own parameters."""
 
 SYSTEM = "own_controller"  # its name as a subsystem of a flight
 INPUTS = {"x": 13, "acceleration": 6, "rotor_speed": 4, "label": 6, "flat": 15}  # that it may have, and their sizes
-OUTPUTS = {"u": 4, "chi_hat": 6, "status": 1, "solve_time": 1}  # the first must be there; the others are recorded
+# That it may have: the command, or that of an autopilot, must be there; the others are recorded.
+OUTPUTS = {"u": 4, "rates_thrust": 4, "chi_hat": 6, "status": 1, "solve_time": 1}
+COMMANDS = {"u": "the command [f_u, tau_m]", "rates_thrust": "collective thrust and body rates for the autopilot"}
 # A command that feeds through is read just after the events of an instant and just before the recorder looks at it.
 _AFTER = 5e-7  # [s]
 _PRIVATE = re.compile(r"own_[0-9a-f]{32}\.?")  # name of the package of a file, in messages
@@ -133,8 +136,9 @@ def _installed(name: str) -> ModuleType:
 
 
 def make_own_controller(
-    factory: Factory, parameters: Mapping[str, float], *, vehicle: Vehicle, reference: Reference, period: float
-) -> System:
+    factory: Factory, parameters: Mapping[str, float], *, vehicle: Vehicle, reference: Reference, period: float,
+    command: str = "u",
+) -> System:  # fmt: skip
     """Return the system that a factory makes, with its ports checked.
 
     Args:
@@ -143,6 +147,7 @@ def make_own_controller(
         vehicle: that the controller assumes.
         reference: motion to follow.
         period: at whose multiples the command is recorded [s].
+        command: its port, u or that of an autopilot, rates_thrust.
     Raises: ValueError: one line, where it makes none, or its ports do not fit.
     """
     who = f"controller {kind_of(factory).rpartition(':')[2]}"
@@ -169,20 +174,20 @@ def make_own_controller(
         raise ValueError(f"{who}: cannot be made: {one_line(error)}.") from error
     if not isinstance(system, System):
         raise ValueError(f"{who}: must make a Drake system; it made a {type(system).__name__}.")
-    _check_ports(who, system)
+    _check_ports(who, system, command)
     return system
 
 
-def _check_ports(who: str, system: System) -> None:
+def _check_ports(who: str, system: System, command: str) -> None:
     """Check names and sizes of the ports.
 
     Raises: ValueError: where one does not fit.
     """
     inputs = {p.get_name(): p.size() for p in map(system.get_input_port, range(system.num_input_ports()))}
     outputs = {p.get_name(): p.size() for p in map(system.get_output_port, range(system.num_output_ports()))}
-    if "u" not in outputs:
-        found = ", ".join(outputs) or "none"
-        raise ValueError(f"{who}: must have an output port u of 4, the command [f_u, tau_m]; it has {found}.")
+    if command not in outputs:
+        found, what = ", ".join(outputs) or "none", COMMANDS[command]
+        raise ValueError(f"{who}: must have an output port {command} of 4, {what}; it has {found}.")
     for name, size in inputs.items():
         if name not in INPUTS:
             raise ValueError(f"{who}: has an input port {name}; known are {', '.join(INPUTS)}.")
@@ -196,7 +201,7 @@ def _check_ports(who: str, system: System) -> None:
 
 def add_own_controller(
     builder: DiagramBuilder, system: System, vehicle: Vehicle, reference: Reference, rig: Diagram,
-    *, label: LabelConfig, period: float, step: float,
+    *, label: LabelConfig, period: float, step: float, command: str = "u",
 ) -> dict[str, OutputPort]:  # fmt: skip
     """Add a controller with reference source and estimator of wrenches, and return its ports by signal name.
 
@@ -209,17 +214,23 @@ def add_own_controller(
         label: low-pass of the wrench labels.
         period: at whose multiples a command that feeds through is read, and held [s].
         step: between the points of a horizon [s].
+        command: its port, u or that of an autopilot, rates_thrust.
     """
     controller = builder.AddNamedSystem(SYSTEM, system)
     inputs = {p.get_name(): p for p in map(controller.get_input_port, range(controller.num_input_ports()))}
     points = inputs["flat"].size() // INPUTS["flat"] if "flat" in inputs else 1
     source = builder.AddNamedSystem("reference", ReferenceSource(reference, horizon=points - 1, step=step))
     estimator = builder.AddNamedSystem("wrench_estimator", WrenchEstimator(vehicle, label, step=period))
-    u = controller.GetOutputPort("u")
-    if controller.HasDirectFeedthrough(u.get_index()):
-        hold = builder.AddNamedSystem("held_command", ZeroOrderHold(period, OUTPUTS["u"], _AFTER))
-        builder.Connect(u, hold.get_input_port())
-        u = hold.get_output_port()
+    u = own = controller.GetOutputPort(command)
+    if controller.HasDirectFeedthrough(own.get_index()):
+        hold = builder.AddNamedSystem("held_command", ZeroOrderHold(period, OUTPUTS[command], _AFTER))
+        builder.Connect(own, hold.get_input_port())
+        u = own = hold.get_output_port()
+    if command == "rates_thrust":
+        loop = builder.AddNamedSystem("believed_rate_loop", RateLoopTorque(vehicle))
+        builder.Connect(own, loop.GetInputPort("rates_thrust"))
+        builder.Connect(rig.GetOutputPort("x"), loop.GetInputPort("x"))
+        u = loop.get_output_port()
     for name in ("x", "acceleration"):
         builder.Connect(rig.GetOutputPort(name), estimator.GetInputPort(name))
     builder.Connect(u, estimator.GetInputPort("u"))
@@ -228,5 +239,6 @@ def add_own_controller(
         builder.Connect(read.GetOutputPort("last_label" if name == "label" else name), port)
     zero = builder.AddNamedSystem("nothing_solved", ConstantVectorSource([0.0])).get_output_port()
     given = {name: controller.GetOutputPort(name) for name in OUTPUTS if controller.HasOutputPort(name)}
-    more = {"u": u, "label": estimator.GetOutputPort("last_label"), "p_ref": source.GetOutputPort("position")}
+    more = {command: own, "u": u, "label": estimator.GetOutputPort("last_label")}
+    more |= {"p_ref": source.GetOutputPort("position")}
     return {"status": zero, "solve_time": zero} | given | more

@@ -1,5 +1,6 @@
 """Laws of a controller of the user's own."""
 
+import dataclasses as dc
 import functools
 import importlib.util
 import json
@@ -17,6 +18,7 @@ from diagrams.loop.flight import load_flight
 from diagrams.loop.flight_diagram import make_flight_diagram, recorded, set_initial_state
 from diagrams.loop.flight_result import LostVehicle, fly
 from diagrams.loop.own_controller import load_factory
+from np_drake.rate_loop import RateLoop
 
 EXAMPLE = Path(__file__).parents[3] / "docs" / "examples" / "own_controller.py"
 HOVER = """\
@@ -260,3 +262,35 @@ def test_the_example_flies_the_height_better_than_nominal_mpc():
     assert own.metrics()["E_z"] < 0.01  # [m]; nominal MPC has 0.035
     assert own.metrics()["E_xy"] < 0.15
     assert own.wrench_label is not None
+
+
+class Rates(LeafSystem):
+    """Holds a height by collective thrust, and turns level."""
+
+    def __init__(self, vehicle, period):
+        super().__init__()
+        self._vehicle = vehicle
+        self._x = self.DeclareVectorInputPort("x", 13)
+        self.DeclareVectorOutputPort("rates_thrust", 4, self._calc_rates_thrust)
+
+    def _calc_rates_thrust(self, context, output):
+        x = self._x.Eval(context)
+        lift = self._vehicle.mass * (9.81 + 4.0 * (1.6 - x[2]) - 4.0 * x[9])
+        output.SetFromVector([lift, *(-6.0 * x[4:7])])
+
+
+def with_rate_loop():
+    config = load_experiment("hover")
+    config = dc.replace(config, duration=2.0, vehicle=dc.replace(config.vehicle, rate_loop=RateLoop()))
+    return config.with_autopilot("rate_loop")
+
+
+def test_one_that_commands_body_rates_flies_an_autopilot():
+    flown = fly(with_rate_loop(), seed=1, controller=Rates)
+    assert flown.metrics()["E_z"] < 1.0  # of a payload that it does not know
+    np.testing.assert_allclose(flown.log().commanded_rates, -6.0 * flown.log().q[:, 1:], atol=0.05)
+
+
+def test_one_that_commands_torque_is_refused_by_an_autopilot(hover):
+    with pytest.raises(ValueError, match="must have an output port rates_thrust"):
+        fly(with_rate_loop(), seed=1, controller=hover)

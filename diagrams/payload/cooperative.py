@@ -1,6 +1,6 @@
 """Cooperative transport: three quadrotors carry one payload, each with its own controller and no view of the others.
 
-An example of a Diagram with several vehicles: `python -m diagrams.cooperative` flies it and prints the errors.
+An example of a Diagram with several vehicles: `python -m diagrams.payload.cooperative` flies it and prints the errors.
 """
 
 import numpy as np

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from diagrams.cooperative import CORNERS, fly, make_cooperative_diagram
+from diagrams.payload.cooperative import CORNERS, fly, make_cooperative_diagram
 from np_drake.references.formation import closest_approach
 
 SETTLED = 100  # rows: 2 s

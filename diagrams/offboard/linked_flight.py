@@ -1,0 +1,63 @@
+"""Simulated flight whose controller is a process outside, by MAVLink."""
+
+import numpy as np
+from pydrake.systems.framework import Context, Diagram
+
+from diagrams.batch.run import Table
+from diagrams.loop.flight_result import Watch
+from np_drake.offboard.autopilot import SimulatedAutopilot
+from np_drake.offboard.link import Link
+from np_drake.vehicle import Vehicle
+from systems.offboard_autopilot import OffboardAutopilot
+
+PERIOD = 0.5  # between two looks [s]
+
+
+class RealTime(Watch):
+    """Viewer that shows nothing, and sets the pace."""
+
+    period, rate = PERIOD, 1.0
+
+    def begin(self, diagram: Diagram, context: Context) -> None:
+        """See nothing."""
+
+    def look(self, context: Context) -> bool:
+        """Let the flight go on."""
+        return True
+
+
+class CommandedByLink:
+    """Maker of the controller of a flight that takes its commands from a link.
+
+    Args:
+        link: to the node; whoever made it closes it.
+        pairs: whether the vehicle sends LOCAL_POSITION_NED and ATTITUDE_QUATERNION, and not ODOMETRY.
+    """
+
+    def __init__(self, link: Link, *, pairs: bool = False):
+        self.__name__ = "mavlink"  # of the controller, in the flight's files
+        self._link, self._pairs = link, pairs
+        self.autopilot: SimulatedAutopilot | None = None
+
+    def __call__(self, vehicle: Vehicle) -> OffboardAutopilot:
+        """Return the controller of a vehicle."""
+        self.autopilot = SimulatedAutopilot(vehicle, pairs=self._pairs)
+        return OffboardAutopilot(vehicle, self._link, self.autopilot)
+
+    def table(self) -> Table:
+        """Return what the autopilot has seen of the flight."""
+        autopilot = self.autopilot
+
+        def times(values: list[float]) -> str:
+            return ", ".join(f"{t:.1f}" for t in values) or "never"
+
+        if autopilot is None:
+            return ("autopilot", ["what", "value"], [])
+        gap = f"{1e3 * autopilot.largest_gap:.0f}" if np.isfinite(autopilot.largest_gap) else "none"
+        rows = [
+            ("handed over at [s]", times(autopilot.handovers)),
+            ("took over at [s]", times(autopilot.failsafes)),
+            ("commands", str(autopilot.commands)),
+            ("largest gap between them, while handed over [ms]", gap),
+        ]
+        return ("autopilot", ["what", "value"], rows)

@@ -1,0 +1,72 @@
+"""Real time of a node: ticks by the clock, until its flight is over or somebody ends it."""
+
+import signal
+import time
+from collections.abc import Callable
+from types import FrameType
+
+from diagrams.offboard.node import Node
+from np_drake.offboard.phases import Phase
+
+PATIENCE = 0.7  # share of a tick that a solve may take [1]; source: own choice
+LEAVES = 3.0  # longest time in which the autopilot takes over when it is asked to [s]; source: own choice
+LOOKS = 0.5  # between two calls of the monitor [s]
+
+
+class Ended:
+    """Whether the user has asked for the end, by SIGINT or SIGTERM. Use it as a context manager."""
+
+    def __init__(self) -> None:
+        self.asked = False
+
+    def __enter__(self) -> "Ended":
+        self._before = {number: signal.signal(number, self._take) for number in (signal.SIGINT, signal.SIGTERM)}
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for number, before in self._before.items():
+            signal.signal(number, before)
+
+    def _take(self, number: int, frame: FrameType | None) -> None:
+        self.asked = True
+
+
+def fly(
+    node: Node,
+    *,
+    wait: float = float("inf"),
+    ended: Callable[[], bool] = lambda: False,
+    monitor: Callable[[Node, float], None] | None = None,
+) -> None:
+    """Tick a node in real time until its flight is over; then the autopilot is asked to hold its place.
+
+    Args:
+        node: that has not ticked yet, and whose start is now by `time.monotonic`.
+        wait: longest time until the autopilot hands over [s].
+        ended: whether to end at once.
+        monitor: is shown the node every half a second, and the time on its reference [s].
+    """
+    period, end = 1 / node.config.offboard.rate, node.config.end
+    begin = planned = time.monotonic()
+    looked, leaving = -float("inf"), float("inf")
+    while True:
+        if (early := planned - time.monotonic()) > 0:
+            time.sleep(early)
+        now = time.monotonic()
+        node.counts.delays.append(now - planned)
+        node.tick(now, PATIENCE * period)
+        flown = node.flown_for(now)
+        if not node.leaves and (flown >= end or ended()):
+            leaving = now + LEAVES
+            node.leave()
+        commands = node.phase in (Phase.FLYING, Phase.LEVEL)
+        if (node.leaves and not commands) or now > leaving or (flown == 0.0 and now - begin > wait):
+            return
+        if monitor is not None and now - looked >= LOOKS:
+            looked = now
+            monitor(node, flown)
+        planned += period
+        if (behind := time.monotonic() - planned) > period:
+            skipped = int(behind / period)
+            node.counts.skipped += skipped
+            planned += skipped * period

@@ -1,0 +1,128 @@
+"""Autopilot that is simulated: holds its place, and follows a companion by MAVLink while that is heard."""
+
+import numpy as np
+
+from np_drake import attitude
+from np_drake.offboard.codec import AUTOPILOT, PX4, Codec, Command, HoldPlace
+from np_drake.offboard.command import rates_towards, throttle_of, thrust_of
+from np_drake.rate_loop import RateLoop
+from np_drake.rigid_body import P, Q, V, W
+from np_drake.vehicle import Vehicle
+
+LOST = 0.5  # without a command after which the autopilot holds its place [s]; source: PX4's COM_OF_LOSS_T is 1 s
+ALIVE, GAP = 1.5, 0.2  # how long commands have come when the pilot hands over, and the longest gap meanwhile [s]
+HEARTBEAT = 1.0  # between two [s]; source: MAVLink's heartbeat protocol
+BOOT = 7.0  # its clock at the beginning [s]
+STIFFNESS, DAMPING, INTEGRAL = 4.0, 3.0, 1.5  # of the hold [1/s², 1/s, 1/s³]; source: own choice
+MOST = 4.0  # largest acceleration of the hold [m/s²]; source: own choice
+
+
+class SimulatedAutopilot:
+    """Modes and messages of an autopilot of PX4's kind.
+
+    It is armed and in hold. A pilot hands over once commands have come for `ALIVE`, and the autopilot takes over where
+    none has come for `LOST`.
+
+    Args:
+        vehicle: that it flies.
+        rate: of its messages [Hz].
+        pairs: whether it sends LOCAL_POSITION_NED and ATTITUDE_QUATERNION, and not ODOMETRY.
+    """
+
+    def __init__(self, vehicle: Vehicle, *, rate: float = 100.0, pairs: bool = False):
+        self._vehicle, self._every, self._pairs = vehicle, 1 / rate, pairs
+        self._loop = vehicle.rate_loop or RateLoop()
+        self.codec = Codec(AUTOPILOT)
+        self.boot = BOOT  # its clock less the simulation's [s]
+        self.engaged = False
+        self.handovers: list[float] = []  # when the pilot handed over [s]
+        self.failsafes: list[float] = []  # when the autopilot took over [s]
+        self.commands, self.largest_gap = 0, -np.inf  # number [1], between two while it is engaged [s]
+        self.asked_to_hold = False  # by the companion, which must fall silent before the pilot hands over again
+        self._told: Command | None = None
+        self._told_at, self._alive_since = -np.inf, np.inf
+        self._place: np.ndarray | None = None
+        self._sum, self._stepped = np.zeros(3), 0.0
+        self._next_state = self._next_heartbeat = 0.0
+        self.in_force = np.zeros(4)  # thrust and body rates [N, rad/s]
+
+    def take(self, data: bytes, t: float) -> None:
+        """Take what has come by the link.
+
+        Args:
+            data: of any length.
+            t: [s].
+        """
+        for said in self.codec.parse(data):
+            if isinstance(said, Command):
+                self.commands += 1
+                if self.engaged:
+                    self.largest_gap = max(self.largest_gap, t - self._told_at)
+                self._alive_since = t if t - self._told_at > GAP else min(self._alive_since, t)
+                self.asked_to_hold = self.asked_to_hold and t - self._told_at <= GAP
+                self._told, self._told_at = said, t
+            elif isinstance(said, HoldPlace):
+                self.hold()
+                self.asked_to_hold = True
+
+    def hold(self) -> None:
+        """Take over, and hold the place."""
+        self.engaged, self._place, self._alive_since = False, None, np.inf
+
+    def step(self, t: float, x: np.ndarray) -> np.ndarray:
+        """Return collective thrust and body rates (4,) in force from a time on [N, rad/s].
+
+        Args:
+            t: [s].
+            x: (13,) state.
+        """
+        if self.engaged and t - self._told_at > LOST:
+            self.hold()
+            self.failsafes.append(t)
+        elif (
+            not self.engaged and not self.asked_to_hold and t - self._told_at <= GAP and t - self._alive_since >= ALIVE
+        ):
+            self.engaged = True
+            self.handovers.append(t)
+        if self.engaged and self._told is not None:
+            most = np.array(self._loop.max_rate)
+            rates = np.clip(self._told.rates, -most, most)
+            self.in_force = np.array([thrust_of(self._vehicle, self._told.thrust), *rates])
+        else:
+            self.in_force = self._hold(t, x)
+        return self.in_force
+
+    def messages(self, t: float, x: np.ndarray, acceleration: np.ndarray) -> bytes:
+        """Return what is due at a time.
+
+        Args:
+            t: [s].
+            x: (13,) state.
+            acceleration: (6,) [a in W, al in B] [m/s², rad/s²].
+        """
+        out, stamp = b"", self.boot + t
+        if t >= self._next_heartbeat - 1e-9:
+            self._next_heartbeat = t + HEARTBEAT
+            out += self.codec.heartbeat(engaged=self.engaged, autopilot=PX4)
+        if t >= self._next_state - 1e-9:
+            self._next_state = max(self._next_state + self._every, t - self._every)
+            state = self.codec.local_position if self._pairs else self.codec.odometry
+            f = attitude.rotate_back(x[Q], acceleration[:3] + [0.0, 0.0, self._vehicle.gravity])
+            out += self.codec.inertial(stamp, f, x[W]) + state(stamp, x)
+            throttle = throttle_of(self._vehicle, self.in_force[0])
+            out += self.codec.command(stamp, self.in_force[1:], throttle, in_force=True)
+        return out
+
+    def _hold(self, t: float, x: np.ndarray) -> np.ndarray:
+        """Return thrust and body rates (4,) that hold the place where the hold began [N, rad/s]."""
+        if self._place is None:
+            self._place, self._sum = x[P].copy(), np.zeros(3)
+        off = x[P] - self._place
+        self._sum = np.clip(self._sum + (t - self._stepped) * off, -1.0, 1.0)
+        self._stepped = t
+        a = -STIFFNESS * off - DAMPING * x[V] - INTEGRAL * self._sum
+        a *= min(1.0, MOST / max(float(np.linalg.norm(a)), 1e-9))
+        wanted = a + [0.0, 0.0, self._vehicle.gravity]
+        rates = rates_towards(x[Q], wanted, self._loop)
+        thrust = self._vehicle.mass * float(wanted @ attitude.body_z(x[Q]))
+        return np.array([np.clip(thrust, 0.0, 4 * self._vehicle.max_rotor_thrust), *rates])

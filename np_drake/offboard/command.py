@@ -1,0 +1,55 @@
+"""Collective thrust and body rates as an autopilot takes them."""
+
+import numpy as np
+
+from np_drake import attitude
+from np_drake.rate_loop import RateLoop
+from np_drake.vehicle import Vehicle
+from np_drake.vehicle_calibration import ThrottleMap
+
+TURN = 4.0  # body rate over the error of tilt [1/s]; source: own choice
+
+
+def throttle_of(vehicle: Vehicle, thrust: float, voltage: float | None = None) -> float:
+    """Return the thrust of SET_ATTITUDE_TARGET, over that at full throttle [1].
+
+    By the vehicle file's thrust map; linear in thrust where the file names none.
+
+    Args:
+        vehicle: nominal.
+        thrust: collective [N].
+        voltage: of the battery [V]; None: the map's own.
+    """
+    return float(np.clip(_map(vehicle).throttle(thrust / 4, voltage), 0.0, 1.0))
+
+
+def thrust_of(vehicle: Vehicle, throttle: float, voltage: float | None = None) -> float:
+    """Return the collective thrust [N] of SET_ATTITUDE_TARGET's, the inverse of `throttle_of`.
+
+    Args:
+        vehicle: nominal.
+        throttle: [1].
+        voltage: of the battery [V]; None: the map's own.
+    """
+    return 4 * float(_map(vehicle).thrust(throttle, voltage))
+
+
+def rates_towards(q: np.ndarray, z_W: np.ndarray, loop: RateLoop) -> np.ndarray:
+    """Return the commanded body rates (3,) that turn body z to a direction, within the loop's largest [rad/s].
+
+    Args:
+        q: (4,) attitude.
+        z_W: (3,) in W, of any length.
+        loop: of the autopilot.
+    """
+    z_B = attitude.rotate_back(q, z_W / np.linalg.norm(z_W))
+    axis = np.array([-z_B[1], z_B[0], 0.0])  # body z x z_B
+    sine = float(np.linalg.norm(axis))
+    angle = float(np.arctan2(sine, z_B[2]))
+    turn = axis * (angle / sine) if sine > 1e-9 else np.zeros(3)
+    most = np.array(loop.max_rate)
+    return np.clip(TURN * turn / np.array(loop.gain), -most, most)
+
+
+def _map(vehicle: Vehicle) -> ThrottleMap:
+    return vehicle.throttle or ThrottleMap(full_thrust=vehicle.max_rotor_thrust, linear=1.0)

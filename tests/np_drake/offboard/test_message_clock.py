@@ -1,0 +1,82 @@
+"""Laws of the clock of a sender: ages are those of the messages, whatever its clock shows."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from np_drake.offboard.message_clock import MessageClock
+
+WAYS = st.lists(st.tuples(st.floats(0.001, 0.2), st.floats(0.0, 0.3)), min_size=1, max_size=30)  # gap, delay [s]
+OFFSETS = st.floats(-1e6, 1e6)
+
+
+def heard(ways, offset: float = 0.0, begin: float = 0.0) -> list[tuple[float, float]]:
+    """Stamps and times of arrival, in order of arrival."""
+    sent = begin + np.cumsum([gap for gap, _ in ways])
+    arrived = sent + [delay for _, delay in ways]
+    return sorted(zip(sent + offset, arrived, strict=True), key=lambda one: one[1])
+
+
+def ages(messages) -> list[float]:
+    dut, found = MessageClock(), []
+    for stamp, now in messages:
+        dut.hear(stamp, now)
+        found.append(dut.age(stamp, now))
+    return found
+
+
+@given(ways=WAYS, offset=OFFSETS)
+def test_a_constant_offset_of_the_clocks_changes_no_age(ways, offset):
+    np.testing.assert_allclose(ages(heard(ways, offset)), ages(heard(ways)), atol=1e-8)
+
+
+@given(ways=WAYS, begin=OFFSETS)
+def test_the_time_at_which_a_flight_begins_changes_no_age(ways, begin):
+    np.testing.assert_allclose(ages(heard(ways, begin=begin)), ages(heard(ways)), atol=1e-8)
+
+
+@given(ways=WAYS, offset=OFFSETS)
+def test_the_age_is_the_delay_beyond_the_least_so_far(ways, offset):
+    messages = heard(ways, offset)
+    delays = np.array([now - (stamp - offset) for stamp, now in messages])
+    beyond = delays - np.minimum.accumulate(delays)
+    found = np.array(ages(messages))
+    assert (found >= -1e-8).all()
+    assert (found <= beyond + 1e-8).all()
+    lasted = messages[-1][1] - messages[0][1]
+    assert (found >= beyond - 2e-3 * lasted - 1e-8).all()  # the clocks may have run apart meanwhile
+
+
+@given(offset=OFFSETS, wait=st.floats(0.0, 100.0))
+def test_a_message_grows_old_as_time_goes_by(offset, wait):
+    dut = MessageClock()
+    dut.hear(5.0 + offset, 5.0)
+    assert dut.age(5.0 + offset, 5.0 + wait) == pytest.approx(wait, abs=1e-8)
+
+
+@pytest.mark.parametrize("drift", [-5e-4, -1e-4, 1e-4, 5e-4])
+def test_clocks_that_run_apart_make_no_message_old(drift):
+    dut, oldest = MessageClock(), 0.0
+    for now in np.arange(0.0, 2000.0, 0.5).tolist():
+        dut.hear((1 + drift) * now, now)
+        oldest = max(oldest, dut.age((1 + drift) * now, now))
+    assert oldest < 1e-9
+
+
+@given(offset=OFFSETS, back=st.floats(2.0, 1e6))
+def test_stamps_that_go_far_back_are_a_new_start(offset, back):
+    dut = MessageClock()
+    assert not dut.hear(offset, 10.0)
+    assert dut.hear(offset - back, 10.1)
+    assert dut.age(offset - back, 10.1) == pytest.approx(0.0, abs=1e-8)
+    assert dut.newest == offset - back
+    assert not dut.hear(offset - back + 0.01, 10.11)
+
+
+@given(ways=WAYS, offset=OFFSETS)
+def test_messages_that_are_late_are_no_new_start(ways, offset):
+    dut = MessageClock()
+    messages = heard(ways, offset)
+    assert not any(dut.hear(stamp, now) for stamp, now in messages)
+    assert dut.newest == max(stamp for stamp, _ in messages)
