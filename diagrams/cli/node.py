@@ -1,18 +1,21 @@
 """`np-drake node`: fly a vehicle through its autopilot, by MAVLink."""
 
+from collections.abc import Sequence
 from pathlib import Path
+from queue import SimpleQueue
+from threading import Thread
 from typing import TYPE_CHECKING, Annotated
 
 from typer import Argument, Option
 
 from diagrams.batch.failed_run import FailedRun
 from diagrams.cli import options
-from diagrams.cli.output import progress, say, tell
+from diagrams.cli.output import progress, say
 from diagrams.cli.runner import Report, Run, reports
 from diagrams.cli.scenario import Numbers, scenarios
 
 if TYPE_CHECKING:
-    from diagrams.offboard.node import Node
+    from diagrams.offboard.node import Event, Node
 
 DEADLINE = 1.0  # of a solve, over the controller's period, where the scenario names none [1]
 
@@ -51,7 +54,6 @@ def node(
 ) -> Report:
     """Fly an experiment on a vehicle: state in and body rates out by MAVLink, while all is in order."""
     import dataclasses as dc
-    import time
 
     from diagrams.loop.own_controller import is_own
     from diagrams.offboard import real_time, report
@@ -65,50 +67,74 @@ def node(
         experiment, [controller] if controller else [], vehicle=vehicle, reality=None, solver=solver,
         predictor=predictor, told_mass=False, autopilot="rate_loop", numbers=Numbers(duration=duration),
     )[0]  # fmt: skip
+    if is_own(config.controller.kind):
+        raise ValueError(f"controller: must be one of this project's; got {config.controller.kind}. Name --controller.")
     if rate is not None:
         config = dc.replace(config, offboard=dc.replace(config.offboard, rate=rate)).check()
     if config.controller.deadline == float("inf"):
         config.controller.deadline = DEADLINE * config.controller.period
     port, worker = MavlinkLink(link, baud), SolverThread()
     try:
-        flown, told = Node(config, port, worker), 0
+        flying = Node(config, port, worker)
         say(f"{config.name} with {config.controller.name} at {config.offboard.rate:g} Hz on {link}; Ctrl-C ends it.")
-        with real_time.Ended() as ended, progress(f"flying {config.name}", config.end) as advance:
+        with real_time.Ended() as ended, progress(f"flying {config.name}", config.end) as advance, _Told() as told:
 
             def monitor(now: "Node", t: float) -> None:
-                nonlocal told
-                for event in now.events[told:]:
-                    say(f"{event.time:8.2f} s  {event.phase.value}: {event.reason}")
-                told = len(now.events)
+                told.show(now.events)
                 advance(t, now.phase.value)
 
             real_time.fly(
-                flown, wait=float("inf") if wait is None else wait, ended=lambda: ended.asked, monitor=monitor
+                flying, wait=float("inf") if wait is None else wait, ended=lambda: ended.asked, monitor=monitor
             )
+            told.show(flying.events)
     finally:
         worker.close()
         port.close()
-    flights, named = flown.flights, {"experiment": config.name, "controller": config.controller.name}
-
-    def write(folder: Path) -> None:
+    flown, named = flying.flown, {"experiment": config.name, "controller": config.controller.name}
+    if flown is not None and run.out is not None:
         from np_drake.logs.formats.log_file import write_log
 
-        for k, one in enumerate(flights):
-            name = f"{config.name}_{config.controller.name}{f'_{k + 1}' if len(flights) > 1 else ''}.csv"
-            write_log(one.log, folder / name)
-            say(f"log: {folder / name}")
-
-    if not flights:
-        last = flown.events[-1].reason if flown.events else flown.readings.at(time.monotonic()).problem
-        tell(f"nothing was flown: {last or 'the pilot has not handed over'}.")
+        file = run.folder / f"{config.name}_{config.controller.name}.csv"
+        write_log(flown.log, file)
+        say(f"log: {file}")
     return Report(
-        report.tables(flown),
+        report.tables(flying),
         config={**named, "offboard": dc.asdict(config.offboard)},
         metrics={
-            "flights": [report.flight_metrics(flown, one) for one in flights],
-            "deadlines": report.deadlines(flown),
-            "phases": [(event.time, event.phase.value, event.reason) for event in flown.events],
+            "flight": None if flown is None else report.flight_metrics(flying, flown),
+            "deadlines": report.deadlines(flying),
+            "phases": [(event.time, event.phase.value, event.reason) for event in flying.events],
         },
-        write=write,
-        failure=None if flights else FailedRun("node: the pilot has not handed over, or the link is silent."),
+        failure=None if flown is not None else FailedRun(f"node: nothing was flown: {_why_not(flying)}."),
     )
+
+
+def _why_not(node: "Node") -> str:
+    import time
+
+    last = node.events[-1].reason if node.events else ""
+    return node.readings.at(time.monotonic()).problem or last or "the pilot has not handed over"
+
+
+class _Told:
+    """Shows changes of phase from a thread of its own: a terminal that is not read must not stop a flight."""
+
+    def __enter__(self) -> "_Told":
+        self._lines: SimpleQueue[str | None] = SimpleQueue()
+        self._shown = 0
+        self._thread = Thread(target=self._work, daemon=True)
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._lines.put(None)
+        self._thread.join(timeout=1.0)
+
+    def show(self, events: "Sequence[Event]") -> None:
+        for event in events[self._shown :]:
+            self._lines.put(f"{event.time:8.2f} s  {event.phase.value}: {event.reason}")
+        self._shown = len(events)
+
+    def _work(self) -> None:
+        while (line := self._lines.get()) is not None:
+            say(line)

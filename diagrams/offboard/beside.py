@@ -48,20 +48,22 @@ def flown_beside(config: FlightConfig, *, seed: int, monitor: Callable[[float], 
             vehicle.wait()
             worker.close()
             link.close()
-        if not node.flights:
+        flight = node.flown
+        if flight is None:
             said.seek(0)
             raise ValueError(f"node: the vehicle was not handed over: {said.read().strip()[-200:]}")
-    flown = report.flight_metrics(node, node.flights[0])
+    flown = report.flight_metrics(node, flight)
     own = fly(dc.replace(config), seed=seed)
     rows, signals = own.scored, own.signals
     diagram = metrics.tracking_errors(signals["x"][rows, :3], signals["p_ref"][rows])
     ratio = flown["E_xy"] / diagram["E_xy"]
-    return {"node": flown, "diagram": diagram, "ratio": ratio, "deadlines": report.deadlines(node), "rate": _rate(node)}
-
-
-def _rate(node: Node) -> float:
-    """Return the rate of what was sent while it flew [Hz]."""
-    return float(1 / np.mean(np.diff(node.flights[0].log.t)))
+    return {
+        "node": flown,
+        "diagram": diagram,
+        "ratio": ratio,
+        "deadlines": report.deadlines(node),
+        "rate": float(1 / np.mean(np.diff(flight.log.t))),
+    }
 
 
 def _free_port() -> int:

@@ -3,7 +3,7 @@
 import dataclasses as dc
 
 import numpy as np
-from pydrake.systems.framework import Diagram, DiagramBuilder
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 from pydrake.systems.primitives import PassThrough
 
 from diagrams.loop.controllers import add_controller
@@ -22,11 +22,7 @@ class Answer:
     position: np.ndarray  # (3,) of the reference [m]
     status: MpcStatus
     solve_time: float  # [s]
-
-    @property
-    def is_usable(self) -> bool:
-        """Whether it is finite, and of a solve that had an answer."""
-        return bool(np.isfinite(self.rates_thrust).all()) and self.status < MpcStatus.SHIFTED_PLAN
+    generation: int = 0  # of the memory that it is of [1]
 
 
 def make_companion_diagram(config: FlightConfig) -> Diagram:
@@ -77,10 +73,12 @@ class Companion:
         self.reset()
 
     def reset(self) -> None:
-        """Forget all that was measured."""
-        self._context = self._diagram.CreateDefaultContext()
+        """Forget all that was measured; a step that goes on meanwhile does not count."""
+        self.context = self._diagram.CreateDefaultContext()
 
-    def step(self, t: float, *, x: np.ndarray, acceleration: np.ndarray, in_force: np.ndarray) -> Answer:
+    def step(
+        self, t: float, *, x: np.ndarray, acceleration: np.ndarray, in_force: np.ndarray, context: Context | None = None
+    ) -> Answer:
         """Take the measurements of an instant and return what to do.
 
         Args:
@@ -88,8 +86,9 @@ class Companion:
             x: (13,) in the axes of the reference; NaN where nothing is measured.
             acceleration: (6,) [a in these axes, al in B] [m/s², rad/s²].
             in_force: (4,) collective thrust and body rates since the last instant [N, rad/s].
+            context: as `context` was when the step was asked for; None: as it is.
         """
-        diagram, context = self._diagram, self._context
+        diagram, context = self._diagram, context or self.context
         context.SetTime(t)
         for name, value in (("x", x), ("acceleration", acceleration), ("in_force", in_force)):
             diagram.GetInputPort(name).FixValue(context, value)

@@ -31,17 +31,16 @@ class CommandedByLink:
 
     Args:
         link: to the node; whoever made it closes it.
-        pairs: whether the vehicle sends LOCAL_POSITION_NED and ATTITUDE_QUATERNION, and not ODOMETRY.
     """
 
-    def __init__(self, link: Link, *, pairs: bool = False):
+    def __init__(self, link: Link):
         self.__name__ = "mavlink"  # of the controller, in the flight's files
-        self._link, self._pairs = link, pairs
+        self._link = link
         self.autopilot: SimulatedAutopilot | None = None
 
     def __call__(self, vehicle: Vehicle) -> OffboardAutopilot:
         """Return the controller of a vehicle."""
-        self.autopilot = SimulatedAutopilot(vehicle, pairs=self._pairs)
+        self.autopilot = SimulatedAutopilot(vehicle)
         return OffboardAutopilot(vehicle, self._link, self.autopilot)
 
     def table(self) -> Table:

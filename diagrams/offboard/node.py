@@ -5,10 +5,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from diagrams.batch.failed_run import one_line
 from diagrams.loop.flight import FlightConfig
 from diagrams.offboard.companion import Answer, Companion
+from diagrams.offboard.flight_record import Counts, FlightRecord, Flown
 from diagrams.offboard.solver_thread import Worker
-from np_drake.flight_log import FlightLog
+from np_drake.mpc.problem import MpcStatus
 from np_drake.offboard.anchor import Anchor
 from np_drake.offboard.codec import COMPANION, Codec
 from np_drake.offboard.command import rates_towards, throttle_of, thrust_of
@@ -17,12 +19,14 @@ from np_drake.offboard.link import Link
 from np_drake.offboard.phases import Phase, Phases
 from np_drake.offboard.readings import Reading, Readings
 from np_drake.rate_loop import RateLoop
-from np_drake.rigid_body import Q, W
+from np_drake.rigid_body import Q, V, W
 
-ASKED = ("ODOMETRY", "HIGHRES_IMU", "ATTITUDE_TARGET")  # of the autopilot, at the node's rate
-HEARTBEAT = 1.0  # between two of the node's own, and between two requests [s]
+# Asked of the autopilot, at the node's rate.
+ASKED = ("ODOMETRY", "LOCAL_POSITION_NED", "ATTITUDE_QUATERNION", "HIGHRES_IMU", "ATTITUDE_TARGET")
+HEARTBEAT, HEARTBEATS = 1.0, 10.0  # between two of the node's own [s]; asked of the autopilot's [Hz]
+LEAVING, LEAVES = 0.2, 3.0  # between two requests to hold, and how long they are made [s]
+SLOW = 0.5  # speed above which nothing begins [m/s]; source: own choice
 WARM_UP = 5  # steps before the first message [1]
-LEAVING = 0.2  # between two requests to hold [s]
 LEVEL_THRUST = (0.5, 1.6)  # of level thrust over the weight [1]; source: own choice
 UP = np.array([0.0, 0.0, 1.0])
 
@@ -30,74 +34,64 @@ UP = np.array([0.0, 0.0, 1.0])
 class Event(NamedTuple):
     """Change of phase."""
 
-    time: float  # since the node's start [s]
+    time: float  # since the first tick [s]
     phase: Phase
     reason: str
 
 
-class Flown(NamedTuple):
-    """One flight."""
-
-    log: FlightLog
-    reference: np.ndarray  # (n, 3) position where it should be [m]
-
-
-@dc.dataclass
-class Counts:
-    """What a report tells of deadlines."""
-
-    ticks: int = 0
-    sent: int = 0
-    periods: int = 0  # of the controller, while it commands
-    late: int = 0  # of them without an answer in time
-    skipped: int = 0  # ticks that had no time
-    solves: list[float] = dc.field(default_factory=list)  # times [s]
-    delays: list[float] = dc.field(default_factory=list)  # of ticks after their time [s]
-
-
 class Node:
-    """Reads the messages of an autopilot and commands it, while all is in order.
+    """Reads the messages of an autopilot and commands it, while all is in order; flies once.
 
     Args:
         config: of the flight: reference, controller that commands body rates, vehicle, limits.
         link: to the autopilot; whoever made it closes it.
         worker: steps the controller.
-    Raises: ValueError: on a controller that does not command body rates.
+    Raises: ValueError: on a controller that does not command body rates, or whose period is no multiple of a tick.
     """
 
     def __init__(self, config: FlightConfig, link: Link, worker: Worker):
-        self.config, self._limits = config, config.offboard.check()
-        self._link, self._worker = link, worker
-        self._begin: float | None = None  # time of the first tick [s]
+        self.config, self._limits, self._link, self._worker = config, config.offboard.check(), link, worker
+        ticks = config.controller.period * config.offboard.rate
+        if abs(ticks - round(ticks)) > 1e-6 or ticks < 1 - 1e-6:
+            raise ValueError(
+                f"offboard: rate must be a whole multiple of the controller's, {1 / config.controller.period:g} Hz; "
+                f"got {config.offboard.rate:g}."
+            )
         vehicle = config.controller.believed(config.vehicle)
         self._vehicle, self._weight = vehicle, vehicle.mass * vehicle.gravity
         self._loop = vehicle.rate_loop or RateLoop()
         self._motion, self._track = config.motion, config.motion.sample(np.zeros(1))[0, 0]
-        self._codec, self._companion = Codec(COMPANION), Companion(config)
+        self._codec, self._companion = Codec(COMPANION, self._limits.system), Companion(config)
         self.readings = Readings(self._limits, vehicle.gravity)
-        self.phases, self.events, self.counts = Phases(), list[Event](), Counts()
+        self.phases, self.events, self.counts, self._record = Phases(), list[Event](), Counts(), FlightRecord()
+        self._begin: float | None = None  # time of the first tick [s]
         self._anchor: Anchor | None = None
         self._handed_over = self._next_step = self._next_heartbeat = -np.inf
+        self._left_at = np.inf  # when the autopilot was asked to hold its place [s]
         self._answer: Answer | None = None
-        self._is_trusted = False  # the state of this tick
+        self._generation = 0  # of the controller's memory [1]
+        self._is_known = self._is_trusted = False  # the state of this tick: whether it is, and within limits
+        self._is_owed = False  # an answer, since the period began
         self._without_answer = 0  # periods in succession [1]
         self._sent = np.array([self._weight, 0.0, 0.0, 0.0])
         self._force = np.zeros(3)
-        self._flights: list[list[tuple[np.ndarray, ...]]] = []
+        self._error = ""  # of the last tick that failed
         self._warm_up()
-        self.leaves = False  # whether the autopilot is asked to hold its place
-
-    def _warm_up(self) -> None:
-        """Step the controller a few times at rest: what is compiled or built on first use is done before it matters."""
-        x = np.array([*self._track, 1.0, *np.zeros(9)])
-        for _ in range(WARM_UP):
-            self._companion.step(0.0, x=x, acceleration=np.zeros(6), in_force=self._sent)
-        self._companion.reset()
 
     @property
     def phase(self) -> Phase:
         """Phase of the flight."""
         return self.phases.phase
+
+    @property
+    def leaves(self) -> bool:
+        """Whether the autopilot has been asked to hold its place."""
+        return self._left_at < np.inf
+
+    @property
+    def flown(self) -> Flown | None:
+        """The flight so far; None where there is none."""
+        return self._record.flown(self._vehicle, self.config.name)
 
     def flown_for(self, now: float) -> float:
         """Return the time on the reference, 0 before the autopilot has handed over [s].
@@ -107,8 +101,16 @@ class Node:
         """
         return now - self._handed_over if self._handed_over > -np.inf else 0.0
 
+    def leave(self, now: float) -> None:
+        """Ask the autopilot to hold its place, and go on commanding until it does.
+
+        Args:
+            now: our time [s].
+        """
+        self._left_at, self._next_heartbeat = now, -np.inf
+
     def tick(self, now: float, patience: float = 0.0) -> None:
-        """Read what has come, and send what follows.
+        """Read what has come, and send what follows; a tick that fails sends nothing, and counts as a problem.
 
         Args:
             now: our time, not before that of the last tick [s].
@@ -116,102 +118,113 @@ class Node:
         """
         self.counts.ticks += 1
         self._begin = now if self._begin is None else self._begin
+        try:
+            self._tick(now, patience)
+            self._error = ""
+        except Exception as error:  # nothing may end a flight but its phases
+            self.counts.errors += 1
+            self._error = f"internal error: {one_line(error)}"
+            self._change(now, self._error, self.phases.was_engaged)
+
+    def _tick(self, now: float, patience: float) -> None:
         for data in self._link.receive():
             for said in self._codec.parse(data):
                 self.readings.take(said, now)
         reading = self.readings.at(now)
-        x = np.full(13, np.nan) if self._anchor is None else self._anchor.seen(reading.x)
-        self._advance(now, reading, x)
-        if self._anchor is None or not self.phase.sends:
-            self._say_hello(now)
-            return
-        x = self._anchor.seen(reading.x)
-        self._solve(now, reading, x, patience)
-        self._send(now, x, reading)
+        self._is_trusted, problem = self._judge(now, reading)
+        before = self.phase
+        self._change(now, problem, reading.engaged)
+        if self.phase is Phase.READY and before is not Phase.READY:
+            self._anchor = Anchor.at(reading.x, self._track)
+            self._companion.reset()
+            self._generation += 1
+            self._answer, self._without_answer, self._is_owed, self._next_step = None, 0, False, -np.inf
+        elif self.phase is Phase.FLYING and before is Phase.READY:
+            self._handed_over = now
+        elif self.phase is Phase.LEVEL:
+            self._answer = None
+        if self._anchor is not None and self.phase.sends:
+            x = self._anchor.seen(reading.x)
+            a = np.concatenate([self._anchor.turned(reading.acceleration[:3]), reading.acceleration[3:]])
+            self._solve(now, reading, x, a, patience)
+            self._send(now, x, a)
         self._say_hello(now)
 
-    def leave(self) -> None:
-        """Ask the autopilot to hold its place from now on, and go on commanding until it does."""
-        self.leaves, self._next_heartbeat = True, -np.inf
-
-    @property
-    def flights(self) -> list[Flown]:
-        """What was flown between a hand-over and the next, each in the axes of its reference."""
-        found = []
-        for rows in filter(None, self._flights):
-            t, x, acceleration, u, rates, position = (np.array(column) for column in zip(*rows, strict=True))
-            log = FlightLog(
-                t=t[:, 0], p=x[:, :3], q=x[:, 3:7], v=x[:, 7:10], w=x[:, 10:13], u=self._vehicle.saturate(u),
-                a=acceleration[:, :3], al=acceleration[:, 3:], commanded_rates=rates, name=self.config.name,
-            )  # fmt: skip
-            found.append(Flown(log, position))
-        return found
-
-    def _advance(self, now: float, reading: Reading, x: np.ndarray) -> None:
-        """Find the phase, and follow its change."""
-        before, problem = self.phase, reading.problem
-        if not problem and before in (Phase.WAITING, Phase.READY):
-            problem = "" if np.isfinite(reading.in_force).all() else "no ATTITUDE_TARGET"
-        if not problem and before.sends:
-            problem = out_of_limits(x, self._motion.sample(np.array([self.flown_for(now)]))[0, 0], self._limits)
-            if before is Phase.READY and self._anchor is not None and not self._anchor.holds(reading.x, self._track):
+    def _judge(self, now: float, reading: Reading) -> tuple[bool, str]:
+        """Return whether the state may be flown by, and what is not in order."""
+        problem, phase = reading.problem, self.phase
+        self._is_known = not problem
+        if not problem and phase in (Phase.WAITING, Phase.READY):
+            anchor = Anchor.at(reading.x, self._track) if self._anchor is None else self._anchor
+            problem = out_of_limits(anchor.seen(reading.x), self._track, self._limits)
+            if not problem and np.linalg.norm(reading.x[V]) > SLOW:
+                problem = f"the vehicle moves by more than {SLOW:g} m/s"
+            elif not problem and phase is Phase.READY and not anchor.holds(reading.x, self._track):
                 problem = "the vehicle has moved on"
-        self._is_trusted = not problem
-        if not problem and before.sends and self._without_answer >= self._limits.late_solves:
+            elif not problem and phase is Phase.WAITING and not np.isfinite(reading.in_force).all():
+                problem = "no ATTITUDE_TARGET"
+            self._anchor = self._anchor if phase is Phase.READY else None
+        elif not problem and phase.sends and self._anchor is not None:
+            reference = self._motion.sample(np.array([self.flown_for(now)]))[0, 0]
+            problem = out_of_limits(self._anchor.seen(reading.x), reference, self._limits)
+        trusted = not problem
+        if not problem and phase.sends and self._without_answer >= self._limits.late_solves:
             problem = f"no answer of the controller for {self._without_answer} periods"
-        self.phases = self.phases.advanced(now, problem=problem, engaged=reading.engaged, config=self._limits)
-        if self.phase is before:
-            return
-        self.events.append(Event(self._since_start(now), self.phase, self.phases.reason))
-        if self.phase in (Phase.WAITING, Phase.READY):
-            self._handed_over, self._without_answer, self._answer = -np.inf, 0, None
-            self._anchor, self._next_step = None, -np.inf
-            if self.phase is Phase.READY:
-                self._anchor = Anchor.at(reading.x, self._track)
-                self._companion.reset()
-        elif before is Phase.READY:
-            self._handed_over = now
-            self._flights.append([])
+        if not problem and now > self._left_at + LEAVES:
+            problem = "the autopilot does not hold its place when it is asked to"
+        return trusted, problem
 
-    def _solve(self, now: float, reading: Reading, x: np.ndarray, patience: float) -> None:
+    def _change(self, now: float, problem: str, engaged: bool) -> None:
+        before = self.phase
+        self.phases = self.phases.advanced(now, problem=problem, engaged=engaged, config=self._limits)
+        if self.phase is not before:
+            self.events.append(Event(self._since_start(now), self.phase, self.phases.reason))
+
+    def _solve(self, now: float, reading: Reading, x: np.ndarray, a: np.ndarray, patience: float) -> None:
         """Step the controller where a period begins, and take its answer where there is one."""
-        assert self._anchor is not None
-        period, due = self.config.controller.period, now >= self._next_step - 1e-9
-        if due:
+        if now >= self._next_step - 1e-9:
+            period = self.config.controller.period
             self._next_step = max(self._next_step, now - period) + period
-            if self.phase is Phase.READY:
-                in_force = reading.in_force.copy()
-                in_force[0] = thrust_of(self._vehicle, in_force[0], self.readings.voltage)
-            else:
-                in_force = self._sent
-            measured = x if self._is_trusted else np.full(13, np.nan)
-            a = np.concatenate([self._anchor.turned(reading.acceleration[:3]), reading.acceleration[3:]])
-            t, companion = self.flown_for(now), self._companion
-            self._worker.submit(lambda: companion.step(t, x=measured, acceleration=a, in_force=in_force), now)
-            self.counts.periods += 1
-        found = self._found(now, patience)
-        if found is not None:
+            if self._is_owed:
+                self._without_answer += 1
+                self.counts.late += 1
+            self._is_owed = self._is_trusted
+            self._begin_step(now, reading, x, a)
+        for found in filter(None, [self._found(now, patience)]):
             self.counts.solves.append(found.solve_time)
-            if self._is_trusted and np.isfinite(found.force).all():
+            usable = bool(np.isfinite(found.rates_thrust).all())
+            self._answer = found if usable else None
+            if usable and self._is_trusted and np.isfinite(found.force).all():
                 self._force = found.force
-            self._answer = found if np.isfinite(found.rates_thrust).all() else None
-        if found is not None and found.is_usable:
-            self._without_answer = 0
-        elif due and self._is_trusted:
-            self._without_answer += 1
-            self.counts.late += 1
+            if usable and found.status < MpcStatus.SHIFTED_PLAN:
+                self._without_answer, self._is_owed = 0, False
+
+    def _begin_step(self, now: float, reading: Reading, x: np.ndarray, a: np.ndarray) -> None:
+        in_force = self._sent
+        if self.phase is Phase.READY and np.isfinite(reading.in_force).all():
+            in_force = reading.in_force.copy()
+            in_force[0] = thrust_of(self._vehicle, in_force[0], self.readings.voltage)
+        measured = x if self._is_trusted else np.full(13, np.nan)
+        t, generation = self.flown_for(now), self._generation
+        companion, context = self._companion, self._companion.context
+
+        def step() -> Answer:
+            found = companion.step(t, x=measured, acceleration=a, in_force=in_force, context=context)
+            return dc.replace(found, generation=generation)
+
+        self._worker.submit(step, now)
+        self.counts.periods += 1
 
     def _found(self, now: float, patience: float) -> Answer | None:
-        """Return the controller's answer; None where there is none, or it has failed."""
+        """Return the controller's answer; None where there is none, it has failed, or it is of an earlier memory."""
         try:
-            return self._worker.answer(now, patience)
-        except (ValueError, RuntimeError, ArithmeticError):  # of the controller: counts as no answer
+            found = self._worker.answer(now, patience)
+        except Exception:  # whatever a controller raises: it counts as no answer
             return None
+        return found if found is not None and found.generation == self._generation else None
 
-    def _send(self, now: float, x: np.ndarray, reading: Reading) -> None:
-        answer = self._answer
-        levels = answer is None or self.phase is Phase.LEVEL
-        command = self._level(x, reading) if levels or answer is None else answer.rates_thrust.copy()
+    def _send(self, now: float, x: np.ndarray, a: np.ndarray) -> None:
+        command = self._level(x) if self._answer is None else self._answer.rates_thrust.copy()
         most = np.array(self._loop.max_rate)
         command[0] = np.clip(command[0], 0.0, 4 * self._vehicle.max_rotor_thrust)
         command[1:] = np.clip(command[1:], -most, most)
@@ -219,28 +232,18 @@ class Node:
         throttle = throttle_of(self._vehicle, command[0], self.readings.voltage)
         self._link.send(self._codec.command(self._since_start(now), command[1:], throttle))
         self.counts.sent += 1
-        if self.phase in (Phase.FLYING, Phase.LEVEL) and not self.leaves:
-            self._record(now, x, reading, command)
+        if self.phase in (Phase.FLYING, Phase.LEVEL) and not self.leaves and self._is_trusted:
+            t = self.flown_for(now)
+            u = np.array([command[0], *self._loop.torque(self._vehicle.J, x[W], command[1:])])
+            reference = self._motion.sample(np.array([t]))[0, 0]
+            self._record.add(t=np.array(t), x=x, acceleration=a, u=u, rates=command[1:], reference=reference)
 
-    def _level(self, x: np.ndarray, reading: Reading) -> np.ndarray:
+    def _level(self, x: np.ndarray) -> np.ndarray:
         """Return level thrust (4,), with the residual force that was predicted last [N, rad/s]."""
         least, most = LEVEL_THRUST
         thrust = np.clip(self._weight - self._force[2], least * self._weight, most * self._weight)
-        known = not reading.problem and np.isfinite(x).all()
-        return np.array([thrust, *(rates_towards(x[Q], UP, self._loop) if known else np.zeros(3))])
-
-    def _since_start(self, now: float) -> float:
-        return now - (now if self._begin is None else self._begin)
-
-    def _record(self, now: float, x: np.ndarray, reading: Reading, command: np.ndarray) -> None:
-        t = self.flown_for(now)
-        if reading.problem or not np.isfinite(x).all():
-            return
-        assert self._anchor is not None
-        a = np.concatenate([self._anchor.turned(reading.acceleration[:3]), reading.acceleration[3:]])
-        u = np.array([command[0], *self._loop.torque(self._vehicle.J, x[W], command[1:])])
-        position = self._motion.sample(np.array([t]))[0, 0]
-        self._flights[-1].append((np.array([t]), x, a, u, command[1:], position))
+        rates = rates_towards(x[Q], UP, self._loop) if self._is_known else np.zeros(3)
+        return np.array([thrust, *rates])
 
     def _say_hello(self, now: float) -> None:
         """Send the node's heartbeat, and ask for the messages that it needs."""
@@ -250,6 +253,17 @@ class Node:
         out = self._codec.heartbeat()
         if self.leaves:
             out += self._codec.hold(self.readings.autopilot)
-        if not self.phase.sends:
+        elif not self.phase.sends:
+            out += self._codec.request("HEARTBEAT", HEARTBEATS)
             out += b"".join(self._codec.request(name, self._limits.rate) for name in ASKED)
         self._link.send(out)
+
+    def _since_start(self, now: float) -> float:
+        return now - (now if self._begin is None else self._begin)
+
+    def _warm_up(self) -> None:
+        """Step the controller a few times at rest: what is compiled or built on first use is done before it matters."""
+        x = np.array([*self._track, 1.0, *np.zeros(9)])
+        for _ in range(WARM_UP):
+            self._companion.step(0.0, x=x, acceleration=np.zeros(6), in_force=self._sent)
+        self._companion.reset()

@@ -9,18 +9,21 @@ from diagrams.offboard.node import Node
 from np_drake.offboard.phases import Phase
 
 PATIENCE = 0.7  # share of a tick that a solve may take [1]; source: own choice
-LEAVES = 3.0  # longest time in which the autopilot takes over when it is asked to [s]; source: own choice
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 LOOKS = 0.5  # between two calls of the monitor [s]
 
 
 class Ended:
-    """Whether the user has asked for the end, by SIGINT or SIGTERM. Use it as a context manager."""
+    """Whether the user has asked for the end, by SIGINT, SIGTERM or the end of the terminal.
+
+    A second SIGINT ends at once. Use it as a context manager.
+    """
 
     def __init__(self) -> None:
         self.asked = False
 
     def __enter__(self) -> "Ended":
-        self._before = {number: signal.signal(number, self._take) for number in (signal.SIGINT, signal.SIGTERM)}
+        self._before = {number: signal.signal(number, self._take) for number in SIGNALS}
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -28,6 +31,8 @@ class Ended:
             signal.signal(number, before)
 
     def _take(self, number: int, frame: FrameType | None) -> None:
+        if self.asked and number == signal.SIGINT:
+            raise KeyboardInterrupt
         self.asked = True
 
 
@@ -38,7 +43,7 @@ def fly(
     ended: Callable[[], bool] = lambda: False,
     monitor: Callable[[Node, float], None] | None = None,
 ) -> None:
-    """Tick a node in real time until its flight is over; then the autopilot is asked to hold its place.
+    """Tick a node in real time until it has stopped; at the end of its motion the autopilot is asked to hold its place.
 
     Args:
         node: that has not ticked yet, and whose start is now by `time.monotonic`.
@@ -48,7 +53,7 @@ def fly(
     """
     period, end = 1 / node.config.offboard.rate, node.config.end
     begin = planned = time.monotonic()
-    looked, leaving = -float("inf"), float("inf")
+    looked = -float("inf")
     while True:
         if (early := planned - time.monotonic()) > 0:
             time.sleep(early)
@@ -57,10 +62,9 @@ def fly(
         node.tick(now, PATIENCE * period)
         flown = node.flown_for(now)
         if not node.leaves and (flown >= end or ended()):
-            leaving = now + LEAVES
-            node.leave()
-        commands = node.phase in (Phase.FLYING, Phase.LEVEL)
-        if (node.leaves and not commands) or now > leaving or (flown == 0.0 and now - begin > wait):
+            node.leave(now)
+        is_idle = node.phase in (Phase.WAITING, Phase.READY)
+        if node.phase is Phase.STOPPED or (is_idle and (node.leaves or now - begin > wait)):
             return
         if monitor is not None and now - looked >= LOOKS:
             looked = now

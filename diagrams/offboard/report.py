@@ -1,11 +1,12 @@
-"""What a node tells of its flights and of its deadlines."""
+"""What a node tells of its flight and of its deadlines."""
 
 from typing import Any
 
 import numpy as np
 
 from diagrams.batch.run import Table
-from diagrams.offboard.node import Flown, Node
+from diagrams.offboard.flight_record import Flown
+from diagrams.offboard.node import Node
 from np_drake import metrics
 
 
@@ -31,16 +32,16 @@ def deadlines(node: Node) -> dict[str, Any]:
         "ticks": counts.ticks, "skipped": counts.skipped, "periods": counts.periods, "late": counts.late,
         "solve_ms": metrics.solve_times_ms(solves), "jitter_ms": metrics.solve_times_ms(delays),
         "state_age_ms": metrics.solve_times_ms(ages), "refused": dict(node.readings.refused),
-        "restarts": node.readings.restarts,
+        "restarts": node.readings.restarts, "errors": counts.errors,
     }  # fmt: skip
 
 
 def tables(node: Node) -> list[Table]:
-    """Return the tables of a node: its flights, its phases, its deadlines."""
+    """Return the tables of a node: its flight, its phases, its deadlines."""
     flights = []
-    for k, flown in enumerate(node.flights):
+    if (flown := node.flown) is not None:
         own = flight_metrics(node, flown)
-        flights.append((k + 1, f"{own['flown']:.1f}", f"{100 * own['E_xy']:.2f}", f"{100 * own['E_z']:.2f}"))
+        flights = [(f"{own['flown']:.1f}", f"{100 * own['E_xy']:.2f}", f"{100 * own['E_z']:.2f}")]
     phases = [(f"{event.time:.2f}", event.phase.value, event.reason) for event in node.events]
     found = deadlines(node)
     times = [
@@ -57,8 +58,9 @@ def tables(node: Node) -> list[Table]:
         ("solves, of them late", f"{found['periods']}, {found['late']}"),
         ("messages out of turn, absurd", f"{refused['late']}, {refused['absurd']}"),
         ("restarts of the autopilot", str(found["restarts"])),
+        ("ticks that failed", str(found["errors"])),
     ]
-    shown = [("flights", ["flight", "flown [s]", "E_xy [cm]", "E_z [cm]"], flights)] if flights else []
+    shown = [("flight", ["flown [s]", "E_xy [cm]", "E_z [cm]"], flights)] if flights else []
     return [
         *shown,
         ("phases", ["at [s]", "phase", "why"], phases),

@@ -1,7 +1,8 @@
 """Where the controller is stepped: in a thread, or at once."""
 
 from collections.abc import Callable
-from concurrent.futures import Future, ThreadPoolExecutor
+from queue import Empty, Queue, SimpleQueue
+from threading import Thread
 from typing import Protocol
 
 from diagrams.offboard.companion import Answer
@@ -34,37 +35,45 @@ class Worker(Protocol):
 
 
 class SolverThread(Worker):
-    """Steps in a thread, so that a solve that takes too long stops nothing else."""
+    """Steps in a thread, so that a solve that takes too long stops nothing else, nor the end of the process."""
 
     def __init__(self) -> None:
-        self._pool = ThreadPoolExecutor(1, thread_name_prefix="companion")
-        self._pending: Future[Answer] | None = None
+        self._steps: SimpleQueue[Step | None] = SimpleQueue()
+        self._answers: Queue[Answer | Exception] = Queue()
+        self._is_busy = False
+        Thread(target=self._work, name="companion", daemon=True).start()
 
     def submit(self, step: Step, now: float) -> bool:
         """Begin a step; see `Worker`."""
-        if self._pending is not None:
+        if self._is_busy:
             return False
-        self._pending = self._pool.submit(step)
+        self._is_busy = True
+        self._steps.put(step)
         return True
 
     def answer(self, now: float, patience: float) -> Answer | None:
         """Return an answer; see `Worker`."""
-        if self._pending is None:
+        if not self._is_busy:
             return None
         try:
-            found = self._pending.result(timeout=patience)
-        except TimeoutError:
-            if not self._pending.done():
-                return None
-            raise
-        finally:
-            if self._pending.done():
-                self._pending = None
+            found = self._answers.get(timeout=patience) if patience > 0 else self._answers.get_nowait()
+        except Empty:
+            return None
+        self._is_busy = False
+        if isinstance(found, Exception):
+            raise found
         return found
 
     def close(self) -> None:
         """End it, without waiting for a step that hangs."""
-        self._pool.shutdown(wait=False, cancel_futures=True)
+        self._steps.put(None)
+
+    def _work(self) -> None:
+        while (step := self._steps.get()) is not None:
+            try:
+                self._answers.put(step())
+            except Exception as error:
+                self._answers.put(error)
 
 
 class AtOnce(Worker):

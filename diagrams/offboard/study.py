@@ -60,7 +60,7 @@ def stated_time(fault: Fault, config: FlightConfig) -> float | None:
     limits = config.offboard
     if fault.kind not in (*STATE_LOST, *SOLVER):
         return None
-    noticed = limits.stale_after if fault.kind in STATE_LOST else limits.late_solves * config.controller.period
+    noticed = limits.stale_after if fault.kind in STATE_LOST else (limits.late_solves + 1) * config.controller.period
     longest = noticed + limits.level + SLACK
     return longest if fault.lasts > longest else None
 
@@ -134,7 +134,7 @@ def run(run: Run, options: Options) -> Report:
     columns = (
         ("fault", "fault"), ("flights", "flights"), ("levelled", "levelled"), ("stopped", "stopped"),
         ("slowest stop [s]", lambda line: _time(line["slowest"])), ("stated [s]", lambda line: _time(line["stated"])),
-        ("flies again", "flies"), ("kept", "kept"),
+        ("flies on", "flies"), ("kept", "kept"),
     )  # fmt: skip
     beside = _beside(run, config, options.real_time) if options.real_time > 0 else None
     bound = [one for one in flown if one["stated"] is not None]

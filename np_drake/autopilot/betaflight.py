@@ -114,6 +114,7 @@ class Betaflight:
         most = np.degrees((vehicle.rate_loop or usual_rate_loop(vehicle)).max_rate)
         self._most = RATE_STEP * np.ceil(most / RATE_STEP)
         self._since, self._outputs = np.inf, np.zeros(4)
+        self._last: tuple[Sensed, np.ndarray] | None = None  # what was seen and commanded last
         self._gains = gain_lines(vehicle, self.config.bandwidth) if self.config.bandwidth else []
         self.firmware = Firmware()
         try:
@@ -147,6 +148,7 @@ class Betaflight:
         Raises: AutopilotError: where the firmware has ended or hangs.
         """
         self._since += PERIOD
+        self._last = seen, command
         if self._since >= 1 / self.config.stick_rate - 1e-9:
             self._since = 0.0
             self.firmware.stick(self._channels(command))
@@ -157,9 +159,13 @@ class Betaflight:
         return self._map.thrust(motors)
 
     def keep_blackbox(self, filename: Path) -> None:
-        """Disarm, which ends the blackbox file of the flight, and copy it to `filename`, where there is one."""
-        still = Sensed(np.zeros(3), np.array([0.0, 0.0, 9.81]), np.array([1.0, 0, 0, 0]), np.zeros(3), np.zeros(3))
-        self._hold(still, _LOW, SETTLED)
+        """Disarm, which ends the blackbox file of the flight, and copy it to `filename`, where there is one.
+
+        Sticks and sensors stay as they are until then, so that the file holds nothing but flight.
+        """
+        if self._last is not None:
+            seen, command = self._last
+            self._hold(seen, self._channels(command) - _ARMED, SETTLED)
         if files := sorted(self.firmware.folder.glob("LOG*.BF*")):
             shutil.copyfile(files[-1], filename)
 

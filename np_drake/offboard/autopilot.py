@@ -11,6 +11,7 @@ from np_drake.vehicle import Vehicle
 
 LOST = 0.5  # without a command after which the autopilot holds its place [s]; source: PX4's COM_OF_LOSS_T is 1 s
 ALIVE, GAP = 1.5, 0.2  # how long commands have come when the pilot hands over, and the longest gap meanwhile [s]
+QUIET = 0.5  # after a hand-over, in which what is in force is not told [s]; source: PX4's ATTITUDE_TARGET stream
 HEARTBEAT = 1.0  # between two [s]; source: MAVLink's heartbeat protocol
 BOOT = 7.0  # its clock at the beginning [s]
 STIFFNESS, DAMPING, INTEGRAL = 4.0, 3.0, 1.5  # of the hold [1/s², 1/s, 1/s³]; source: own choice
@@ -110,7 +111,8 @@ class SimulatedAutopilot:
             f = attitude.rotate_back(x[Q], acceleration[:3] + [0.0, 0.0, self._vehicle.gravity])
             out += self.codec.inertial(stamp, f, x[W]) + state(stamp, x)
             throttle = throttle_of(self._vehicle, self.in_force[0])
-            out += self.codec.command(stamp, self.in_force[1:], throttle, in_force=True)
+            if not self.handovers or t - self.handovers[-1] >= QUIET:
+                out += self.codec.command(stamp, self.in_force[1:], throttle, in_force=True)
         return out
 
     def _hold(self, t: float, x: np.ndarray) -> np.ndarray:

@@ -86,21 +86,34 @@ Said = Heartbeat | Pose | Inertial | Command | Battery | HoldPlace
 class Codec:
     """One end of a link: packs what it sends, parses what it gets.
 
+    A companion listens to the autopilot alone, component 1 of one system, and speaks to it; an autopilot listens to
+    companions.
+
     Args:
         component: of this end, MAV_COMP_ID.
+        system: MAV_SYS_ID of the vehicle; 0: whose autopilot's heartbeat is heard first.
     Raises: ValueError: where pymavlink is not installed.
     """
 
-    def __init__(self, component: int):
+    def __init__(self, component: int, system: int = 0):
         self._mavlink = require_pymavlink()
-        self._out = self._mavlink.MAVLink(None, srcSystem=SYSTEM, srcComponent=component)
+        self._out = self._mavlink.MAVLink(None, srcSystem=system or SYSTEM, srcComponent=component)
         self._in = self._mavlink.MAVLink(None)
         self._in.robust_parsing = True
+        self._peer = AUTOPILOT if component == COMPANION else COMPANION
+        self._system = system or (0 if component == COMPANION else SYSTEM)  # that is listened to; 0: not known
 
     def parse(self, data: bytes) -> list[Said]:
         """Return what complete messages say; unknown ones, and bytes that are none, are left out."""
-        found = [self._said(message) for message in self._in.parse_buffer(data) or []]
+        found = [self._said(message) for message in self._in.parse_buffer(data) or [] if self._is_peer(message)]
         return [said for said in found if said is not None]
+
+    def _is_peer(self, message: Any) -> bool:
+        if message.get_type() == "BAD_DATA" or message.get_srcComponent() != self._peer:
+            return False
+        if not self._system and message.get_type() == "HEARTBEAT" and message.autopilot != NO_AUTOPILOT:
+            self._system = self._out.srcSystem = message.get_srcSystem()
+        return self._system == message.get_srcSystem()
 
     def heartbeat(self, *, engaged: bool = False, autopilot: int = NO_AUTOPILOT) -> bytes:
         """Return a heartbeat of a companion, or of an autopilot of PX4's kind.
@@ -171,7 +184,8 @@ class Codec:
         ms, level = round(1e3 * stamp) % 2**32, [1.0, 0.0, 0.0, 0.0]
         if in_force:
             return self._pack(self._out.attitude_target_encode(ms, IGNORE_ATTITUDE, level, *values))
-        return self._pack(self._out.set_attitude_target_encode(ms, SYSTEM, AUTOPILOT, IGNORE_ATTITUDE, level, *values))
+        to = (self._target, AUTOPILOT, IGNORE_ATTITUDE)
+        return self._pack(self._out.set_attitude_target_encode(ms, *to, level, *values))
 
     def request(self, message: str, rate: float) -> bytes:
         """Return the request that the autopilot send a message.
@@ -183,23 +197,28 @@ class Codec:
         identifier = getattr(self._mavlink, f"MAVLINK_MSG_ID_{message}")
         set_interval = self._mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
         values = (float(identifier), 1e6 / rate, 0.0, 0.0, 0.0, 0.0, 0.0)
-        return self._pack(self._out.command_long_encode(SYSTEM, AUTOPILOT, set_interval, 0, *values))
+        return self._pack(self._out.command_long_encode(self._target, AUTOPILOT, set_interval, 0, *values))
 
     def hold(self, autopilot: int) -> bytes:
         """Return the request that an autopilot, of a kind of MAV_AUTOPILOT, hold its place."""
         mode = (COPTER_LOITER, 0) if autopilot == ARDUPILOT else (PX4_HOLD >> 16 & 0xFF, PX4_HOLD >> 24)
         set_mode = self._mavlink.MAV_CMD_DO_SET_MODE
         values = (float(CUSTOM_MODE), *map(float, mode), 0.0, 0.0, 0.0, 0.0)
-        return self._pack(self._out.command_long_encode(SYSTEM, AUTOPILOT, set_mode, 0, *values))
+        return self._pack(self._out.command_long_encode(self._target, AUTOPILOT, set_mode, 0, *values))
+
+    @property
+    def _target(self) -> int:
+        return self._system or SYSTEM
 
     def _pack(self, message: Any) -> bytes:
+        self._out.seq = (self._out.seq + 1) % 256
         return bytes(message.pack(self._out))
 
     def _said(self, m: Any) -> Said | None:
         kind, nan = m.get_type(), np.full(3, np.nan)
         if kind == "HEARTBEAT":
             return None if m.autopilot == NO_AUTOPILOT else Heartbeat(_engaged(m), m.autopilot)
-        if kind == "ODOMETRY" and m.frame_id == LOCAL_NED:
+        if kind == "ODOMETRY" and m.frame_id == LOCAL_NED and m.child_frame_id in (BODY_FRD, LOCAL_NED):
             q = turned_attitude(np.array(m.q))
             v = np.array([m.vx, m.vy, m.vz])
             v = attitude.rotate(q, turned_body(v)) if m.child_frame_id == BODY_FRD else turned_world(v)
@@ -219,7 +238,7 @@ class Codec:
             return HoldPlace()
         if kind == "SYS_STATUS" and 0 < m.voltage_battery < 65535:  # which is for unknown
             return Battery(1e-3 * m.voltage_battery)
-        if kind in ("ATTITUDE_TARGET", "SET_ATTITUDE_TARGET"):
+        if kind == ("ATTITUDE_TARGET" if self._peer == AUTOPILOT else "SET_ATTITUDE_TARGET"):
             rates = turned_body(np.array([m.body_roll_rate, m.body_pitch_rate, m.body_yaw_rate]))
             return Command(1e-3 * m.time_boot_ms, rates, float(m.thrust))
         return None

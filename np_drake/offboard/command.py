@@ -7,6 +7,7 @@ from np_drake.rate_loop import RateLoop
 from np_drake.vehicle import Vehicle
 from np_drake.vehicle_calibration import ThrottleMap
 
+BELIEVED = 0.3  # share by which a battery's voltage may differ from that of the map [1]; source: own choice
 TURN = 4.0  # body rate over the error of tilt [1/s]; source: own choice
 
 
@@ -18,9 +19,9 @@ def throttle_of(vehicle: Vehicle, thrust: float, voltage: float | None = None) -
     Args:
         vehicle: nominal.
         thrust: collective [N].
-        voltage: of the battery [V]; None: the map's own.
+        voltage: of the battery [V]; None, or one that is far from the map's: the map's own.
     """
-    return float(np.clip(_map(vehicle).throttle(thrust / 4, voltage), 0.0, 1.0))
+    return float(np.clip(_map(vehicle).throttle(thrust / 4, _believed(vehicle, voltage)), 0.0, 1.0))
 
 
 def thrust_of(vehicle: Vehicle, throttle: float, voltage: float | None = None) -> float:
@@ -29,9 +30,9 @@ def thrust_of(vehicle: Vehicle, throttle: float, voltage: float | None = None) -
     Args:
         vehicle: nominal.
         throttle: [1].
-        voltage: of the battery [V]; None: the map's own.
+        voltage: of the battery [V]; None, or one that is far from the map's: the map's own.
     """
-    return 4 * float(_map(vehicle).thrust(throttle, voltage))
+    return 4 * float(_map(vehicle).thrust(throttle, _believed(vehicle, voltage)))
 
 
 def rates_towards(q: np.ndarray, z_W: np.ndarray, loop: RateLoop) -> np.ndarray:
@@ -53,3 +54,8 @@ def rates_towards(q: np.ndarray, z_W: np.ndarray, loop: RateLoop) -> np.ndarray:
 
 def _map(vehicle: Vehicle) -> ThrottleMap:
     return vehicle.throttle or ThrottleMap(full_thrust=vehicle.max_rotor_thrust, linear=1.0)
+
+
+def _believed(vehicle: Vehicle, voltage: float | None) -> float | None:
+    own = _map(vehicle).voltage
+    return voltage if voltage is not None and own is not None and abs(voltage / own - 1) <= BELIEVED else None

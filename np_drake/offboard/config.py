@@ -11,6 +11,7 @@ FASTEST_RATE = 500.0  # of messages [Hz]; source: own choice
 class OffboardConfig:
     """What must hold while the vehicle is commanded, and what happens when it does not."""
 
+    system: int = 0  # MAV_SYS_ID of the autopilot; 0: that which is heard first
     rate: float = 100.0  # of what is sent [Hz]
     stale_after: float = 0.1  # age of a state that is too old [s]
     heartbeat_lost: float = 3.0  # time without a heartbeat after which the autopilot is lost [s]
@@ -28,7 +29,9 @@ class OffboardConfig:
 
         Raises: ValueError: where one is impossible.
         """
-        for field in dc.fields(self):
+        if not 0 <= self.system <= 255:
+            raise ValueError(f"offboard: system must be 0 to 255; got {self.system}.")
+        for field in dc.fields(self)[1:]:
             value = getattr(self, field.name)
             if not 0 < value < np.inf:
                 raise ValueError(f"offboard: {field.name} must be positive and finite; got {value}.")

@@ -1,9 +1,10 @@
 """Link to an autopilot: datagrams, serial port, or two ends in memory."""
 
-import errno
+import contextlib
 import socket
 from collections.abc import Callable
-from typing import Protocol
+from pathlib import Path
+from typing import Any, Protocol
 
 from np_drake.offboard.codec import NEEDS
 
@@ -38,32 +39,31 @@ class MavlinkLink(Link):
             from pymavlink import mavutil
         except ImportError as error:
             raise ValueError(NEEDS) from error
-        _require_free(address)
+        _require_address(address)
         try:
             self._port = mavutil.mavlink_connection(address, baud=baud, input=True, udp_timeout=SILENT, retries=1)
         except Exception as error:  # of sockets, serial ports and its own parser of addresses
             raise ValueError(f"--link: {address} cannot be opened: {error}.") from error
+        self._has_datagrams = address.startswith("udp")
+        serial: Any = self._port.port
+        if hasattr(serial, "write_timeout"):
+            serial.write_timeout = 0  # a line that does not take bytes loses them
 
     def send(self, data: bytes) -> None:
         """Send bytes; what cannot be sent is lost."""
-        try:
+        with contextlib.suppress(OSError):
             self._port.write(data)
-        except OSError:
-            return
 
     def receive(self) -> list[bytes]:
         """Return what has come since the last call."""
         found: list[bytes] = []
-        for _ in range(MOST_READS):
-            try:
+        with contextlib.suppress(OSError):
+            for _ in range(MOST_READS):
                 data = self._port.recv(4096)
-            except OSError as error:
-                if error.errno not in (errno.EAGAIN, errno.ECONNREFUSED):
-                    return found
-                data = b""
-            if not data:
-                return found
-            found.append(bytes(data))
+                if data:
+                    found.append(bytes(data))
+                elif not (self._has_datagrams and isinstance(data, bytes)):  # an empty datagram is bytes
+                    break
         return found
 
     def close(self) -> None:
@@ -71,22 +71,25 @@ class MavlinkLink(Link):
         self._port.close()
 
 
-def _require_free(address: str) -> None:
-    """Check that the port of an address that listens is free; pymavlink would share it.
+def _require_address(address: str) -> None:
+    """Check that an address can be one, and that a port that listens is free; pymavlink would share it.
 
-    Raises: ValueError: where it is not, or the address names none.
+    Raises: ValueError: where it is not.
     """
     kind, _, rest = address.partition(":")
     host, _, port = rest.rpartition(":")
-    if kind not in ("udp", "udpin"):
+    if kind not in ("udp", "udpin", "udpout", "tcp"):
+        if not Path(address).is_char_device():
+            raise ValueError(f"--link: must be as udp:127.0.0.1:14540, or a serial device; got {address!r}.")
         return
-    if not host or not port.isdigit():
+    if not host or not port.isdecimal() or not 1 <= int(port) <= 65535:
         raise ValueError(f"--link: must be as udp:127.0.0.1:14540; got {address!r}.")
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        try:
-            probe.bind((host, int(port)))
-        except (OSError, OverflowError) as error:
-            raise ValueError(f"--link: {address} cannot be opened: {error}. Another process may listen.") from error
+    if kind in ("udp", "udpin"):
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+            try:
+                probe.bind((host, int(port)))
+            except OSError as error:
+                raise ValueError(f"--link: {address} cannot be opened: {error}. Another process may listen.") from error
 
 
 class Channel(Link):

@@ -15,7 +15,7 @@ class Phase(Enum):
     READY = "ready"  # a hold where the vehicle is; the autopilot has not handed over
     FLYING = "flying"  # the controller's commands
     LEVEL = "level"  # level thrust
-    STOPPED = "stopped"  # nothing, until the autopilot itself has taken over
+    STOPPED = "stopped"  # nothing, for good
 
     @property
     def sends(self) -> bool:
@@ -30,7 +30,8 @@ class Phases:
     WAITING -> READY after `settle` in order, with the autopilot in a mode of its own. READY -> FLYING as its mode
     changes to offboard: a vehicle that is in it already is not taken. FLYING -> LEVEL on a problem. LEVEL -> FLYING
     once it is over, or STOPPED `level` seconds after it began. A problem that returns within `settle` goes on with the
-    same time. Any phase -> WAITING as the autopilot leaves offboard.
+    same time. FLYING and LEVEL -> STOPPED as the autopilot leaves offboard. There is one flight: an autopilot whose
+    failsafe is over may be in offboard again, with nobody having handed over.
     """
 
     phase: Phase = Phase.WAITING
@@ -69,10 +70,10 @@ class Phases:
             if problem:
                 return Phase.WAITING, problem
             return (Phase.FLYING, "the autopilot has handed over") if engaged and not self.was_engaged else (phase, "")
-        if not engaged:
-            return Phase.WAITING, "the autopilot has taken over"
         if phase is Phase.STOPPED:
             return phase, ""
+        if not engaged:
+            return Phase.STOPPED, "the autopilot has taken over"
         spent = 0.0 if self.fault_since is None else now - self.fault_since
         over = self.fault_since is not None and spent >= config.level - 1e-9
         if phase is Phase.FLYING:

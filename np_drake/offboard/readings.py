@@ -1,6 +1,7 @@
 """State and acceleration of a vehicle from its messages, with their age; what is absurd is not taken."""
 
 import dataclasses as dc
+from collections import deque
 
 import numpy as np
 
@@ -11,6 +12,8 @@ from np_drake.offboard.message_clock import MessageClock
 from np_drake.rigid_body import P, Q, V, W
 
 FORGOTTEN = 1.0  # after which a state says nothing of where the next may be [s]; source: own choice
+HARDEST = 60.0  # specific force beyond which none flies [m/s²]; source: own choice, six times the weight
+KEPT = 100_000  # numbers that a report reads, the last [1]; source: own choice
 SPAN = 0.015  # over which body rates are differentiated [s]; source: own choice
 INERTIAL = "HIGHRES_IMU"
 SOURCES = (("ODOMETRY",), ("LOCAL_POSITION_NED", "ATTITUDE_QUATERNION"))  # messages that make a state together
@@ -45,7 +48,7 @@ class Readings:
         self.refused: dict[str, int] = {"late": 0, "absurd": 0}  # messages that were not taken
         self.restarts = 0  # of the autopilot
         self.voltage: float | None = None  # of the battery [V]; None: not known
-        self.ages: list[float] = []  # of the states that were read [s]
+        self.ages: deque[float] = deque(maxlen=KEPT)  # of the states that were read [s]
         self.autopilot = 0  # its kind, MAV_AUTOPILOT
         self._engaged, self._heard = False, -np.inf
         self._inertial: list[Inertial] = []
@@ -71,7 +74,13 @@ class Readings:
 
     def at(self, now: float) -> Reading:
         """Return what is known at our time [s]."""
-        x, age = self._state(now)
+        poses = self._newest(now)
+        ages = [max(self._age(pose.kind, pose.stamp, now), 0.0) for pose in poses]
+        x, age = np.full(13, np.nan), max(ages, default=np.inf)
+        for pose in poses:
+            own = OWN[pose.kind]
+            x[own] = pose.x[own]
+        x[Q] /= np.linalg.norm(x[Q])
         problem = self._problem(now, x, age)
         acceleration = np.full(6, np.nan)
         if self._inertial and self._age(INERTIAL, self._inertial[-1].stamp, now) <= self._config.stale_after:
@@ -79,25 +88,20 @@ class Readings:
             acceleration = np.concatenate([a, self._turn_rate()])
         if age < FORGOTTEN:
             self.ages.append(age)
-            _bring(x, acceleration, age)
+            _bring(x, acceleration, ages[0], ages[-1])
         fresh = now - self._in_force_at <= self._config.stale_after
         in_force = self._in_force if fresh else np.full(4, np.nan)
         return Reading(x, acceleration, in_force, self._engaged, problem)
 
-    def _state(self, now: float) -> tuple[np.ndarray, float]:
-        """Return the newest state (13,) of one message or of two, and its age [s]."""
-        best, least = np.full(13, np.nan), np.inf
+    def _newest(self, now: float) -> list[Pose]:
+        """Return the message, or the two of position and attitude, that make the newest whole state."""
+        best, least = list[Pose](), np.inf
         for kinds in SOURCES:
             poses = [self._poses[kind] for kind in kinds if kind in self._poses]
-            age = max((max(self._age(pose.kind, pose.stamp, now), 0.0) for pose in poses), default=np.inf)
-            if len(poses) < len(kinds) or age >= least:
-                continue
-            best, least = np.full(13, np.nan), age
-            for pose in poses:
-                own = np.isfinite(pose.x)
-                best[own] = pose.x[own]
-            best[Q] /= np.linalg.norm(best[Q])
-        return best, least
+            age = max((self._age(pose.kind, pose.stamp, now) for pose in poses), default=np.inf)
+            if len(poses) == len(kinds) and age < least:
+                best, least = poses, age
+        return best
 
     def _age(self, kind: str, stamp: float, now: float) -> float:
         return self._clocks[kind].age(stamp, now)
@@ -148,7 +152,7 @@ class Readings:
     def _take_inertial(self, said: Inertial, now: float) -> None:
         if not self._in_turn(INERTIAL, said.stamp, now):
             return
-        if not np.isfinite([*said.f, *said.w]).all():
+        if not (np.linalg.norm(said.f) <= HARDEST and np.linalg.norm(said.w) <= 2 * self._config.max_rate):
             self.refused["absurd"] += 1
             return
         kept = [one for one in self._inertial if said.stamp - one.stamp <= 2 * SPAN]
@@ -169,11 +173,18 @@ class Readings:
         self._in_force, self._in_force_at = np.full(4, np.nan), -np.inf
 
 
-def _bring(x: np.ndarray, acceleration: np.ndarray, age: float) -> None:
-    """Bring a state (13,) forward by its age [s], with the accelerations where they are known."""
+def _bring(x: np.ndarray, acceleration: np.ndarray, moved: float, turned: float) -> None:
+    """Bring a state (13,) forward, with the accelerations where they are known.
+
+    Args:
+        x: state.
+        acceleration: (6,) [a in W, al in B] [m/s², rad/s²].
+        moved: age of position and velocity [s].
+        turned: age of attitude and body rates [s].
+    """
     known = np.nan_to_num(acceleration)
-    x[P] += age * x[V] + 0.5 * age**2 * known[:3]
-    x[V] += age * known[:3]
-    turn = x[W] + 0.5 * age * known[3:]
-    x[Q] = attitude.multiply(x[Q], attitude.from_rotation_vector(age * turn))
-    x[W] += age * known[3:]
+    x[P] += moved * x[V] + 0.5 * moved**2 * known[:3]
+    x[V] += moved * known[:3]
+    turn = x[W] + 0.5 * turned * known[3:]
+    x[Q] = attitude.multiply(x[Q], attitude.from_rotation_vector(turned * turn))
+    x[W] += turned * known[3:]

@@ -29,7 +29,7 @@ class Flight:
         self.dut = OffboardAutopilot(VEHICLE, near, **how)
         self.context = self.dut.CreateDefaultContext()
         self.fix(x=X, acceleration=np.zeros(6))
-        self.codec = Codec(COMPANION)
+        self.codec = Codec(COMPANION, 1)
 
     def fix(self, **values) -> None:
         for name, value in values.items():

@@ -29,12 +29,17 @@ def test_an_address_that_is_none_is_said_in_one_line(capsys):
     assert "udp:127.0.0.1:14540" in refused(["node", "hover", "--controller", "hold", "--link", "udp:here"], capsys)
 
 
+@pytest.mark.parametrize("address", ["udpout:127.0.0.1:99999", "pyproject.toml", "tcp:1", "serial"])
+def test_what_is_no_link_is_refused(address, capsys):
+    assert address in refused(["node", "hover", "--controller", "hold", "--link", address], capsys)
+
+
 def test_a_vehicle_that_is_silent_ends_the_wait_with_a_failure(capsys):
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one:
         one.bind(("127.0.0.1", 0))
         port = one.getsockname()[1]
     arguments = ["node", "hover", "--controller", "hold", "--link", f"udp:127.0.0.1:{port}", "--wait", "1"]
-    assert "has not handed over" in refused(arguments, capsys, code=1)
+    assert "no heartbeat" in refused(arguments, capsys, code=1)
 
 
 def test_a_controller_of_ones_own_is_refused(capsys):
@@ -42,7 +47,7 @@ def test_a_controller_of_ones_own_is_refused(capsys):
 
 
 def test_a_rate_that_no_autopilot_takes_is_refused(capsys):
-    assert "offboard: rate" in refused(["node", "hover", "--controller", "hold", "--rate", "1"], capsys)
+    assert "offboard: rate" in refused(["node", "hover", "--controller", "hold", "--rate", "20"], capsys)
 
 
 def test_a_vehicle_behind_a_link_takes_no_controller(capsys):

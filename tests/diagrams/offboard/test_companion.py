@@ -48,11 +48,20 @@ def test_after_a_reset_it_answers_as_a_new_one():
 def test_a_state_that_is_not_measured_is_answered_by_the_last_plan():
     dut, x = Companion(flight("hold")), np.array([1.0, 0.0, 1.6, 1.0, *np.zeros(9)])
     rest = {"acceleration": np.zeros(6), "in_force": np.array([19.62, 0.0, 0.0, 0.0])}
-    assert dut.step(0.0, x=x, **rest).is_usable
+    assert dut.step(0.0, x=x, **rest).status == MpcStatus.OPTIMAL
     answer = dut.step(0.02, x=np.full(13, np.nan), **rest)
     assert answer.status == MpcStatus.SHIFTED_PLAN
-    assert not answer.is_usable
     assert np.isfinite(answer.rates_thrust).all()
+
+
+def test_a_step_of_an_earlier_memory_leaves_the_present_one_alone():
+    dut, x = Companion(flight("hold")), np.array([1.0, 0.0, 1.6, 1.0, *np.zeros(9)])
+    rest = {"x": x, "in_force": np.array([19.62, 0.0, 0.0, 0.0])}
+    earlier = dut.context
+    dut.reset()
+    dut.step(0.0, acceleration=np.array([0.0, 0.0, -3.0, 0.0, 0.0, 0.0]), context=earlier, **rest)
+    fresh = Companion(flight("hold")).step(0.0, acceleration=np.zeros(6), **rest)
+    np.testing.assert_array_equal(dut.step(0.0, acceleration=np.zeros(6), **rest).rates_thrust, fresh.rates_thrust)
 
 
 def test_a_controller_of_rotor_thrusts_is_refused():

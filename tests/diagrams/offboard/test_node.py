@@ -38,7 +38,7 @@ def test_a_vehicle_at_rest_at_its_place_is_held_level():
 
 def test_the_reference_begins_where_the_vehicle_is_wherever_that_is():
     rail = Rail(hover()).advance(FLYING_AT)
-    flown = rail.node.flights[0]
+    flown = rail.node.flown
     np.testing.assert_allclose(flown.log.p, flown.reference, atol=1e-5)
     assert not np.allclose(flown.reference[0], PLACE)
 
@@ -104,24 +104,100 @@ def test_a_tilted_vehicle_is_turned_level():
     assert rail.sent[-1][1].rates[0] < -0.5
 
 
-def test_when_the_pilot_takes_over_it_waits():
+def test_when_the_pilot_takes_over_it_is_silent_for_good():
     rail = Rail(hover()).advance(FLYING_AT)
     rail.autopilot.hold()
     rail.advance(FLYING_AT + 1.1)
-    assert rail.phases[:3] == ["ready", "flying", "waiting"]
+    assert rail.phases == ["ready", "flying", "stopped"]
+    before = len(rail.sent)
+    rail.autopilot.engaged = True
+    rail.autopilot.step = lambda t, x: rail.autopilot.in_force
+    rail.advance(FLYING_AT + 3.0)
+    assert len(rail.sent) == before
 
 
 def test_when_it_leaves_the_autopilot_holds_its_place():
     rail = Rail(hover()).advance(FLYING_AT)
-    rail.node.leave()
+    rail.node.leave(rail.time)
     rail.advance(FLYING_AT + 1.5)
     assert not rail.autopilot.engaged
-    assert rail.phases[2] == "waiting"
+    assert rail.phases[-1] == "stopped"
+
+
+def test_an_autopilot_that_does_not_hold_when_it_is_asked_is_left_level():
+    rail = Rail(hover()).advance(FLYING_AT)
+    rail.autopilot.step = lambda t, x: rail.autopilot.in_force
+    rail.autopilot.hold = lambda: None
+    rail.node.leave(rail.time)
+    rail.advance(FLYING_AT + 4.5)
+    assert rail.phases == ["ready", "flying", "level", "stopped"]
+    assert "does not hold" in rail.node.phases.reason
+    assert rail.silent_from(FLYING_AT) == pytest.approx(3.5, abs=0.05)
+
+
+def test_other_vehicles_and_components_on_the_link_change_nothing():
+    alone, rail = Rail(hover()).advance(FLYING_AT), Rail(hover()).advance(0.1)
+    strangers = [Stranger(system=2), Stranger(component=154)]
+    while rail.time < FLYING_AT - 1e-9:
+        for stranger in strangers:
+            rail.there.send(stranger.says(rail.time))
+        rail.advance(rail.time + 0.05)
+    assert rail.phases == alone.phases
+    np.testing.assert_allclose(rail.node.flown.log.p, alone.node.flown.log.p, atol=1e-6)
+
+
+class Stranger:
+    """Another source of messages on the link."""
+
+    def __init__(self, system=1, component=1):
+        from np_drake.offboard.codec import AUTOPILOT, Codec
+
+        self._codec = Codec(AUTOPILOT)
+        self._codec._out.srcSystem, self._codec._out.srcComponent = system, component
+
+    def says(self, t):
+        x = np.array([50.0, 0.0, 9.0, 1.0, *np.zeros(9)])
+        return self._codec.heartbeat(engaged=t % 0.1 < 0.05, autopilot=12) + self._codec.odometry(3000.0 + t, x)
+
+
+@pytest.mark.parametrize("error", [TypeError, IndexError, KeyError, MemoryError, AssertionError])
+def test_a_tick_that_fails_ends_in_level_thrust_and_silence(error, monkeypatch):
+    rail = Rail(hover()).advance(FLYING_AT)
+
+    def fails(*_):
+        raise error("broken")
+
+    monkeypatch.setattr(rail.node.readings, "at", fails)
+    rail.advance(FLYING_AT + 1.0)
+    assert rail.phases == ["ready", "flying", "level", "stopped"]
+    assert "internal error" in rail.node.phases.reason
+
+
+def test_a_vehicle_that_moves_is_not_made_ready():
+    rail = Rail(hover())
+    rail.x[7:10] = [1.0, 0.0, 0.0]
+    assert rail.advance(2.0).phases == []
+
+
+def test_a_hand_over_needs_no_word_of_what_is_in_force():
+    quiet = Rail(hover()).advance(FLYING_AT)
+    handover = quiet.autopilot.handovers[0]
+    flying = next(event for event in quiet.node.events if event.phase is Phase.FLYING)
+    assert flying.time >= handover - 0.02
+    assert quiet.phases == ["ready", "flying"]
+
+
+@pytest.mark.parametrize("rate", [20.0, 75.0])
+def test_a_rate_that_is_no_multiple_of_the_controllers_is_refused(rate):
+    config = hover()
+    config.offboard.rate = rate
+    with pytest.raises(ValueError, match="whole multiple"):
+        Rail(config)
 
 
 def test_its_log_begins_at_the_hand_over_and_holds_what_was_sent():
     rail = Rail(hover()).advance(FLYING_AT)
-    log = rail.node.flights[0].log
+    log = rail.node.flown.log
     assert log.t[0] == pytest.approx(0.0, abs=1e-9)
     assert np.all(np.diff(log.t) > 0)
     np.testing.assert_allclose(log.commanded_rates[-1], rail.sent[-1][1].rates, atol=1e-6)
@@ -139,6 +215,7 @@ def test_its_report_counts_what_was_late_and_what_was_not_taken():
 def test_it_flies_a_simulated_vehicle_along_its_reference():
     virtual = VirtualFlight(flight("np"), seed=1)
     virtual.advance(7.0)
+    assert virtual.node is not None
     assert virtual.node.phase is Phase.FLYING
-    assert flight_metrics(virtual.node, virtual.node.flights[0])["E_xy"] < 0.005
+    assert flight_metrics(virtual.node, virtual.node.flown)["E_xy"] < 0.005
     assert not virtual.autopilot.failsafes

@@ -25,7 +25,7 @@ class Companion:
     """Sends a command at 100 Hz while it is switched on."""
 
     def __init__(self, dut: SimulatedAutopilot):
-        self.dut, self.codec = dut, Codec(COMPANION)
+        self.dut, self.codec = dut, Codec(COMPANION, 1)
         self.command = np.array([0.5, 0.1, -0.2, 0.3])  # throttle, body rates
 
     def talk(self, begin: float, end: float, *, sends: bool = True, x: np.ndarray = AT_REST) -> None:
@@ -174,7 +174,7 @@ def test_it_holds_where_the_vehicle_is_when_it_takes_over(dut, companion):
 
 
 def told(dut: SimulatedAutopilot, t: float, x=AT_REST, a=(0.0, 0.0, 0.0)) -> list:
-    return Codec(COMPANION).parse(dut.messages(t, x, np.array([*a, 0.0, 0.0, 0.0])))
+    return Codec(COMPANION, 1).parse(dut.messages(t, x, np.array([*a, 0.0, 0.0, 0.0])))
 
 
 @pytest.mark.parametrize("pairs", [True, False])

@@ -47,7 +47,7 @@ def packed(message) -> bytes:
 
 
 def only(data: bytes):
-    (said,) = Codec(COMPANION).parse(data)
+    (said,) = Codec(COMPANION, 1).parse(data)
     return said
 
 
@@ -60,7 +60,7 @@ def raw(data: bytes):
 def odometry(q=LEVEL_NORTH, *, frames=(1, 12), v=(0.0, 0.0, 0.0), w=(0.0, 0.0, 0.0)) -> Pose | None:
     """What an ODOMETRY at north 1, east 2, down 3 says."""
     message = common.MAVLink_odometry_message(5_000_000, *frames, 1.0, 2.0, 3.0, q, *v, *w, [0.0] * 21, [0.0] * 21)
-    found = Codec(COMPANION).parse(packed(message))
+    found = Codec(COMPANION, 1).parse(packed(message))
     return found[0] if found else None
 
 
@@ -71,7 +71,7 @@ def sent(kind: str, codec: Codec) -> bytes:
         "odometry": codec.odometry(1.0, x),
         "local_position": codec.local_position(1.0, x),
         "inertial": codec.inertial(1.0, np.ones(3), np.ones(3)),
-        "command": codec.command(1.0, np.ones(3), 0.5),
+        "command": codec.command(1.0, np.ones(3), 0.5, in_force=True),
     }[kind]
 
 
@@ -89,7 +89,7 @@ def test_a_state_goes_through_odometry_and_comes_back(x, stamp):
 
 @given(x=STATES, stamp=STAMPS)
 def test_a_state_goes_through_position_and_attitude_and_comes_back(x, stamp):
-    where, turned = Codec(COMPANION).parse(Codec(AUTOPILOT).local_position(stamp, x))
+    where, turned = Codec(COMPANION, 1).parse(Codec(AUTOPILOT).local_position(stamp, x))
     assert (where.kind, turned.kind) == ("LOCAL_POSITION_NED", "ATTITUDE_QUATERNION")
     assert where.stamp == turned.stamp == pytest.approx(stamp, abs=1e-3)
     np.testing.assert_allclose(where.x[P], x[P], atol=50 * SINGLE)
@@ -110,7 +110,8 @@ def test_specific_force_and_rates_go_through_and_come_back(f, w, stamp):
 
 @given(rates=TURNS, thrust=st.floats(0.0, 1.0), in_force=st.booleans())
 def test_a_command_goes_through_and_comes_back(rates, thrust, in_force):
-    dut = only(Codec(COMPANION).command(7.25, rates, thrust, in_force=in_force))
+    sender, receiver = (AUTOPILOT, COMPANION) if in_force else (COMPANION, AUTOPILOT)
+    (dut,) = Codec(receiver, 1).parse(Codec(sender).command(7.25, rates, thrust, in_force=in_force))
     assert isinstance(dut, Command)
     assert dut.stamp == pytest.approx(7.25, abs=1e-3)
     np.testing.assert_allclose(dut.rates, rates, atol=5 * SINGLE)
@@ -193,7 +194,7 @@ def test_a_command_that_is_not_finite_is_refused(entry, value):
 
 
 def heartbeat_of(autopilot: int, mode: int, *, base: int = 128 | 1) -> list:
-    return Codec(COMPANION).parse(packed(common.MAVLink_heartbeat_message(2, autopilot, base, mode, 4, 3)))
+    return Codec(COMPANION, 1).parse(packed(common.MAVLink_heartbeat_message(2, autopilot, base, mode, 4, 3)))
 
 
 @pytest.mark.parametrize(
@@ -236,7 +237,7 @@ def test_a_companions_heartbeat_is_not_the_autopilots():
 @pytest.mark.parametrize(("millivolts", "said"), [(15500, [Battery(15.5)]), (0, []), (65535, [])])
 def test_the_voltage_is_read_where_it_is_known(millivolts, said):
     message = common.MAVLink_sys_status_message(0, 0, 0, 0, millivolts, -1, -1, 0, 0, 0, 0, 0, 0)
-    assert Codec(COMPANION).parse(packed(message)) == said
+    assert Codec(COMPANION, 1).parse(packed(message)) == said
 
 
 def test_a_request_names_message_and_interval():
@@ -250,23 +251,23 @@ def test_a_request_to_hold_names_the_mode_of_the_autopilot(autopilot, mode):
     data = Codec(COMPANION).hold(autopilot)
     dut = raw(data)
     assert (dut.command, dut.param1, dut.param2, dut.param3) == (common.MAV_CMD_DO_SET_MODE, 1.0, *mode)
-    assert only(data) == HoldPlace()
+    assert Codec(AUTOPILOT).parse(data) == [HoldPlace()]
 
 
 @settings(max_examples=50, deadline=None)
 @given(chosen=MESSAGES, cuts=st.lists(st.integers(0, 600), max_size=8))
 def test_a_stream_may_be_cut_anywhere(chosen, cuts):
     data = b"".join(sent(kind, Codec(AUTOPILOT)) for kind in chosen)
-    dut, ends = Codec(COMPANION), [0, *sorted(min(cut, len(data)) for cut in cuts), len(data)]
+    dut, ends = Codec(COMPANION, 1), [0, *sorted(min(cut, len(data)) for cut in cuts), len(data)]
     found = [said for begin, end in pairwise(ends) for said in dut.parse(data[begin:end])]
-    assert kinds(found) == kinds(Codec(COMPANION).parse(data))
+    assert kinds(found) == kinds(Codec(COMPANION, 1).parse(data))
     assert len(found) == len(chosen) + chosen.count("local_position")
 
 
 @settings(max_examples=100, deadline=None)
 @given(noise=st.binary(max_size=300))
 def test_bytes_that_are_no_messages_do_no_lasting_harm(noise):
-    dut, good = Codec(COMPANION), sent("heartbeat", Codec(AUTOPILOT))
+    dut, good = Codec(COMPANION, 1), sent("heartbeat", Codec(AUTOPILOT))
     dut.parse(noise)
     for _ in range(1 + 2 * LONGEST // len(good)):
         dut.parse(good)
@@ -277,7 +278,7 @@ def test_bytes_that_are_no_messages_do_no_lasting_harm(noise):
 def test_a_truncated_message_is_not_read_and_does_no_lasting_harm(kind):
     whole, good = sent(kind, Codec(AUTOPILOT)), sent("heartbeat", Codec(AUTOPILOT))
     for length in range(len(whole)):
-        dut = Codec(COMPANION)
+        dut = Codec(COMPANION, 1)
         assert dut.parse(whole[:length]) == []
         for _ in range(1 + LONGEST // len(good)):
             dut.parse(good)
@@ -290,10 +291,42 @@ def test_a_message_with_one_wrong_bit_is_not_read(kind):
     for bit in range(8 * len(whole)):
         wrong = bytearray(whole)
         wrong[bit // 8] ^= 1 << bit % 8
-        assert Codec(COMPANION).parse(bytes(wrong)) == []
+        assert Codec(COMPANION, 1).parse(bytes(wrong)) == []
 
 
 def test_without_pymavlink_one_line_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "pymavlink.dialects.v20", None)
     with pytest.raises(ValueError, match=r"pip install 'np_drake\[node\]'"):
         Codec(COMPANION)
+
+
+def test_a_companion_listens_to_the_autopilot_that_it_hears_first_alone():
+    first, other = Codec(AUTOPILOT), Codec(AUTOPILOT)
+    first._out.srcSystem, other._out.srcSystem = 7, 8
+    dut, x = Codec(COMPANION), np.array([0.0, 0.0, 1.0, 1.0, *np.zeros(9)])
+    assert dut.parse(first.odometry(1.0, x)) == []
+    assert dut.parse(first.heartbeat(engaged=True, autopilot=PX4)) == [Heartbeat(True, PX4)]
+    assert dut.parse(other.heartbeat(engaged=False, autopilot=PX4) + other.odometry(1.0, x)) == []
+    assert [type(said).__name__ for said in dut.parse(first.odometry(2.0, x))] == ["Pose"]
+    assert raw(dut.command(0.0, np.zeros(3), 0.5)).target_system == 7
+
+
+@pytest.mark.parametrize("component", [100, 154, 191])
+def test_a_companion_does_not_listen_to_other_components(component):
+    gimbal = Codec(AUTOPILOT)
+    gimbal._out.srcComponent = component
+    assert Codec(COMPANION, 1).parse(gimbal.heartbeat(engaged=True, autopilot=PX4)) == []
+
+
+def test_messages_are_counted():
+    dut = Codec(COMPANION)
+    counted = [raw(dut.heartbeat()).get_seq() for _ in range(300)]
+    assert [(b - a) % 256 for a, b in pairwise(counted)] == [1] * 299
+
+
+@pytest.mark.parametrize("frame", [7, 8, 9, 20])
+def test_a_velocity_in_axes_that_are_not_known_is_not_taken(frame):
+    message = common.MAVLink_odometry_message(
+        1, 1, frame, 0.0, 0.0, 0.0, [1.0, 0.0, 0.0, 0.0], 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, [0.0] * 21, [0.0] * 21
+    )
+    assert Codec(COMPANION, 1).parse(packed(message)) == []

@@ -47,14 +47,14 @@ def test_a_flight_goes_through_its_phases_at_their_times():
     found = run(
         course_of(
             (0.2, False, False), (0.6, True, False), (0.5, True, True), (0.15, False, True), (0.55, True, True),
-            (0.6, False, True), (0.5, True, True), (0.2, True, False),
+            (0.6, False, True), (0.5, True, True), (0.9, True, False), (0.5, True, True),
         )
     )  # fmt: skip
     changes = [(0.0, Phase.WAITING)]
     changes += [(k * TICK, now) for k, ((*_, before), (*_, now)) in enumerate(pairwise(found), 1) if now != before]
     expected = [
         (0.0, Phase.WAITING), (0.6, Phase.READY), (0.8, Phase.FLYING), (1.3, Phase.LEVEL), (1.55, Phase.FLYING),
-        (2.0, Phase.LEVEL), (2.3, Phase.STOPPED), (3.1, Phase.WAITING), (3.11, Phase.READY),
+        (2.0, Phase.LEVEL), (2.3, Phase.STOPPED),
     ]  # fmt: skip
     assert [phase for _, phase in changes] == [phase for _, phase in expected]
     times = np.array([time for time, _ in changes]) - [time for time, _ in expected]
@@ -68,7 +68,7 @@ def test_nothing_is_sent_while_it_waits_or_after_it_has_stopped():
 @laws
 @given(course=COURSES)
 def test_a_vehicle_that_is_not_engaged_is_never_commanded(course):
-    assert {phase for _, engaged, phase in run(course) if not engaged} <= {Phase.WAITING, Phase.READY}
+    assert {phase for _, engaged, phase in run(course) if not engaged} <= {Phase.WAITING, Phase.READY, Phase.STOPPED}
 
 
 @laws
@@ -128,11 +128,18 @@ def test_a_fault_that_flickers_does_not_extend_level_thrust(course):
 
 @laws
 @given(course=COURSES)
-def test_what_has_stopped_commands_again_only_after_a_new_handover(course):
-    stopped = False
-    for *_, phase in run(course):
-        stopped = (stopped or phase is Phase.STOPPED) and phase is not Phase.READY
-        assert not (stopped and phase.sends)
+def test_what_has_stopped_never_commands_again(course):
+    phases = [phase for *_, phase in run(course)]
+    first = phases.index(Phase.STOPPED) if Phase.STOPPED in phases else len(phases)
+    assert set(phases[first:]) <= {Phase.STOPPED}
+
+
+@laws
+@given(course=COURSES)
+def test_an_autopilot_that_takes_over_ends_the_flight(course):
+    for (*_, before), (_, engaged, phase) in pairwise(run(course)):
+        if before in (Phase.FLYING, Phase.LEVEL) and not engaged:
+            assert phase is Phase.STOPPED
 
 
 def test_a_flight_goes_on_once_a_short_fault_is_over():
@@ -146,6 +153,12 @@ def test_a_fault_after_a_time_in_order_has_its_full_time():
     before = [(0.6, True, False), (0.5, True, True), (0.15, False, True)]
     assert last(*before, (0.2, True, True), (0.02, False, True)) is Phase.STOPPED
     assert last(*before, (0.6, True, True), (0.25, False, True)) is Phase.LEVEL
+
+
+def test_a_fault_that_comes_again_and_again_ends_as_one_that_stays():
+    ready, flickers = [(0.6, True, False), (0.5, True, True)], [(0.02, False, True), (0.12, True, True)]
+    assert last(*ready, *2 * flickers, (0.02, False, True)) is Phase.LEVEL
+    assert last(*ready, *3 * flickers, (0.02, False, True)) is Phase.STOPPED
 
 
 def test_a_mode_that_changes_during_a_problem_is_not_taken_afterwards():
