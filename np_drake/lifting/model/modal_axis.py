@@ -9,9 +9,12 @@ Source: own choice.
 """
 
 import dataclasses as dc
+import math
 from functools import cached_property
 
 import numpy as np
+
+from np_drake.compiled import compiled
 
 
 @dc.dataclass(frozen=True)
@@ -68,16 +71,9 @@ class ModalAxis:
             theta: (r,).
             step: [s].
         """
-        at = np.concatenate([[1.0], theta])
-        turn, shrink = np.exp(self.frequency @ at) * step, np.exp(-np.exp(self.damping @ at) * step)
-        A = np.zeros((self.K, self.K))
-        even = 2 * np.arange(len(turn))
-        A[even, even] = A[even + 1, even + 1] = shrink * np.cos(turn)
-        A[even + 1, even] = shrink * np.sin(turn)
-        A[even, even + 1] = -A[even + 1, even]
-        real = np.arange(2 * len(turn), self.K)
-        A[real, real] = np.exp(-np.exp(self.decay @ at) * step)
-        return A, self.inputs @ at
+        A, B = np.zeros((self.K, self.K)), np.empty(self.inputs.shape[:2])
+        _matrices(self.frequency, self.damping, self.decay, self.inputs, np.asarray(theta, float), step, A, B)
+        return A, B
 
     def seen(self, samples: np.ndarray) -> np.ndarray:
         """Return what the views see of samples (n, 12), (V, n, c), scaled."""
@@ -129,3 +125,30 @@ class ModalAxis:
     def by_theta(self) -> np.ndarray:
         """Encoder as a map from a window to what each entry of [1, theta] multiplies, (D c, K (1 + r))."""
         return self.encoder.transpose(1, 0, 2).reshape(self.encoder.shape[1], -1)
+
+
+@compiled
+def _matrices(frequency, damping, decay, inputs, theta, step, A, B):
+    """Write the matrices of `ModalAxis.matrices` from its arrays; A comes zeroed."""
+    pairs = len(frequency)
+    for i in range(pairs):
+        turn = step * math.exp(_at(frequency[i], theta))
+        shrink = math.exp(-step * math.exp(_at(damping[i], theta)))
+        a, b = 2 * i, 2 * i + 1
+        A[a, a] = A[b, b] = shrink * math.cos(turn)
+        A[b, a] = shrink * math.sin(turn)
+        A[a, b] = -A[b, a]
+    for i in range(len(decay)):
+        A[2 * pairs + i, 2 * pairs + i] = math.exp(-step * math.exp(_at(decay[i], theta)))
+    for row in range(len(inputs)):
+        for col in range(inputs.shape[1]):
+            B[row, col] = _at(inputs[row, col], theta)
+
+
+@compiled
+def _at(row, theta):
+    """Return row (1 + r,) times [1, theta]."""
+    total = row[0]
+    for i in range(len(theta)):
+        total += row[1 + i] * theta[i]
+    return total
