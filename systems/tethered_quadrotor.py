@@ -121,8 +121,8 @@ def make_tethered_quadrotor(
         cable = builder.AddNamedSystem("cable", _make_cable(payload, hangs_at, events))
         builder.Connect(plant.get_state_output_port(), cable.get_input_port())
     changes = _declare_events(plant, vehicle, payload, mass_effects, onsets, hangs_at, events)
-    steady = SteadyEffects.of(vehicle, actuator_effects, wrench_effects, onsets)
-    if steady is not None and payload.tether != "rod" and not changes:
+    steady = SteadyEffects.of(vehicle, actuator_effects, wrench_effects, onsets) if payload.tether != "rod" else None
+    if steady is not None:
         rotors, force = add_vehicle_forces(builder, plant, vehicle, steady, cable, **start)
         forces = [force]
     else:
@@ -136,7 +136,8 @@ def make_tethered_quadrotor(
     if changes:
         change = builder.AddNamedSystem("mass_change", MassChange(plant, vehicle, changes))
         builder.Connect(plant.get_state_output_port(), change.GetInputPort("plant_state"))
-        builder.Connect(rotors.thrust, change.GetInputPort("rotor_thrust"))
+        if steady is None:  # else the force holds that of the rotors
+            builder.Connect(rotors.thrust, change.GetInputPort("rotor_thrust"))
         builder.Connect(force, change.GetInputPort("generalized_force"))
         force = change.get_output_port()
     if force is not None:

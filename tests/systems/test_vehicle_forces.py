@@ -78,8 +78,12 @@ def test_the_compiled_forces_are_the_sum_of_the_single_effects(payload, actuator
         np.testing.assert_allclose(found[0], found[1], rtol=1e-11, atol=1e-10)  # round-off of the sums
 
 
-def test_a_flight_with_a_delay_and_a_cut_is_that_of_the_single_effects():
-    events = [PayloadEvent(kind="impulse", time=0.1, impulse=[0.2, 0.0, 0.1]), PayloadEvent(kind="release", time=0.3)]
+def test_a_flight_with_a_delay_and_events_is_that_of_the_single_effects():
+    events = [
+        PayloadEvent(kind="impulse", time=0.1, impulse=[0.2, 0.0, 0.1]),
+        PayloadEvent(kind="attach", time=0.2, mass=0.1),
+        PayloadEvent(kind="release", time=0.3),
+    ]
     rows = []
     for dut, context in pair(PayloadConfig(), (SCALE, CommandDelay(0.02)), (DRAG,), events=events, hangs_at=0.05):
         place(dut, context, 3)
