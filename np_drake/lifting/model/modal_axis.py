@@ -98,28 +98,14 @@ class ModalAxis:
             lags: (l,) [steps].
             step: [s].
         """
-        seen, at = self.seen(window), np.hstack([np.ones((len(thetas), 1)), thetas])
+        seen = np.ascontiguousarray(self.seen(window))
         ends = seen.shape[1] - np.concatenate([[0], lags])
         w = np.stack([seen[:, end - self.delay : end].reshape(len(seen), -1) for end in ends], axis=1)
-        z = (w @ self.by_theta).reshape(*w.shape[:2], self.K, -1) @ at.T  # (V, 1 + l, K, T)
-        CA = self._readouts(at, step, int(max(lags)))
-        response = np.einsum("tkh,kct->thc", CA[:, :, :-1], self.inputs @ at.T)
+        lifted = (w @ self.by_theta).reshape(*w.shape[:2], self.K, -1)
         found = np.empty((len(thetas), len(seen), len(lags)))
-        now = np.einsum("k,vkt->tv", self.C, z[:, 0])
-        for i, lag in enumerate(lags):
-            coming = seen[:, -1 - lag : -1, 1:]
-            driven = np.einsum("thc,vhc->tv", response[:, lag - 1 :: -1], coming)
-            found[..., i] = now - np.einsum("tk,vkt->tv", CA[:, :, lag], z[:, 1 + i]) - driven
+        modes = self.frequency, self.damping, self.decay, self.inputs
+        _departures(*modes, np.ascontiguousarray(thetas, float), seen, lifted, lags, step, found)
         return found
-
-    def _readouts(self, at: np.ndarray, step: float, longest: int) -> np.ndarray:
-        """Return C A^j of j = 0 … longest, (T, K, longest + 1), at [1, theta] (T, 1 + r)."""
-        ahead = step * np.arange(longest + 1)
-        turn = np.exp(at @ self.frequency.T)[..., None] * ahead
-        shrink = np.exp(-np.exp(at @ self.damping.T)[..., None] * ahead)
-        pairs = np.stack([shrink * np.cos(turn), -shrink * np.sin(turn)], axis=2)
-        real = np.exp(-np.exp(at @ self.decay.T)[..., None] * ahead)
-        return np.concatenate([pairs.reshape(len(at), -1, longest + 1), real], axis=1)
 
     @cached_property
     def by_theta(self) -> np.ndarray:
@@ -152,3 +138,57 @@ def _at(row, theta):
     for i in range(len(theta)):
         total += row[1 + i] * theta[i]
     return total
+
+
+@compiled
+def _departures(frequency, damping, decay, inputs, thetas, seen, lifted, lags, step, out):
+    """Write what `ModalAxis.departures` returns.
+
+    Args:
+        frequency: of the axis, like the next three.
+        damping: (p, 1 + r).
+        decay: (q, 1 + r).
+        inputs: (K, c - 1, 1 + r).
+        thetas: (T, r).
+        seen: (V, W, c) samples, scaled.
+        lifted: (V, 1 + l, K, 1 + r) what the encoder sees now and at each lag, by entry of [1, theta].
+        lags: (l,) [steps].
+        step: [s].
+        out: (T, V, l).
+    """
+    (states, driven, _), pairs, longest = inputs.shape, len(frequency), lags.max()
+    A, B, CA = np.zeros((states, states)), np.empty((states, driven)), np.empty((longest + 1, states))
+    response = np.empty((longest, driven))
+    for t in range(len(thetas)):
+        _matrices(frequency, damping, decay, inputs, thetas[t], step, A, B)
+        _readouts(A, pairs, CA)
+        for h in range(longest):  # of the force h + 1 steps after an input
+            for c in range(driven):
+                response[h, c] = 0.0
+                for k in range(states):
+                    response[h, c] += CA[h, k] * B[k, c]
+        for v in range(len(seen)):
+            now = 0.0
+            for k in range(states):
+                now += CA[0, k] * _at(lifted[v, 0, k], thetas[t])
+            for i in range(len(lags)):
+                foreseen = 0.0
+                for k in range(states):
+                    foreseen += CA[lags[i], k] * _at(lifted[v, 1 + i, k], thetas[t])
+                for h in range(lags[i]):
+                    for c in range(driven):
+                        foreseen += response[h, c] * seen[v, seen.shape[1] - 2 - h, 1 + c]
+                out[t, v, i] = now - foreseen
+
+
+@compiled
+def _readouts(A, pairs, CA):
+    """Write C A^j of j = 0 … to CA (…, K), for the matrix A (K, K) of so many pairs and then real modes."""
+    for k in range(len(A)):
+        CA[0, k] = 1.0 if k >= 2 * pairs or k % 2 == 0 else 0.0
+    for j in range(1, len(CA)):
+        for k in range(0, 2 * pairs, 2):
+            CA[j, k] = CA[j - 1, k] * A[k, k] + CA[j - 1, k + 1] * A[k + 1, k]
+            CA[j, k + 1] = CA[j - 1, k] * A[k, k + 1] + CA[j - 1, k + 1] * A[k + 1, k + 1]
+        for k in range(2 * pairs, len(A)):
+            CA[j, k] = CA[j - 1, k] * A[k, k]
