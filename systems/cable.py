@@ -24,14 +24,17 @@ class Cable(LeafSystem):
         output_ports:
         - generalized_force
         - tether_wrench
+        - holds
 
     | port | size | meaning | unit |
     |---|---|---|---|
     | plant_state | 26 | [q_WB, p_WB, q_WP, p_WP, V_WB, V_WP], Drake's order | |
     | generalized_force | 12 | [moment about Bo, force on B, moment, force on P], all in W | N·m, N |
     | tether_wrench | 6 | chi order: [force on B in W, moment about Bo in B] | N, N·m |
+    | holds | 1 | the state | |
 
     State: 1 while the cable holds, 0 before and after. Events: at `tied_at` and `cut_at`.
+    line: hook (3,), length, stiffness and damping, in the order of `cable_force`.
     """
 
     def __init__(
@@ -55,13 +58,13 @@ class Cable(LeafSystem):
             cut_at: time at which the cable is cut [s].
         """
         super().__init__()
-        self._length, self._hook = float(length), np.array(hook, float)
-        self._stiffness, self._damping = float(stiffness), float(damping)
+        self.line = np.array(hook, float), float(length), float(stiffness), float(damping)
         self._state_port = self.DeclareVectorInputPort("plant_state", 26)
-        self.DeclareDiscreteState([float(tied_at <= 0.0)])
+        holds = self.DeclareDiscreteState([float(tied_at <= 0.0)])
         prerequisites = {self._state_port.ticket(), self.xd_ticket()}
         self.DeclareVectorOutputPort("generalized_force", 12, self._calc_force, prerequisites)
         self.DeclareVectorOutputPort("tether_wrench", 6, self._calc_wrench, prerequisites)
+        self.DeclareStateOutputPort("holds", holds)
         declare_event_at(self, tied_at, setting(1.0))
         declare_event_at(self, cut_at, setting(0.0))
 
@@ -70,7 +73,7 @@ class Cable(LeafSystem):
         force = np.zeros(12)
         if context.get_discrete_state(0).GetAtIndex(0):
             state = self._state_port.Eval(context)
-            cable_force(state, self._hook, self._length, self._stiffness, self._damping, force)
+            cable_force(state, *self.line, force)
         return force
 
     def _calc_force(self, context, output) -> None:

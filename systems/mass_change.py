@@ -37,8 +37,8 @@ class MassChange(LeafSystem):
     | port | size | meaning | unit |
     |---|---|---|---|
     | plant_state | nq + nv | Drake's order | |
-    | generalized_force (in) | nv | what acts, without gravity and rotors | N·m, N |
-    | rotor_thrust | 4 | of the propellers, which the plant gets besides | N |
+    | generalized_force (in) | nv | what acts, without gravity and propellers | N·m, N |
+    | rotor_thrust | 4 | of propellers, which the plant gets besides; unconnected: there are none | N |
     | generalized_force (out) | nv | to be applied; the same as what comes in before the first change | N·m, N |
 
     State: number of changes so far. Events: one at the time of each change.
@@ -71,7 +71,7 @@ class MassChange(LeafSystem):
         force, count = self._force_port.Eval(context), int(context.get_discrete_state(0).GetAtIndex(0))
         if count:
             state = self._state_port.Eval(context)
-            rotors = self._rotor_force(state, self._thrust_port.Eval(context))
+            rotors = self._rotor_force(context, state)
             own, now = self._contexts[0], self._contexts[count]
             for workspace in (own, now):
                 self._plant.SetPositionsAndVelocities(workspace, state)
@@ -86,10 +86,12 @@ class MassChange(LeafSystem):
         self._plant.CalcForceElementsContribution(workspace, self._forces)
         return self._plant.CalcInverseDynamics(workspace, rates, self._forces)
 
-    def _rotor_force(self, state: np.ndarray, thrust: np.ndarray) -> np.ndarray:
+    def _rotor_force(self, context: Context, state: np.ndarray) -> np.ndarray:
         """Return the propellers' generalized force (nv,)."""
-        total, *moments = self._vehicle.mixer @ thrust
         x, force = np.zeros(13), np.zeros(self._plant.num_velocities())
+        if not self._thrust_port.HasValue(context):
+            return force
+        total, *moments = self._vehicle.mixer @ self._thrust_port.Eval(context)
         x[3:7] = state[0:4] / np.linalg.norm(state[0:4])  # the integrator lets it drift off the unit sphere
         generalized_force(x, np.concatenate([total * attitude.body_z(x[3:7]), moments]), force)
         return force

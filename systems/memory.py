@@ -48,10 +48,8 @@ class MemorySystem(LeafSystem):
 
     def memory(self, context) -> Memory:
         """Return the memory as of the last event."""
-        return {
-            name: context.get_discrete_state(index).CopyToVector().reshape(shape)
-            for name, (index, shape) in self._groups.items()
-        }
+        state = context.get_discrete_state()
+        return {name: state.value(index).reshape(shape).copy() for name, (index, shape) in self._groups.items()}
 
     def _store_memory(self, memory: Memory, discrete_state) -> None:
         for name, (index, _) in self._groups.items():

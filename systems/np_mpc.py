@@ -1,6 +1,5 @@
 """Receding-horizon controller: NP-MPC, nominal MPC and the MPC with any other residual model."""
 
-import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector, LeafSystem
 
@@ -53,15 +52,15 @@ class NpMpc(LeafSystem):
         self._forecast_port = self.DeclareAbstractInputPort("forecast", Value[object]())
         start = controller.initial_memory()
         self._shapes = [start.u.shape, start.x.shape, start.chi.shape]
-        for array in (start.u, start.x, start.chi, start.flags):
-            self.DeclareDiscreteState(BasicVector(array.ravel()))
+        arrays = (start.u, start.x, start.chi, start.flags)
+        groups = [self.DeclareDiscreteState(BasicVector(array.ravel())) for array in arrays]
         xd = {self.xd_ticket()}
         self.DeclareVectorOutputPort("u", INPUT_SIZE, self._calc_u, xd)
         self.DeclareVectorOutputPort("rates_thrust", INPUT_SIZE, self._calc_rates_thrust, xd)
         self.DeclareVectorOutputPort("status", 1, self._calc_flag(0), xd)
         self.DeclareVectorOutputPort("solve_time", 1, self._calc_flag(1), xd)
-        for group, (name, shape) in enumerate(zip(("plan_u", "plan_x", "plan_chi"), self._shapes, strict=True)):
-            self.DeclareVectorOutputPort(name, int(np.prod(shape)), self._calc_group(group), xd)
+        for name, group in zip(("plan_u", "plan_x", "plan_chi"), groups, strict=False):
+            self.DeclareStateOutputPort(name, group)
         self.DeclarePeriodicDiscreteUpdateEvent(controller.period, 0.0, self._update_plan)
 
     def _memory(self, context) -> ControllerMemory:
@@ -91,11 +90,5 @@ class NpMpc(LeafSystem):
     def _calc_flag(self, index: int):
         def calc(context, output) -> None:
             output.SetFromVector(context.get_discrete_state(3).value()[index : index + 1])
-
-        return calc
-
-    def _calc_group(self, group: int):
-        def calc(context, output) -> None:
-            output.SetFromVector(context.get_discrete_state(group).value())
 
         return calc

@@ -11,8 +11,15 @@ from np_drake.compiled import compiled, turned
 
 
 @compiled
-def _vehicle_state(s, q_start, v_start, out):
-    """Write x (13,) from the plant's state, in which the body's pose and velocity start at these places."""
+def vehicle_state(s, q_start, v_start, out):
+    """Write x (13,) from the plant's state.
+
+    Args:
+        s: (nq + nv,) state of the plant.
+        q_start: place of the body's pose in it.
+        v_start: place of its velocity.
+        out: (13,) to be written.
+    """
     for k in range(3):
         out[k], out[7 + k] = s[q_start + 4 + k], s[v_start + 3 + k]
     w, x, y, z = s[q_start], s[q_start + 1], s[q_start + 2], s[q_start + 3]
@@ -50,7 +57,7 @@ class VehicleState(LeafSystem):
 
     def _calc_x(self, context, output) -> None:
         x = np.empty(13)
-        _vehicle_state(self._state_port.Eval(context), *self._starts, x)
+        vehicle_state(self._state_port.Eval(context), *self._starts, x)
         output.SetFromVector(x)
 
 

@@ -70,7 +70,7 @@ class ResidualPredictor(MemorySystem):
         self._chi_index = self.DeclareDiscreteState(BasicVector(first))
         self._step = self._declare_step(self._take_sample)
         self.DeclareAbstractOutputPort("forecast", Value[object], self._calc_forecast, {self._step.ticket()})
-        self.DeclareVectorOutputPort("chi_hat", 6, self._calc_chi_hat, {self.xd_ticket()})
+        self.DeclareStateOutputPort("chi_hat", self._chi_index)
         self.DeclarePeriodicDiscreteUpdateEvent(model.step, 0.0, self._update_memory)
 
     def _take_sample(self, context):
@@ -93,9 +93,6 @@ class ResidualPredictor(MemorySystem):
 
     def _calc_forecast(self, context, output) -> None:
         output.set_value(self._step.Eval(context)[1])
-
-    def _calc_chi_hat(self, context, output) -> None:
-        output.SetFromVector(context.get_discrete_state(self._chi_index).value())
 
     def _update_memory(self, context, discrete_state) -> None:
         memory, forecast = self._step.Eval(context)

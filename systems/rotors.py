@@ -76,18 +76,10 @@ def add_rotor_chain(
         command_period: see `CommandBuffer` [s].
         onsets: of effects that begin in flight [s].
     """
-    mixer = builder.AddNamedSystem("mixer", MatrixGain(vehicle.unmixer))
-    limit = builder.AddNamedSystem("saturation", Saturation(np.zeros(4), np.full(4, vehicle.max_rotor_thrust)))
-    builder.ExportInput(mixer.get_input_port(), "u")
-    builder.Connect(mixer.get_output_port(), limit.get_input_port())
-    command = limit.get_output_port()
-    chain, spans = _with_nominal_lag(vehicle, effects, onsets)
-    for onset, dead_time in _dead_times(chain, onsets):
-        buffer = CommandBuffer(hover_thrust, dead_time=dead_time, period=command_period, onset=onset)
-        name = "command_buffer" if onset == -np.inf else f"command_buffer_from_{onset:g}"
-        builder.AddNamedSystem(name, buffer)
-        builder.Connect(command, buffer.get_input_port())
-        command = buffer.get_output_port()
+    chain, spans = with_nominal_lag(vehicle, effects, onsets)
+    command = add_commanded_thrust(
+        builder, vehicle, chain, hover_thrust=hover_thrust, command_period=command_period, onsets=onsets
+    )
     ports = RotorPorts(command, command, None)
     if chain:
         system = ActuatorEffects(vehicle, chain, hover_thrust, spans=spans)
@@ -98,12 +90,50 @@ def add_rotor_chain(
     return ports
 
 
-def _with_nominal_lag(
+def add_commanded_thrust(
+    builder: DiagramBuilder,
+    vehicle: Vehicle,
+    chain: Sequence[ActuatorEffect],
+    *,
+    hover_thrust: np.ndarray,
+    command_period: float,
+    onsets: Onsets = NO_ONSETS,
+) -> OutputPort:
+    """Add mixer, saturation and dead times behind the command `u`, which is exported, and return the port (4,) [N].
+
+    Args:
+        builder: of the diagram.
+        vehicle: nominal.
+        chain: effects that do something, whose dead times count.
+        hover_thrust: (4,) at which delayed commands start [N].
+        command_period: see `CommandBuffer` [s].
+        onsets: of effects that begin in flight [s].
+    """
+    mixer = builder.AddNamedSystem("mixer", MatrixGain(vehicle.unmixer))
+    limit = builder.AddNamedSystem("saturation", Saturation(np.zeros(4), np.full(4, vehicle.max_rotor_thrust)))
+    builder.ExportInput(mixer.get_input_port(), "u")
+    builder.Connect(mixer.get_output_port(), limit.get_input_port())
+    command = limit.get_output_port()
+    for onset, dead_time in _dead_times(chain, onsets):
+        buffer = CommandBuffer(hover_thrust, dead_time=dead_time, period=command_period, onset=onset)
+        name = "command_buffer" if onset == -np.inf else f"command_buffer_from_{onset:g}"
+        builder.AddNamedSystem(name, buffer)
+        builder.Connect(command, buffer.get_input_port())
+        command = buffer.get_output_port()
+    return command
+
+
+def with_nominal_lag(
     vehicle: Vehicle, effects: Sequence[ActuatorEffect], onsets: Onsets
 ) -> tuple[list[ActuatorEffect], dict[ActuatorEffect, Span]]:
     """Return the effects that do something, after the vehicle file's nominal lag, and when those act that do at times.
 
     The nominal lag acts until the effects have a lag of their own.
+
+    Args:
+        vehicle: nominal.
+        effects: of the actuators, first to last.
+        onsets: of effects that begin in flight [s].
     """
     chain = [e for e in effects if not getattr(e, "parameters", ()) or e != type(e).neutral()]
     spans: dict[ActuatorEffect, Span] = {e: (onsets[e], np.inf) for e in chain if e in onsets}

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from functools import partial
+from typing import Any
 
 import numpy as np
 from pydrake.math import RigidTransform
@@ -24,6 +25,7 @@ from systems.plant_events import declare_hanging, declare_impulse, declare_step_
 from systems.plant_readings import BodyAcceleration, RodWrench, VehicleState
 from systems.push import Push
 from systems.rotors import add_rotors
+from systems.vehicle_forces import SteadyEffects, add_vehicle_forces
 from systems.wrench_effects import WrenchEffects
 
 
@@ -110,49 +112,32 @@ def make_tethered_quadrotor(
     builder.Connect(plant.get_state_output_port(), state.get_input_port())
     carried = mass_properties(vehicle, first).mass
     carried += payload.mass if payload.tether != "none" and hangs_at <= 0.0 else 0.0
-    rotors = add_rotors(
-        builder,
-        plant,
-        vehicle,
-        actuator_effects,
-        hover_thrust=np.full(4, carried * vehicle.gravity / 4),
-        command_period=command_period,
-        onsets=onsets,
-    )
-    forces = []
-    if wrench_effects:
-        effects = builder.AddNamedSystem(
-            "wrench_effects", WrenchEffects(vehicle, wrench_effects, plant.num_velocities(), onsets=onsets)
-        )
-        builder.Connect(state.get_output_port(), effects.GetInputPort("x"))
-        builder.Connect(rotors.thrust, effects.GetInputPort("rotor_thrust"))
-        if rotors.rate is not None and any(effect.feels_rotor_rate for effect in wrench_effects):
-            builder.Connect(rotors.rate, effects.GetInputPort("rotor_rate"))
-        forces.append(effects.GetOutputPort("generalized_force"))
+    start: dict[str, Any] = {
+        "hover_thrust": np.full(4, carried * vehicle.gravity / 4),
+        "command_period": command_period,
+    }
     cable = None
     if payload.tether == "cable":
-        cable = builder.AddNamedSystem(
-            "cable",
-            Cable(
-                length=payload.length,
-                hook=payload.hook,
-                stiffness=payload.stiffness,
-                damping=payload.damping,
-                tied_at=hangs_at,
-                cut_at=min((event.time for event in events if event.kind == "release"), default=np.inf),
-            ),
-        )
+        cable = builder.AddNamedSystem("cable", _make_cable(payload, hangs_at, events))
         builder.Connect(plant.get_state_output_port(), cable.get_input_port())
-        forces.append(cable.GetOutputPort("generalized_force"))
+    changes = _declare_events(plant, vehicle, payload, mass_effects, onsets, hangs_at, events)
+    steady = SteadyEffects.of(vehicle, actuator_effects, wrench_effects, onsets) if payload.tether != "rod" else None
+    if steady is not None:
+        rotors, force = add_vehicle_forces(builder, plant, vehicle, steady, cable, **start)
+        forces = [force]
+    else:
+        rotors = add_rotors(builder, plant, vehicle, actuator_effects, onsets=onsets, **start)
+        forces = _add_effects(builder, vehicle, wrench_effects, onsets, plant=plant, state=state, rotors=rotors)
+        forces += [] if cable is None else [cable.GetOutputPort("generalized_force")]
     if pushed:
         push = builder.AddNamedSystem("push", Push(plant.num_velocities(), payload=cable is not None))
         forces.append(push.get_output_port())
-    changes = _declare_events(plant, vehicle, payload, mass_effects, onsets, hangs_at, events)
     force = _sum_forces(builder, plant, forces) if forces or changes else None
     if changes:
         change = builder.AddNamedSystem("mass_change", MassChange(plant, vehicle, changes))
         builder.Connect(plant.get_state_output_port(), change.GetInputPort("plant_state"))
-        builder.Connect(rotors.thrust, change.GetInputPort("rotor_thrust"))
+        if steady is None:  # else the force holds that of the rotors
+            builder.Connect(rotors.thrust, change.GetInputPort("rotor_thrust"))
         builder.Connect(force, change.GetInputPort("generalized_force"))
         force = change.get_output_port()
     if force is not None:
@@ -177,6 +162,31 @@ def make_tethered_quadrotor(
     diagram = builder.Build()
     diagram.set_name("tethered_quadrotor")
     return diagram
+
+
+def _make_cable(payload: PayloadConfig, hangs_at: float, events: Sequence[PayloadEvent]) -> Cable:
+    return Cable(
+        length=payload.length,
+        hook=payload.hook,
+        stiffness=payload.stiffness,
+        damping=payload.damping,
+        tied_at=hangs_at,
+        cut_at=min((event.time for event in events if event.kind == "release"), default=np.inf),
+    )
+
+
+def _add_effects(builder: DiagramBuilder, vehicle: Vehicle, wrench_effects, onsets, *, plant, state, rotors):
+    """Add the wrench effects, if any, and return the ports of their generalized force."""
+    if not wrench_effects:
+        return []
+    effects = builder.AddNamedSystem(
+        "wrench_effects", WrenchEffects(vehicle, wrench_effects, plant.num_velocities(), onsets=onsets)
+    )
+    builder.Connect(state.get_output_port(), effects.GetInputPort("x"))
+    builder.Connect(rotors.thrust, effects.GetInputPort("rotor_thrust"))
+    if rotors.rate is not None and any(effect.feels_rotor_rate for effect in wrench_effects):
+        builder.Connect(rotors.rate, effects.GetInputPort("rotor_rate"))
+    return [effects.GetOutputPort("generalized_force")]
 
 
 def _declare_events(plant, vehicle, payload, mass_effects, onsets, hangs_at, events) -> list[Change]:

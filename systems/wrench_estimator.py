@@ -48,7 +48,7 @@ class WrenchEstimator(MemorySystem):
         self._label_index = self.DeclareDiscreteState(BasicVector(np.zeros(6)))
         self._step = self._declare_step(self._take_sample)
         self.DeclareVectorOutputPort("label", 6, self._calc_label, {self._step.ticket()})
-        self.DeclareVectorOutputPort("last_label", 6, self._calc_last_label, {self.xd_ticket()})
+        self.DeclareStateOutputPort("last_label", self._label_index)
         self.DeclarePeriodicDiscreteUpdateEvent(step, 0.0, self._update_memory)
 
     def _take_sample(self, context):
@@ -63,9 +63,6 @@ class WrenchEstimator(MemorySystem):
 
     def _calc_label(self, context, output) -> None:
         output.SetFromVector(self._step.Eval(context)[1])
-
-    def _calc_last_label(self, context, output) -> None:
-        output.SetFromVector(context.get_discrete_state(self._label_index).value())
 
     def _update_memory(self, context, discrete_state) -> None:
         memory, label = self._step.Eval(context)

@@ -43,7 +43,7 @@ class LinearDrag(WrenchEffect):
         hover = math.sqrt(vehicle.mass * vehicle.gravity / 4)
         if motion.x.ndim == 1:  # one instant of the simulator
             chi = np.zeros(6)
-            _drag(motion.x, motion.rotor_thrust, motion.wind, self.d_x, self.d_y, self.d_z, hover, chi)
+            drag_force(motion.x, motion.rotor_thrust, motion.wind, self.d_x, self.d_y, self.d_z, hover, chi)
             return chi
         speed = np.sqrt(np.maximum(motion.rotor_thrust, 0.0)).sum(axis=-1) / (4 * hover)
         drag = -np.array((self.d_x, self.d_y, self.d_z))
@@ -51,8 +51,19 @@ class LinearDrag(WrenchEffect):
 
 
 @compiled
-def _drag(x, rotor_thrust, wind, d_x, d_y, d_z, hover, chi):
-    """Write the force of `LinearDrag.wrench` to chi[:3] (6,)."""
+def drag_force(x, rotor_thrust, wind, d_x, d_y, d_z, hover, chi):
+    """Write the force of `LinearDrag.wrench` at one instant to chi[:3] [N].
+
+    Args:
+        x: (13,) state.
+        rotor_thrust: (4,) [N].
+        wind: (3,) velocity of the air in W [m/s].
+        d_x: coefficient along body x [N·s/m].
+        d_y: along y.
+        d_z: along z.
+        hover: root of a rotor's thrust in hover [N^0.5].
+        chi: (6,) to be written.
+    """
     roots = 0.0
     for i in range(4):
         roots += math.sqrt(max(rotor_thrust[i], 0.0))

@@ -1,6 +1,7 @@
 """What the MPC decides on, rotor thrusts or body rates with collective thrust, and how that turns the vehicle."""
 
 import dataclasses as dc
+from functools import cached_property
 
 import numpy as np
 
@@ -70,7 +71,7 @@ class Actuation:
             return config.R
         return np.array([config.R[0], *(config.weight_rates / np.square(np.diag(self.mixer)[1:]))])
 
-    @property
+    @cached_property
     def unmixer(self) -> np.ndarray:
         """Map (4, 4) from u to T."""
         return np.linalg.inv(self.mixer)

@@ -14,7 +14,7 @@ import numpy as np
 
 from np_drake.compiled import finite
 from np_drake.payload_filter import kernel
-from np_drake.payload_filter.mixing import mix_bank
+from np_drake.payload_filter.mixing import mix_bank, weigh_bank
 from np_drake.residual_model import Memory
 from np_drake.scaling import Scales
 
@@ -219,14 +219,11 @@ class PendulumBank:
             return self._anew(predicted, spread)
         if not (finite(updated) and finite(narrowed)):
             return self.initial_memory()
-        with np.errstate(divide="ignore"):  # of a member without weight
-            score = np.log(weight) + likelihood
-        # Bayes: weight times likelihood, less the largest logarithm, so that nothing underflows
-        weight = np.exp(score - score.max())
-        stay = np.exp(-self.step * self.options.change)
-        weight = stay * weight / weight.sum() + (1 - stay) * self._first_weight * self._likely(updated)
-        weight = weight / weight.sum()
-        return {"mean": updated, "covariance": narrowed, "weight": weight}
+        weighed, stay = np.empty_like(weight), float(np.exp(-self.step * self.options.change))
+        weigh_bank(
+            weight, likelihood, updated, self._prior, self._deviation, self._first_weight, stay, weighed,
+        )  # fmt: skip
+        return {"mean": updated, "covariance": narrowed, "weight": weighed}
 
     def _anew(self, mean: np.ndarray, covariance: np.ndarray) -> Memory:
         """Return the memory after a sample that no member explains; the sample itself is not taken in.
@@ -237,15 +234,6 @@ class PendulumBank:
             return self.initial_memory()
         self._forget(mean, covariance)
         return {"mean": mean, "covariance": covariance, "weight": self._first_weight.copy()}
-
-    def _likely(self, mean: np.ndarray) -> np.ndarray:
-        """Return the prior density of each member's parameters over its largest, (k,) [1].
-
-        A change leads to a member whose parameters were fitted all along, as if it had always been true: they must be
-        such as could have been drawn.
-        """
-        apart = (mean[:, kernel.PARAMETERS] - self._prior) / self._deviation
-        return np.exp(-0.5 * np.sum(apart**2, axis=1))
 
     def _forget(self, mean: np.ndarray, covariance: np.ndarray) -> None:
         """Forget payload and swing in place; what belongs to the vehicle stays."""

@@ -1,11 +1,11 @@
-"""Compiled interaction of the conditions of a bank of pendulums."""
+"""Compiled weights of a bank of pendulums: interaction of its conditions, and what a label says of its members."""
 
 import math
 
 import numpy as np
 
 from np_drake.compiled import compiled
-from np_drake.payload_filter.kernel import PUSH, SIZE, difference, displace
+from np_drake.payload_filter.kernel import FIRST, PUSH, SIZE, difference, displace
 
 RISE = PUSH + 2  # the slow force upwards, in a point; its error is `RISE_ERROR`
 RISE_ERROR = 9
@@ -63,6 +63,39 @@ def mix_bank(mean, covariance, weight, transition, rise, mixed, mixed_covariance
                     mixed_covariance[here, a, b] = value
                     mixed_covariance[here, b, a] = value
             displace(mean[here], shift, mixed[here])
+
+
+@compiled
+def weigh_bank(weight, likelihood, mean, prior, deviation, first, stay, out):
+    """Write the weights of the members after a label, of which a small share is drawn anew.
+
+    A change leads to a member whose parameters were fitted all along, as if it had always been true: they must be such
+    as could have been drawn.
+
+    Args:
+        weight: (k,) before it [1].
+        likelihood: (k,) logarithm of that of the label.
+        mean: (k, POINT) with the label.
+        prior: (k, 8) mean of the parameters.
+        deviation: (k, 8) of that prior.
+        first: (k,) weight before any flight [1].
+        stay: share that is not drawn anew [1].
+        out: (k,) to be written; they sum to one.
+    """
+    # Bayes: weight times likelihood, less the largest logarithm, so that nothing underflows
+    score = np.log(weight) + likelihood
+    largest, total, sum_out = score.max(), 0.0, 0.0
+    for i in range(len(out)):
+        out[i] = math.exp(score[i] - largest)
+        total += out[i]
+    for i in range(len(out)):
+        apart = 0.0  # squared distance of the parameters from their prior, in deviations
+        for k in range(prior.shape[1]):
+            apart += ((mean[i, FIRST + k] - prior[i, k]) / deviation[i, k]) ** 2
+        out[i] = stay * out[i] / total + (1.0 - stay) * first[i] * math.exp(-0.5 * apart)
+        sum_out += out[i]
+    for i in range(len(out)):
+        out[i] /= sum_out
 
 
 @compiled

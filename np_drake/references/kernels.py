@@ -14,13 +14,39 @@ def horner(coefficients, s, out):
         s: (n,) points.
         out: (k, n).
     """
-    k, m = coefficients.shape
-    for row in range(k):
+    for row in range(len(coefficients)):
         for i in range(len(s)):
-            total = coefficients[row, m - 1]
-            for power in range(m - 2, -1, -1):
-                total = total * s[i] + coefficients[row, power]
-            out[row, i] = total
+            out[row, i] = _polynomial(coefficients[row], s[i])
+
+
+@compiled
+def _polynomial(coefficients, s):
+    """Return a polynomial (m,), lowest power first, at one point."""
+    m = len(coefficients)
+    total = coefficients[m - 1]
+    for power in range(m - 2, -1, -1):
+        total = total * s + coefficients[power]
+    return total
+
+
+@compiled
+def ramped(polynomials, t, rate, ramp, out):
+    """Write a phase that runs at a constant rate after a ramp from rest, and its derivatives by time.
+
+    Args:
+        polynomials: (5, m) phase and its derivatives on the ramp, both of unit rate and duration, lowest power first.
+        t: (n,) [s].
+        rate: final one [rad/s].
+        ramp: its duration [s].
+        out: (5, n) to be written.
+    """
+    for i in range(len(t)):
+        s = min(max(t[i] / ramp, 0.0), 1.0)
+        out[0, i] = rate * (ramp * _polynomial(polynomials[0], s) + max(t[i] - ramp, 0.0))
+        scale = rate
+        for row in range(1, 5):
+            out[row, i] = scale * _polynomial(polynomials[row], s)
+            scale /= ramp
 
 
 @compiled

@@ -36,9 +36,8 @@ def ramped_phase(t: np.ndarray, rate: float, ramp: float) -> np.ndarray:
     t = np.asarray(t, float)
     if ramp <= 0:
         return np.stack([rate * t, np.full_like(t, rate), *np.zeros((3, len(t)))])
-    out = _at(_RAMP, np.clip(t / ramp, 0.0, 1.0))
-    out[0] = ramp * out[0] + np.maximum(t - ramp, 0.0)
-    out *= rate * float(ramp) ** np.array([[0.0], [0.0], [-1.0], [-2.0], [-3.0]])
+    out = np.empty((5, len(t)))
+    kernels.ramped(_RAMP, np.ascontiguousarray(t), float(rate), float(ramp), out)
     return out
 
 

@@ -9,9 +9,12 @@ Source: own choice.
 """
 
 import dataclasses as dc
+import math
 from functools import cached_property
 
 import numpy as np
+
+from np_drake.compiled import compiled
 
 
 @dc.dataclass(frozen=True)
@@ -68,16 +71,9 @@ class ModalAxis:
             theta: (r,).
             step: [s].
         """
-        at = np.concatenate([[1.0], theta])
-        turn, shrink = np.exp(self.frequency @ at) * step, np.exp(-np.exp(self.damping @ at) * step)
-        A = np.zeros((self.K, self.K))
-        even = 2 * np.arange(len(turn))
-        A[even, even] = A[even + 1, even + 1] = shrink * np.cos(turn)
-        A[even + 1, even] = shrink * np.sin(turn)
-        A[even, even + 1] = -A[even + 1, even]
-        real = np.arange(2 * len(turn), self.K)
-        A[real, real] = np.exp(-np.exp(self.decay @ at) * step)
-        return A, self.inputs @ at
+        A, B = np.zeros((self.K, self.K)), np.empty(self.inputs.shape[:2])
+        _matrices(self.frequency, self.damping, self.decay, self.inputs, np.asarray(theta, float), step, A, B)
+        return A, B
 
     def seen(self, samples: np.ndarray) -> np.ndarray:
         """Return what the views see of samples (n, 12), (V, n, c), scaled."""
@@ -102,30 +98,97 @@ class ModalAxis:
             lags: (l,) [steps].
             step: [s].
         """
-        seen, at = self.seen(window), np.hstack([np.ones((len(thetas), 1)), thetas])
+        seen = np.ascontiguousarray(self.seen(window))
         ends = seen.shape[1] - np.concatenate([[0], lags])
         w = np.stack([seen[:, end - self.delay : end].reshape(len(seen), -1) for end in ends], axis=1)
-        z = (w @ self.by_theta).reshape(*w.shape[:2], self.K, -1) @ at.T  # (V, 1 + l, K, T)
-        CA = self._readouts(at, step, int(max(lags)))
-        response = np.einsum("tkh,kct->thc", CA[:, :, :-1], self.inputs @ at.T)
+        lifted = (w @ self.by_theta).reshape(*w.shape[:2], self.K, -1)
         found = np.empty((len(thetas), len(seen), len(lags)))
-        now = np.einsum("k,vkt->tv", self.C, z[:, 0])
-        for i, lag in enumerate(lags):
-            coming = seen[:, -1 - lag : -1, 1:]
-            driven = np.einsum("thc,vhc->tv", response[:, lag - 1 :: -1], coming)
-            found[..., i] = now - np.einsum("tk,vkt->tv", CA[:, :, lag], z[:, 1 + i]) - driven
+        modes = self.frequency, self.damping, self.decay, self.inputs
+        _departures(*modes, np.ascontiguousarray(thetas, float), seen, lifted, lags, step, found)
         return found
-
-    def _readouts(self, at: np.ndarray, step: float, longest: int) -> np.ndarray:
-        """Return C A^j of j = 0 … longest, (T, K, longest + 1), at [1, theta] (T, 1 + r)."""
-        ahead = step * np.arange(longest + 1)
-        turn = np.exp(at @ self.frequency.T)[..., None] * ahead
-        shrink = np.exp(-np.exp(at @ self.damping.T)[..., None] * ahead)
-        pairs = np.stack([shrink * np.cos(turn), -shrink * np.sin(turn)], axis=2)
-        real = np.exp(-np.exp(at @ self.decay.T)[..., None] * ahead)
-        return np.concatenate([pairs.reshape(len(at), -1, longest + 1), real], axis=1)
 
     @cached_property
     def by_theta(self) -> np.ndarray:
         """Encoder as a map from a window to what each entry of [1, theta] multiplies, (D c, K (1 + r))."""
         return self.encoder.transpose(1, 0, 2).reshape(self.encoder.shape[1], -1)
+
+
+@compiled
+def _matrices(frequency, damping, decay, inputs, theta, step, A, B):
+    """Write the matrices of `ModalAxis.matrices` from its arrays; A comes zeroed."""
+    pairs = len(frequency)
+    for i in range(pairs):
+        turn = step * math.exp(_at(frequency[i], theta))
+        shrink = math.exp(-step * math.exp(_at(damping[i], theta)))
+        a, b = 2 * i, 2 * i + 1
+        A[a, a] = A[b, b] = shrink * math.cos(turn)
+        A[b, a] = shrink * math.sin(turn)
+        A[a, b] = -A[b, a]
+    for i in range(len(decay)):
+        A[2 * pairs + i, 2 * pairs + i] = math.exp(-step * math.exp(_at(decay[i], theta)))
+    for row in range(len(inputs)):
+        for col in range(inputs.shape[1]):
+            B[row, col] = _at(inputs[row, col], theta)
+
+
+@compiled
+def _at(row, theta):
+    """Return row (1 + r,) times [1, theta]."""
+    total = row[0]
+    for i in range(len(theta)):
+        total += row[1 + i] * theta[i]
+    return total
+
+
+@compiled
+def _departures(frequency, damping, decay, inputs, thetas, seen, lifted, lags, step, out):
+    """Write what `ModalAxis.departures` returns.
+
+    Args:
+        frequency: of the axis, like the next three.
+        damping: (p, 1 + r).
+        decay: (q, 1 + r).
+        inputs: (K, c - 1, 1 + r).
+        thetas: (T, r).
+        seen: (V, W, c) samples, scaled.
+        lifted: (V, 1 + l, K, 1 + r) what the encoder sees now and at each lag, by entry of [1, theta].
+        lags: (l,) [steps].
+        step: [s].
+        out: (T, V, l).
+    """
+    (states, driven, _), pairs, longest = inputs.shape, len(frequency), lags.max()
+    A, B, CA = np.zeros((states, states)), np.empty((states, driven)), np.empty((longest + 1, states))
+    response = np.empty((longest, driven))
+    for t in range(len(thetas)):
+        _matrices(frequency, damping, decay, inputs, thetas[t], step, A, B)
+        _readouts(A, pairs, CA)
+        for h in range(longest):  # of the force h + 1 steps after an input
+            for c in range(driven):
+                response[h, c] = 0.0
+                for k in range(states):
+                    response[h, c] += CA[h, k] * B[k, c]
+        for v in range(len(seen)):
+            now = 0.0
+            for k in range(states):
+                now += CA[0, k] * _at(lifted[v, 0, k], thetas[t])
+            for i in range(len(lags)):
+                foreseen = 0.0
+                for k in range(states):
+                    foreseen += CA[lags[i], k] * _at(lifted[v, 1 + i, k], thetas[t])
+                for h in range(lags[i]):
+                    for c in range(driven):
+                        foreseen += response[h, c] * seen[v, seen.shape[1] - 2 - h, 1 + c]
+                out[t, v, i] = now - foreseen
+
+
+@compiled
+def _readouts(A, pairs, CA):
+    """Write C A^j of j = 0 … to CA (…, K), for the matrix A (K, K) of so many pairs and then real modes."""
+    for k in range(len(A)):
+        CA[0, k] = 1.0 if k >= 2 * pairs or k % 2 == 0 else 0.0
+    for j in range(1, len(CA)):
+        for k in range(0, 2 * pairs, 2):
+            CA[j, k] = CA[j - 1, k] * A[k, k] + CA[j - 1, k + 1] * A[k + 1, k]
+            CA[j, k + 1] = CA[j - 1, k] * A[k, k + 1] + CA[j - 1, k + 1] * A[k + 1, k + 1]
+        for k in range(2 * pairs, len(A)):
+            CA[j, k] = CA[j - 1, k] * A[k, k]

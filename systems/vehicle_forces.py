@@ -1,0 +1,225 @@
+"""Rotors, rotor drag and cable in one compiled function, for a vehicle whose effects are steady."""
+
+import dataclasses as dc
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.systems.framework import DiagramBuilder, LeafSystem, OutputPort
+
+from np_drake.compiled import compiled, turned
+from np_drake.effects.base import ActuatorEffect, WrenchEffect
+from np_drake.effects.combine import NO_ONSETS, Onsets
+from np_drake.effects.command_delay import CommandDelay
+from np_drake.effects.linear_drag import LinearDrag, drag_force
+from np_drake.effects.motor_lag import MotorLag
+from np_drake.effects.thrust_scale import ThrustScale
+from np_drake.vehicle import Vehicle
+from systems.cable import Cable, cable_force
+from systems.plant_readings import vehicle_state
+from systems.rotor_lag import add_rotor_lag
+from systems.rotors import RotorPorts, add_commanded_thrust, with_nominal_lag
+
+
+@dc.dataclass(frozen=True)
+class SteadyEffects:
+    """Effects that the compiled function knows: a lag of the rotors, then a scale of thrust, and drag in still air.
+
+    chain: the actuators' effects that do something, dead times among them.   scale: of thrust [1].
+    drag: (3,) coefficients along the body axes [N·s/m].
+    """
+
+    chain: list[ActuatorEffect]
+    lag: MotorLag
+    scale: float
+    drag: np.ndarray
+
+    @classmethod
+    def of(
+        cls,
+        vehicle: Vehicle,
+        actuator_effects: Sequence[ActuatorEffect],
+        wrench_effects: Sequence[WrenchEffect],
+        onsets: Onsets = NO_ONSETS,
+    ) -> "SteadyEffects | None":
+        """Return the effects in this form; None where there are others, or one begins in flight.
+
+        Args:
+            vehicle: nominal, with its own lag.
+            actuator_effects: first to last.
+            wrench_effects: in any order.
+            onsets: of effects that begin in flight [s].
+        """
+        chain, _ = with_nominal_lag(vehicle, actuator_effects, onsets)
+        acting = [effect for effect in chain if type(effect) is not CommandDelay]
+        kinds = [type(effect) for effect in acting]
+        drags = [effect for effect in wrench_effects if type(effect) is LinearDrag]
+        if onsets or kinds != [MotorLag, ThrustScale][: len(kinds)] or not kinds or len(drags) < len(wrench_effects):
+            return None
+        lag, *scales = acting
+        assert isinstance(lag, MotorLag)
+        drag = np.sum([[e.d_x, e.d_y, e.d_z] for e in drags], axis=0) if drags else np.zeros(3)
+        return cls(chain, lag, scales[0].values["scale"] if scales else 1.0, drag)
+
+
+class VehicleForces(LeafSystem):
+    """Generalized force of rotors, rotor drag and cable, all in one call.
+
+    It is the sum of what `Propeller`, `WrenchEffects` and `Cable` give for the same effects.
+
+    .. pydrake_system::
+
+        name: VehicleForces
+        input_ports:
+        - plant_state
+        - command
+        - rotor_speed
+        - holds
+        output_ports:
+        - target
+        - generalized_force
+        - thrust
+        - nominal_thrust
+
+    | port | size | meaning | unit |
+    |---|---|---|---|
+    | plant_state | nq + nv | Drake's order, the quadrotor first | |
+    | command | 4 | commanded rotor thrust after saturation and dead time | N |
+    | rotor_speed | 4 | actual | rad/s |
+    | holds | 1 | 1 while the cable holds, else 0; with a cable only | |
+    | target | 4 | speed at which a rotor gives the commanded thrust, over the time constant of the lag | rad/s² |
+    | generalized_force | nv | [moment about Bo, force] on B, then on a payload, in W | N·m, N |
+    | thrust | 4 | actual rotor thrust | N |
+    | nominal_thrust | 4 | what a nominal rotor would give at the actual rotor speed | N |
+
+    No state.
+    """
+
+    def __init__(self, vehicle: Vehicle, effects: SteadyEffects, cable: Cable | None):
+        """Declare ports.
+
+        Args:
+            vehicle: nominal.
+            effects: that act on it.
+            cable: on which the only other body hangs; None: there is none.
+        """
+        super().__init__()
+        self._vehicle, self._lag, self._scale = vehicle, effects.lag, effects.scale
+        self._size = 6 if cable is None else 12
+        hover = float(np.sqrt(vehicle.mass * vehicle.gravity / 4))
+        rotors = vehicle.thrust_coefficient, effects.scale, np.ascontiguousarray(vehicle.mixer, float)
+        line = (np.zeros(3), 1.0, 0.0, 0.0) if cable is None else cable.line
+        self._constants = (*rotors, effects.drag, hover, *line)
+        self._state_port = self.DeclareVectorInputPort("plant_state", 13 * self._size // 6)
+        self._command_port = self.DeclareVectorInputPort("command", 4)
+        self._speed_port = self.DeclareVectorInputPort("rotor_speed", 4)
+        self._holds_port = None if cable is None else self.DeclareVectorInputPort("holds", 1)
+        speed = {self._speed_port.ticket()}
+        needed = speed | {port.ticket() for port in (self._state_port, self._holds_port) if port is not None}
+        self.DeclareVectorOutputPort("target", 4, self._calc_target, {self._command_port.ticket()})
+        self.DeclareVectorOutputPort("generalized_force", self._size, self._calc_force, needed)
+        self.DeclareVectorOutputPort("thrust", 4, self._calc_thrust, speed)
+        self.DeclareVectorOutputPort("nominal_thrust", 4, self._calc_nominal_thrust, speed)
+
+    def _calc_target(self, context, output) -> None:
+        speed = self._lag.state_at(self._vehicle, self._command_port.Eval(context))
+        output.SetFromVector(speed / self._lag.time_constant)
+
+    def _calc_force(self, context, output) -> None:
+        holds = 0.0 if self._holds_port is None else self._holds_port.Eval(context)[0]
+        force = np.zeros(self._size)
+        _total(self._state_port.Eval(context), self._speed_port.Eval(context), holds, *self._constants, force)
+        output.SetFromVector(force)
+
+    def _calc_thrust(self, context, output) -> None:
+        output.SetFromVector(self._scale * self._nominal_thrust(context))
+
+    def _calc_nominal_thrust(self, context, output) -> None:
+        output.SetFromVector(self._nominal_thrust(context))
+
+    def _nominal_thrust(self, context) -> np.ndarray:
+        return self._lag.thrust(self._vehicle, self._speed_port.Eval(context), np.zeros(4))
+
+
+@compiled
+def _total(s, speed, holds, k, scale, mixer, drag, hover, hook, length, stiffness, damping, out):
+    """Write the generalized force of rotors, drag and a cable that holds to out (6,) or (12,), which comes zeroed.
+
+    Args:
+        s: state of the plant, (13,) or (26,).
+        speed: (4,) of the rotors [rad/s].
+        holds: whether there is a cable that holds, 0 or 1.
+        k: thrust coefficient [N/(rad/s)²].
+        scale: of the thrust [1].
+        mixer: (4, 4) from thrusts to [f_u, tau_m].
+        drag: (3,) coefficients [N·s/m].
+        hover: as of `drag_force`.
+        hook: as of `cable_force`, like all that follows.
+        length: [m].
+        stiffness: [N/m].
+        damping: [N·s/m].
+        out: to be written [N·m, N].
+    """
+    thrust, x, chi = np.empty(4), np.empty(13), np.zeros(6)
+    for i in range(4):
+        thrust[i] = scale * (k * speed[i] * speed[i])
+    vehicle_state(s, 0, 7 * (len(s) // 13), x)
+    drag_force(x, thrust, np.zeros(3), drag[0], drag[1], drag[2], hover, chi)
+    if holds:
+        cable_force(s, hook, length, stiffness, damping, out)
+    _add_rotors(x, thrust, mixer, out)
+    for i in range(3):
+        out[3 + i] += chi[i]
+
+
+@compiled
+def _add_rotors(x, thrust, mixer, out):
+    """Add the force of the rotors along body z, and their torque turned to W, to out[:6]."""
+    w, i, j, k = x[3], x[4], x[5], x[6]
+    size = math.sqrt(w * w + i * i + j * j + k * k)  # the integrator lets the quaternion drift off the unit sphere
+    w, i, j, k = w / size, i / size, j / size, k / size
+    total, moment = 0.0, np.zeros(3)
+    for r in range(4):
+        total += thrust[r]
+        for axis in range(3):
+            moment[axis] += mixer[1 + axis, r] * thrust[r]
+    m_x, m_y, m_z = turned(w, i, j, k, moment[0], moment[1], moment[2])
+    f_x, f_y, f_z = turned(w, i, j, k, 0.0, 0.0, total)
+    out[0], out[1], out[2] = out[0] + m_x, out[1] + m_y, out[2] + m_z
+    out[3], out[4], out[5] = out[3] + f_x, out[4] + f_y, out[5] + f_z
+
+
+def add_vehicle_forces(
+    builder: DiagramBuilder,
+    plant: MultibodyPlant,
+    vehicle: Vehicle,
+    effects: SteadyEffects,
+    cable: Cable | None,
+    *,
+    hover_thrust: np.ndarray,
+    command_period: float,
+) -> tuple[RotorPorts, OutputPort]:
+    """Add what lies between the command `u`, which is exported, and the plant; return rotors and generalized force.
+
+    Args:
+        builder: of the diagram.
+        plant: with the body `quadrotor`, and a `payload` on the cable.
+        vehicle: nominal.
+        effects: that act on it.
+        cable: of the diagram.
+        hover_thrust: (4,) at which delayed commands and lagging rotors start [N].
+        command_period: see `CommandBuffer` [s].
+    """
+    command = add_commanded_thrust(
+        builder, vehicle, effects.chain, hover_thrust=hover_thrust, command_period=command_period
+    )
+    forces = builder.AddNamedSystem("vehicle_forces", VehicleForces(vehicle, effects, cable))
+    speed = add_rotor_lag(builder, vehicle, effects.lag, forces.GetOutputPort("target"), hover_thrust=hover_thrust)
+    builder.Connect(command, forces.GetInputPort("command"))
+    builder.Connect(speed, forces.GetInputPort("rotor_speed"))
+    builder.Connect(plant.get_state_output_port(), forces.GetInputPort("plant_state"))
+    if cable is not None:
+        builder.Connect(cable.GetOutputPort("holds"), forces.GetInputPort("holds"))
+    ports = RotorPorts(forces.GetOutputPort("thrust"), forces.GetOutputPort("nominal_thrust"), None)
+    return ports, forces.GetOutputPort("generalized_force")

@@ -1,0 +1,144 @@
+"""Laws of the compiled forces: they are the sum of the single effects, and other effects keep their own systems."""
+
+import dataclasses as dc
+
+import numpy as np
+import pytest
+from pydrake.common import RandomGenerator
+from pydrake.systems.analysis import Simulator
+
+from np_drake.effects.command_delay import CommandDelay
+from np_drake.effects.constant_wind import ConstantWind
+from np_drake.effects.linear_drag import LinearDrag
+from np_drake.effects.motor_lag import MotorLag
+from np_drake.effects.thrust_scale import ThrustScale
+from np_drake.effects.uneven_lag import UnevenLag
+from np_drake.effects.weak_rotor import WeakRotor
+from np_drake.vehicle import Vehicle
+from systems.payload_config import PayloadConfig
+from systems.payload_event import PayloadEvent
+from systems.tethered_quadrotor import make_tethered_quadrotor
+from systems.vehicle_forces import SteadyEffects, VehicleForces
+
+VEHICLE = Vehicle()
+LAG, SCALE, DRAG = MotorLag(0.04), ThrustScale(0.9), LinearDrag(0.3, 0.2, 0.1)
+PORTS = ("x", "acceleration", "rotor_thrust", "nominal_rotor_thrust")
+
+
+class LagOfItsOwn(MotorLag):
+    """The same lag in a class that the compiled forces do not know, so that every effect is a system of its own."""
+
+
+def pair(payload, actuators=(), wrenches=(), **options):
+    """Return the compiled vehicle and that of single effects, and their contexts."""
+    vehicles = []
+    for lag in (LAG, LagOfItsOwn(LAG.time_constant)):
+        vehicle = make_tethered_quadrotor(
+            VEHICLE, payload, actuator_effects=[lag, *actuators], wrench_effects=wrenches, **options
+        )
+        vehicles.append((vehicle, vehicle.CreateDefaultContext()))
+    assert vehicles[0][0].HasSubsystemNamed("vehicle_forces")
+    assert not vehicles[1][0].HasSubsystemNamed("vehicle_forces")
+    return vehicles
+
+
+def place(dut, context, seed, *, drift=0.0):
+    """Set a random state near that in which the payload hangs, and a random command; quaternions drift off unit."""
+    rng = np.random.default_rng(seed)
+    plant = dut.GetSubsystemByName("plant")
+    own = plant.GetMyMutableContextFromRoot(context)
+    q, bodies = plant.GetPositions(own), plant.num_positions() // 7
+    for k in range(bodies):
+        turn = rng.normal(size=4)
+        q[7 * k : 7 * k + 4] = (1 + drift) * turn / np.linalg.norm(turn)
+        q[7 * k + 4 : 7 * k + 7] = rng.normal(size=3) * 0.05 - [0, 0, 0.8 * k]
+    plant.SetPositions(own, q)
+    plant.SetVelocities(own, rng.normal(size=plant.num_velocities()))
+    actuators = dut.GetSubsystemByName("actuators")
+    actuators.rest_at(actuators.GetMyMutableContextFromRoot(context), rng.uniform(1.0, 9.0, 4))
+    dut.GetInputPort("u").FixValue(context, VEHICLE.mixer @ rng.uniform(1.0, 9.0, 4))
+
+
+def read(dut, context, names):
+    return np.concatenate([dut.GetOutputPort(name).Eval(context) for name in names])
+
+
+@pytest.mark.parametrize("payload", [PayloadConfig(), PayloadConfig(tether="none")], ids=["cable", "none"])
+@pytest.mark.parametrize("actuators", [(), (SCALE,), (SCALE, CommandDelay(0.013))], ids=["lag", "scale", "delay"])
+@pytest.mark.parametrize("wrenches", [(), (DRAG,), (DRAG, LinearDrag(0.1, 0.1, 0.4))], ids=["none", "drag", "drags"])
+def test_the_compiled_forces_are_the_sum_of_the_single_effects(payload, actuators, wrenches):
+    vehicles = pair(payload, actuators, wrenches)
+    names = (*PORTS, "tether_wrench") if payload.tether == "cable" else PORTS
+    for seed in range(8):
+        found = []
+        for dut, context in vehicles:
+            place(dut, context, seed, drift=1e-4 * seed)
+            rates = dut.EvalTimeDerivatives(context).CopyToVector()
+            found.append(np.concatenate([read(dut, context, names), rates]))
+        np.testing.assert_allclose(found[0], found[1], rtol=1e-11, atol=1e-10)  # round-off of the sums
+
+
+def test_a_flight_with_a_delay_and_events_is_that_of_the_single_effects():
+    events = [
+        PayloadEvent(kind="impulse", time=0.1, impulse=[0.2, 0.0, 0.1]),
+        PayloadEvent(kind="attach", time=0.2, mass=0.1),
+        PayloadEvent(kind="release", time=0.3),
+    ]
+    rows = []
+    for dut, context in pair(PayloadConfig(), (SCALE, CommandDelay(0.02)), (DRAG,), events=events, hangs_at=0.05):
+        place(dut, context, 3)
+        simulator = Simulator(dut, context)
+        simulator.AdvanceTo(0.6)
+        rows.append(read(dut, context, (*PORTS, "plant_state", "tether_wrench")))
+    np.testing.assert_allclose(rows[0], rows[1], rtol=1e-8, atol=1e-8)  # round-off, grown by the integrator's steps
+
+
+def test_level_rotors_lift_along_z_and_turn_about_the_body_axes():
+    effects = SteadyEffects.of(VEHICLE, [LAG, SCALE], [])
+    dut = VehicleForces(VEHICLE, effects, None)
+    context = dut.CreateDefaultContext()
+    speed = np.array([500.0, 600.0, 500.0, 600.0])
+    dut.GetInputPort("plant_state").FixValue(context, [1.0, *np.zeros(12)])
+    dut.GetInputPort("rotor_speed").FixValue(context, speed)
+    dut.GetInputPort("command").FixValue(context, [4.0, 4.0, 4.0, 4.0])
+    nominal = VEHICLE.thrust_coefficient * speed**2
+    total, *moments = VEHICLE.mixer @ (0.9 * nominal)
+    force = dut.GetOutputPort("generalized_force").Eval(context)
+    np.testing.assert_allclose(force, [*moments, 0.0, 0.0, total], atol=1e-12)
+    np.testing.assert_allclose(dut.GetOutputPort("nominal_thrust").Eval(context), nominal)
+    np.testing.assert_allclose(dut.GetOutputPort("thrust").Eval(context), 0.9 * nominal)
+    wanted = np.sqrt(4.0 / VEHICLE.thrust_coefficient) / LAG.time_constant
+    np.testing.assert_allclose(dut.GetOutputPort("target").Eval(context), wanted)
+
+
+@pytest.mark.parametrize(
+    "actuators, wrenches, onsets",
+    [
+        ([LAG, SCALE], [DRAG, ConstantWind(1.0, 0.0, 0.0)], {}),
+        ([LAG, WeakRotor(1, 0.8)], [DRAG], {}),
+        ([SCALE, LAG], [DRAG], {}),
+        ([LAG, MotorLag(0.02)], [DRAG], {}),
+        ([UnevenLag(0.03, 0.05), SCALE], [DRAG], {}),
+        ([SCALE], [DRAG], {}),
+        ([LAG, SCALE], [DRAG], {DRAG: 2.0}),
+    ],
+    ids=["wind", "weak rotor", "scale first", "two lags", "uneven lag", "no lag", "onset"],
+)
+def test_what_is_not_steady_has_no_compiled_form(actuators, wrenches, onsets):
+    assert SteadyEffects.of(VEHICLE, actuators, wrenches, onsets) is None
+    names = {"actuator_effects": actuators, "wrench_effects": wrenches, "onsets": onsets}
+    assert not make_tethered_quadrotor(VEHICLE, PayloadConfig(), **names).HasSubsystemNamed("vehicle_forces")
+
+
+def test_the_lag_of_the_vehicle_file_is_steady_too():
+    effects = SteadyEffects.of(dc.replace(VEHICLE, rotor_time_constant=0.05), [SCALE], [])
+    assert effects is not None
+    assert (effects.lag, effects.scale) == (MotorLag(0.05), 0.9)
+
+
+def test_the_noise_of_a_flight_does_not_depend_on_how_its_forces_are_computed():
+    """No system of the vehicle draws from the seed."""
+    for dut, context in pair(PayloadConfig()):
+        generator, untouched = RandomGenerator(5), RandomGenerator(5)
+        dut.SetRandomContext(context, generator)
+        assert generator() == untouched()
