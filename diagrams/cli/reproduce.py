@@ -74,6 +74,7 @@ STUDIES = {
     "hover": Study("payload.hover_study", "Hover while the payload swings."),
     "attach": Study("payload.attach_study", "The payload changes in flight: attached, cut off, taut."),
     "autopilot": Study("gap.autopilot_study", "Controllers on Betaflight's firmware; predicted errors."),
+    "blackbox": Study("gap.blackbox_study", "The firmware's own log identified and diagnosed.", 7100),
     "node": Study("offboard.study", "Faults while a node flies: what is sent, when it stops."),
     "timing": Study("performance.timing", "What a period costs.", many=False),
     "robustness": Study("robustness.study", "Payload, tether, speed, air, noise, lag, delay, battery."),

@@ -66,22 +66,22 @@ class Finding:
         config = flight(case["filters"], case["payload"], self.duration)
         count = FLIGHTS if case["payload"] == "payload" else 1
         boxes = [fly(config, seed=case["seed"] + k).blackbox for k in range(count)]
-        found = identify([_opened(boxes[0])], Vehicle(), mass=Vehicle().mass)
+        logs = [_opened(box, f"flight {k + 1}") for k, box in enumerate(boxes)]
+        found = identify(logs[:1], Vehicle(), mass=Vehicle().mass, drive="throttle")
         values = {q.name: q.value for q in found.quantities}
         values |= {f"rate loop {axis}": one.lag for axis, one in zip("xyz", found.rate_loop, strict=False)}
         causes = []
         if count > 1:
-            driven = [_opened(box, Vehicle(), f"flight {k + 1}") for k, box in enumerate(boxes)]
-            result = diagnose(Vehicle(), driven[:-1], driven[-1:])
+            result = diagnose(Vehicle(), logs[:-1], logs[-1:])
             causes = [{"effect": c.identifier, "probability": c.probability} for c in result.causes]
         return {**{name: case[name] for name in ("filters", "payload")}, "values": values, "causes": causes}
 
 
-def _opened(box: bytes, vehicle: Vehicle | None = None, name: str = "flight") -> FlightLog:
+def _opened(box: bytes, name: str) -> FlightLog:
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "flight.bbl"
         file.write_bytes(box)
-        return dc.replace(open_flights(file, vehicle)[0][0], name=name)
+        return dc.replace(open_flights(file, Vehicle())[0][0], name=name)
 
 
 def settings() -> dict[str, float]:

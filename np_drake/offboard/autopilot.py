@@ -55,7 +55,7 @@ class SimulatedAutopilot:
             t: [s].
         """
         for said in self.codec.parse(data):
-            if isinstance(said, Command):
+            if isinstance(said, Command) and np.isfinite([said.thrust, *said.rates]).all():
                 self.commands += 1
                 if self.engaged:
                     self.largest_gap = max(self.largest_gap, t - self._told_at)

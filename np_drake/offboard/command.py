@@ -47,7 +47,7 @@ def rates_towards(q: np.ndarray, z_W: np.ndarray, loop: RateLoop) -> np.ndarray:
     axis = np.array([-z_B[1], z_B[0], 0.0])  # body z x z_B
     sine = float(np.linalg.norm(axis))
     angle = float(np.arctan2(sine, z_B[2]))
-    turn = axis * (angle / sine) if sine > 1e-9 else np.zeros(3)
+    turn = axis * (angle / sine) if sine > 1e-9 else np.array([angle, 0.0, 0.0])  # upside down any axis does
     most = np.array(loop.max_rate)
     return np.clip(TURN * turn / np.array(loop.gain), -most, most)
 

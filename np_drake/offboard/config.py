@@ -4,6 +4,7 @@ import dataclasses as dc
 
 import numpy as np
 
+CLEAR = 0.1  # time in order after which a flight goes on [s]; source: own choice
 FASTEST_RATE = 500.0  # of messages [Hz]; source: own choice
 
 
@@ -37,6 +38,8 @@ class OffboardConfig:
                 raise ValueError(f"offboard: {field.name} must be positive and finite; got {value}.")
         if not 2 <= self.rate <= FASTEST_RATE:
             raise ValueError(f"offboard: rate must be 2 to {FASTEST_RATE:g} Hz; got {self.rate:g}.")
+        if self.level <= CLEAR:
+            raise ValueError(f"offboard: level must be more than {CLEAR:g} s; got {self.level:g}.")
         if self.stale_after < 2 / self.rate:
             raise ValueError(
                 f"offboard: stale_after must be two periods of {1 / self.rate:g} s at least; got {self.stale_after:g}."

@@ -40,6 +40,7 @@ class MavlinkLink(Link):
         except ImportError as error:
             raise ValueError(NEEDS) from error
         _require_address(address)
+        address = f"udpin:{address[4:]}" if address.startswith("udp:") else address  # by which silent peers are dropped
         try:
             self._port = mavutil.mavlink_connection(address, baud=baud, input=True, udp_timeout=SILENT, retries=1)
         except Exception as error:  # of sockets, serial ports and its own parser of addresses

@@ -3,9 +3,7 @@
 import dataclasses as dc
 from enum import Enum
 
-from np_drake.offboard.config import OffboardConfig
-
-CLEAR = 0.1  # time in order after which a flight goes on [s]; source: own choice
+from np_drake.offboard.config import CLEAR, OffboardConfig
 
 
 class Phase(Enum):

@@ -143,10 +143,13 @@ class Readings:
         own, x = OWN[said.kind], said.x
         if not np.isfinite(x[own]).all() or (own[3] and abs(np.linalg.norm(x[Q]) - 1) > 0.1):
             return True
+        if own[0] and np.linalg.norm(x[V]) > 2 * self._config.max_speed:
+            return True
         before, since = self._poses.get(said.kind), now - self._taken.get(said.kind, -np.inf)
         if before is None or not own[0] or since > FORGOTTEN:
             return False
-        led = before.x[P] + before.x[V] * min(said.stamp - before.stamp, since)  # its clock may jump
+        stamps = said.stamp - before.stamp
+        led = before.x[P] + before.x[V] * (stamps if stamps <= FORGOTTEN else since)  # its clock may jump
         return bool(np.linalg.norm(x[P] - led) > self._config.max_jump)
 
     def _take_inertial(self, said: Inertial, now: float) -> None:

@@ -69,6 +69,7 @@ VERBS: dict[str, Verb] = {
     "reproduce vehicles": Verb("--seeds 1 --vehicle 35g --track circle --duration 10 --only hold"),
     "reproduce closing": Verb("--seeds 2"),
     "reproduce autopilot": Verb("--seeds 1 --duration 10"),
+    "reproduce blackbox": Verb("--duration 20"),
     "reproduce node": Verb("--seeds 1"),
     "reproduce replay": Verb("{real} --only wind"),
 }

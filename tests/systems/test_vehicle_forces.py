@@ -136,7 +136,7 @@ def test_the_lag_of_the_vehicle_file_is_steady_too():
     assert (effects.lag, effects.scale) == (MotorLag(0.05), 0.9)
 
 
-def test_the_noise_of_a_flight_does_not_depend_on_how_its_forces_are_computed():
+def test_the_way_in_which_forces_are_computed_changes_no_noise():
     """No system of the vehicle draws from the seed."""
     for dut, context in pair(PayloadConfig()):
         generator, untouched = RandomGenerator(5), RandomGenerator(5)

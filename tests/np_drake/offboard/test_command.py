@@ -64,6 +64,13 @@ def test_an_empty_battery_needs_more_throttle():
     assert throttle_of(vehicle, 10.0, 16.0) == throttle_of(vehicle, 10.0) == pytest.approx(0.5)
 
 
+@pytest.mark.parametrize("voltage", [0.001, 4.0, 60.0])
+def test_a_voltage_that_cannot_be_of_the_battery_is_not_believed(voltage):
+    vehicle = dc.replace(PLAIN, throttle=ThrottleMap(full_thrust=10.0, voltage=16.0, voltage_exponent=2.0))
+    assert throttle_of(vehicle, 10.0, voltage) == throttle_of(vehicle, 10.0)
+    assert thrust_of(vehicle, 0.5, voltage) == thrust_of(vehicle, 0.5)
+
+
 @given(turn=TURNS, length=st.floats(0.1, 20.0))
 def test_rates_are_zero_once_the_thrust_points_where_it_is_wanted(turn, length):
     q = attitude.from_rotation_vector(turn)

@@ -201,6 +201,16 @@ def test_a_state_of_two_messages_is_as_old_as_the_older(dut):
     assert "older" in dut.at(1.15).problem
 
 
+def test_each_of_two_messages_is_brought_forward_by_its_own_age(dut):
+    sender, v, w = Sender(dut, kinds=ALL[1:]), np.array([2.0, 0.0, 0.0]), np.array([0.0, 0.0, 3.0])
+    for k in range(6):
+        sender.send(0.01 * k, state(0.01 * k * v, turn=0.01 * k * w, v=v, w=w))
+        sender.kinds = ("ATTITUDE_QUATERNION", "HIGHRES_IMU")  # the position is 50 ms older in the end
+    found = dut.at(0.05)
+    np.testing.assert_allclose(found.x[P], 0.05 * v, atol=1e-9)
+    np.testing.assert_allclose(attitude.rotation_vector(found.x[Q]), 0.05 * w, atol=1e-9)
+
+
 @pytest.mark.parametrize("kind", ["ODOMETRY", "HIGHRES_IMU"])
 def test_messages_out_of_turn_are_counted_and_not_taken(dut, kind):
     sender = at_rest(dut)
@@ -247,10 +257,18 @@ def test_an_inertial_reading_that_is_not_finite_is_not_taken(dut, value, f):
     np.testing.assert_allclose(dut.at(1.01).acceleration, 0.0, atol=1e-12)
 
 
+@pytest.mark.parametrize(("f", "w"), [((0.0, 0.0, 1e3), (0.0, 0.0, 0.0)), ((0.0, 0.0, 9.81), (0.0, 1e3, 0.0))])
+def test_an_inertial_reading_beyond_what_flies_is_not_taken(dut, f, w):
+    at_rest(dut)
+    dut.take(Inertial(1.01, np.array(f), np.array(w)), 1.01)
+    assert dut.refused == {"late": 0, "absurd": 1}
+    np.testing.assert_allclose(dut.at(1.01).acceleration, 0.0, atol=1e-12)
+
+
 def test_a_fast_vehicle_does_not_jump(dut):
-    v, sender = np.array([20.0, 0.0, 0.0]), Sender(dut)
+    v, sender = np.array([15.0, 0.0, 0.0]), Sender(dut)
     for k in range(20):
-        sender.send(0.05 * k, state(0.05 * k * v, v=v))  # a metre from one to the next
+        sender.send(0.05 * k, state(0.05 * k * v, v=v))  # 75 cm from one to the next
     assert dut.refused["absurd"] == 0
     np.testing.assert_allclose(dut.at(0.95).x[P], 0.95 * v, atol=1e-9)
 
