@@ -121,7 +121,7 @@ def test_a_constant_offset_of_the_clocks_changes_nothing(offset, delays):
         for k, delay in enumerate([0.0, *delays]):
             v = (1.0, 0.0, 0.5)
             sender.send(0.1 * k, state(0.1 * k * np.array(v), v=v, w=(0.1, 0.2, 0.3)), delay=delay)
-        found.append(dut.at(0.6))
+        found.append(dut.at(0.59))
     np.testing.assert_allclose(found[1].x, found[0].x, atol=1e-6)
     np.testing.assert_allclose(found[1].acceleration, found[0].acceleration, atol=1e-6)
     assert found[1].problem == found[0].problem
