@@ -62,12 +62,10 @@ class ThrottleMap:
             voltage: of the battery, of the same shape or one for all [V]; None: the reference voltage.
         """
         share = np.maximum(np.asarray(thrust, float), 0.0) / self._full(voltage)
-        if self.linear == 1:
-            u = share
-        else:
-            root = np.sqrt(np.maximum(self.linear**2 + 4 * (1 - self.linear) * share, 0.0))
-            u = (root - self.linear) / (2 * (1 - self.linear))
-        return self.idle + (1 - self.idle) * u
+        root = np.sqrt(np.maximum(self.linear**2 + 4 * (1 - self.linear) * share, 0.0))
+        if self.linear <= 0.5:
+            return self.idle + (1 - self.idle) * (root - self.linear) / (2 * (1 - self.linear))
+        return self.idle + (1 - self.idle) * 2 * share / (root + self.linear)  # near 1 that difference is rounding
 
     def _full(self, voltage: np.ndarray | float | None) -> np.ndarray | float:
         if voltage is None or self.voltage is None:
