@@ -13,9 +13,10 @@ OFFSETS = st.floats(-1e6, 1e6)
 
 def heard(ways, offset: float = 0.0, begin: float = 0.0) -> list[tuple[float, float]]:
     """Stamps and times of arrival, in order of arrival."""
-    sent = begin + np.cumsum([gap for gap, _ in ways])
+    sent = np.cumsum([gap for gap, _ in ways])
     arrived = sent + [delay for _, delay in ways]
-    return sorted(zip(sent + offset, arrived, strict=True), key=lambda one: one[1])
+    order = np.argsort(arrived, kind="stable")  # which rounding of a late beginning does not change
+    return list(zip(begin + sent[order] + offset, begin + arrived[order], strict=True))
 
 
 def ages(messages) -> list[float]:
