@@ -7,7 +7,7 @@ import re
 import subprocess
 from pathlib import Path
 
-from diagrams.loop.controllers import NP_MODEL
+from diagrams.loop.controller_config import NP_MODEL
 from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight_diagram import make_flight_diagram
 

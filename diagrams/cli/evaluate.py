@@ -200,7 +200,7 @@ def _packaged_model() -> Path:
 
     Raises: ValueError: if there is none.
     """
-    from diagrams.loop.controllers import NP_MODEL
+    from diagrams.loop.controller_config import NP_MODEL
 
     if not NP_MODEL.is_file():
         raise ValueError("the package holds no model; give --predictor FILE, or --train LOG to train on.")

@@ -75,7 +75,9 @@ def fly(
     """Simulate an experiment; with --out: flight log, figures and a 3-D replay page."""
     from diagrams.tracking import comparison
 
-    _require_alone(link, controller=controller, live=live, sample=sample)
+    if link is not None and (controller or solver or predictor or told_mass or live or sample is not None):
+        others = "--controller, --solver, --predictor, --told-mass, --live and --sample"
+        raise ValueError(f"give either --link, whose node has the controller, or {others}.")
     configs = scenarios(
         experiment,
         (controller or []) if link is None else ["hold"],
@@ -137,20 +139,6 @@ def _linked(run: Run, config: "FlightConfig", link: str, mcap: Path | None) -> R
         metrics={"experiment": config.name, "autopilot": dict(table[2])},
         write=lambda folder: _write_flight(flight, folder, figures=()),
     )
-
-
-def _require_alone(link: str | None, *, controller: list[str] | None, live: bool, sample: int | None) -> None:
-    """Check that nothing is asked of a vehicle behind a link that its node decides.
-
-    Args:
-        link: address of `--link`.
-        controller: kinds of `--controller`.
-        live: whether it flies in a browser.
-        sample: of simulators, of `--sample`.
-    Raises: ValueError: where it is.
-    """
-    if link is not None and (controller or live or sample is not None):
-        raise ValueError("give either --link, whose node has the controller, or --controller, --live and --sample.")
 
 
 def _require_one_flight(controllers: int, *, sample: int | None, mcap: Path | None, live: bool) -> None:

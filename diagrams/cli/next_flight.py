@@ -123,7 +123,7 @@ def with_controller(config: "FlightConfig", kind: str) -> "FlightConfig":
         kind: of controller, as of np-drake fly.
     Raises: ValueError: on an unknown kind, or one that cannot fly this vehicle.
     """
-    from diagrams.loop.controllers import make_residual_model
+    from diagrams.loop.controller_models import make_residual_model
 
     changed = dc.replace(config.controller, kind=kind, solver=options.DEFAULT_SOLVER).check()
     make_residual_model(changed, changed.believed(config.vehicle))  # refused before any work

@@ -15,7 +15,8 @@ from diagrams.cli.runner import Report, Run, reports
 from diagrams.cli.scenario import Numbers, scenarios
 
 if TYPE_CHECKING:
-    from diagrams.offboard.node import Event, Node
+    from diagrams.offboard.flight_record import Event
+    from diagrams.offboard.node import Node
 
 DEADLINE = 1.0  # of a solve, over the controller's period, where the scenario names none [1]
 

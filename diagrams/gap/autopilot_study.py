@@ -12,7 +12,7 @@ from diagrams.batch.options import Duration, Seeds
 from diagrams.batch.run import Report, Run, Table
 from diagrams.batch.workers import failures, results
 from diagrams.gap.corrected import corrected_simulator
-from diagrams.gap.step_response import step_response
+from diagrams.gap.step_response import step_responses
 from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight import FlightConfig
 from diagrams.loop.flight_result import FlightResult, fly
@@ -95,7 +95,7 @@ def run(run: Run, options: Options) -> Report:
         loops = identify_rate_loop([flown[0].log()])
         if loops is None:
             raise ValueError("autopilot: the training flight shows no rate loop.")
-        steps = [step_response(Vehicle(), axis, effects=tuple(_actuators())) for axis in range(3)]
+        steps = step_responses(Vehicle(), RealityConfig())
         advance(2.0)
         logs = [dc.replace(one.log(), name=f"minute {k + 1}") for k, one in enumerate(flown)]
         found = diagnose(Vehicle(), logs[:DIAGNOSED], logs[DIAGNOSED:])
@@ -127,10 +127,6 @@ def run(run: Run, options: Options) -> Report:
 def _learned(seed: int) -> FlightResult:
     experiment, duration = LEARNED_FROM
     return fly(flight(experiment, "hold", FIRMWARE, loop=RateLoop(), duration=duration), seed=seed)
-
-
-def _actuators() -> list:
-    return [effect for effect in RealityConfig().actuator_effects() if effect.dead_time == 0.0]
 
 
 def _lines(flown: list[dict]) -> list[dict[str, Any]]:

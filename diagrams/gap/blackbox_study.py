@@ -11,7 +11,7 @@ from diagrams.batch.campaign import Case
 from diagrams.batch.options import Duration
 from diagrams.batch.run import Report, Run, Table
 from diagrams.batch.workers import failures, results
-from diagrams.gap.step_response import step_response
+from diagrams.gap.step_response import step_responses
 from diagrams.loop.common_numbers import with_payload
 from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight import FlightConfig
@@ -90,10 +90,7 @@ def settings() -> dict[str, float]:
     full = vehicle.max_rotor_thrust * reality.thrust_scale
     speed = np.sqrt(0.25 * vehicle.mass * vehicle.gravity / full)  # over that at full throttle
     u = (speed - IDLE) / (1 - IDLE)  # throttle of the log, from idle
-    loops = {
-        f"rate loop {name}": step_response(vehicle, axis, effects=tuple(_actuators(reality))).lag
-        for axis, name in enumerate("xyz")
-    }
+    loops = {f"rate loop {axis}": one.lag for axis, one in zip("xyz", step_responses(vehicle, reality), strict=True)}
     return {
         **{f"inertia {axis}{axis}": vehicle.J[k, k] for k, axis in enumerate("xyz")},
         "torque over thrust": vehicle.torque_coefficient / vehicle.thrust_coefficient,
@@ -104,10 +101,6 @@ def settings() -> dict[str, float]:
         **{f"gain of rotor {k + 1}": 1.0 for k in range(4)},
         **loops,
     }
-
-
-def _actuators(reality: RealityConfig) -> list:
-    return [effect for effect in reality.actuator_effects() if effect.dead_time == 0.0]
 
 
 def run(run: Run, options: Options) -> Report:

@@ -8,6 +8,7 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import LogVectorOutput, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
+from diagrams.loop.reality import RealityConfig
 from np_drake.autopilot.betaflight import PERIOD, Betaflight, BetaflightConfig
 from np_drake.effects.base import ActuatorEffect
 from np_drake.rigid_body import W
@@ -76,3 +77,15 @@ def step_response(
     gain = float(rate[-int(SETTLED * len(rate)) :].mean())
     lag = float(np.interp(FOLLOWED * gain, np.maximum.accumulate(rate), t))
     return StepResponse(t, rate, lag, gain, float(rate.max()))
+
+
+def step_responses(vehicle: Vehicle, reality: RealityConfig) -> list[StepResponse]:
+    """Return the responses of roll, pitch and yaw, with the lag and thrust of a reality's rotors.
+
+    Args:
+        vehicle: that hovers.
+        reality: whose rotors it has; dead times are left out.
+    Raises: ValueError: where there is no firmware.
+    """
+    effects = tuple(effect for effect in reality.actuator_effects() if effect.dead_time == 0.0)
+    return [step_response(vehicle, axis, effects=effects) for axis in range(3)]

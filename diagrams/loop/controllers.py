@@ -1,34 +1,24 @@
 """Controllers by name: one MPC with different residual models."""
 
-import dataclasses as dc
-import logging
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
 from pydrake.systems.primitives import ConstantVectorSource
 
+from diagrams.loop.controller_config import ControllerConfig
+from diagrams.loop.controller_models import make_residual_model
 from diagrams.loop.own_controller import Factory, add_own_controller, is_own, load_factory, make_own_controller
-from np_drake.command_delay import LONGEST_DELAY, DelayFilter
+from np_drake.command_delay import DelayFilter
 from np_drake.faults.solver import FaultySolver, SolverFault
-from np_drake.labels import LabelConfig, ReadsLabels, labelled
-from np_drake.lifting.model.model_file import schema_of
-from np_drake.lifting.model.origin import Trained, origin_of, require_origin
+from np_drake.labels import ReadsLabels, labelled
 from np_drake.mpc.controller import MpcController
-from np_drake.mpc.problem import MpcConfig
-from np_drake.mpc.solvers import make_solver, require_solver
-from np_drake.payload_filter.model_file import PAYLOAD_FILTER, SCHEMAS
-from np_drake.payload_filter.predictor import PayloadFilter
+from np_drake.mpc.solvers import make_solver
 from np_drake.references.base import Reference
 from np_drake.residual_model import KnowsDelay, ReadsPlan, ResidualModel
-from np_drake.residual_models.disturbance_observer import DisturbanceObserver
-from np_drake.residual_models.hold import Constant, Hold
-from np_drake.residual_models.motion_model import REACTIONS, MotionModel
-from np_drake.residual_models.motion_model import SCHEMA as MOTION_MODEL
+from np_drake.residual_models.hold import Constant
 from np_drake.residual_models.neural_predictor import NeuralPredictor as NeuralPredictorModel
 from np_drake.residual_models.oracle import TrueModel
-from np_drake.scaling import ratios
 from np_drake.vehicle import Vehicle
 from systems.cascade_target import FlatTarget
 from systems.cascaded_controller import CascadedController
@@ -41,174 +31,7 @@ from systems.residual_predictor import ResidualPredictor
 from systems.wrench_estimator import WrenchEstimator
 from systems.wrench_oracle import WrenchOracle
 
-_log = logging.getLogger(__name__)
-MODELS = Path(__file__).parents[1] / "models"  # that ship with the package
-SHORTEST_PERIOD = 1e-4  # of the controller [s]; own choice
-NP_MODEL = MODELS / "neural_predictor.safetensors"  # lifted linear system of any residual wrench
-FILTER_MODEL = MODELS / "payload_filter.safetensors"  # of the vehicle, for any tethered payload
 SOLVER_SHARE = 0.5  # of the deadline, after which a solver wraps up with what it has [1]
-LEARNED = ("np", PAYLOAD_FILTER, *REACTIONS)  # kinds with a model file
-CONTROLLERS = ("nominal", "hold", "observer", "oracle", "cascade", *LEARNED)  # all kinds
-
-
-@dc.dataclass
-class ControllerConfig:
-    """Kind of controller, its residual model, solver and timing."""
-
-    # nominal | hold | observer | oracle | cascade | np | payload_filter | gp | knode, or one's own: MODULE:NAME
-    kind: str = "nominal"
-    parameters: dict[str, float] = dc.field(default_factory=dict)  # of one's own, by name
-    extra_mass: float = 0.0  # that controller and estimator add to the vehicle's [kg]
-    hold_bandwidth: float = np.inf  # of kind hold: a low-pass on top of the labels' own [Hz]
-    predictor: str = ""  # model file of a learned kind; np, payload_filter: empty for the packaged one
-    period: float = 0.02  # between solves, and between samples of the predictor [s]
-    command_delay: float = 0.0  # of commands before the rotors' lag; 0: as trained [s]
-    track_delay: bool = False  # follow the delay in flight; a model that knows its own always does
-    solver: str = "sqp"  # sqp | ipopt | ipopt_multiple_shooting
-    deadline: float = np.inf  # a later answer is discarded; solvers wrap up at half of it [s]
-    mpc: MpcConfig = dc.field(default_factory=MpcConfig)
-    label: LabelConfig = dc.field(default_factory=LabelConfig)
-
-    def check(self) -> "ControllerConfig":
-        """Return self after checking kind, solver and steps.
-
-        Raises: ValueError: on an unknown kind or solver or steps that do not fit.
-        """
-        self.mpc.check()
-        self.label.check()
-        if self.kind not in CONTROLLERS and not is_own(self.kind):
-            raise ValueError(
-                f"controller: must be one of {', '.join(CONTROLLERS)}, or MODULE:NAME of your own; got {self.kind!r}."
-            )
-        if self.parameters and not is_own(self.kind):
-            raise ValueError(f"controller: parameters are of one of your own (MODULE:NAME); got kind {self.kind}.")
-        require_solver(self.solver)
-        if not SHORTEST_PERIOD <= self.period < np.inf:
-            raise ValueError(f"controller: period must be at least {SHORTEST_PERIOD:g} s; got {self.period}.")
-        if not self.deadline > 0 or not self.hold_bandwidth > 0:
-            raise ValueError("controller: deadline [s] and hold_bandwidth [Hz] must be positive.")
-        if not 0 <= self.command_delay <= LONGEST_DELAY * self.period:
-            raise ValueError(
-                f"controller: command_delay must be 0 to {LONGEST_DELAY} periods, {LONGEST_DELAY * self.period:g} s "
-                f"for this vehicle; got {self.command_delay:g} s."
-            )
-        if not 0 <= self.extra_mass < np.inf:
-            raise ValueError(f"controller: extra_mass must be finite and not negative [kg]; got {self.extra_mass}.")
-        if self.predictor and self.kind not in LEARNED:
-            raise ValueError(f"controller: a predictor is for kind {', '.join(LEARNED)}; got {self.kind}.")
-        if self.kind in REACTIONS and not self.predictor:
-            raise ValueError(
-                f"controller: kind {self.kind} needs its model file (predictor); "
-                f"np-drake train LOG --configuration {self.kind} makes one."
-            )
-        if abs(self.stride * self.period - self.mpc.step) > 1e-9:
-            raise ValueError(
-                f"controller: mpc.step must be a whole multiple of period; got {self.mpc.step}, {self.period}."
-            )
-        return self
-
-    def believed(self, vehicle: Vehicle) -> Vehicle:
-        """Return the vehicle that controller and estimator assume."""
-        return vehicle.with_mass(vehicle.mass + self.extra_mass)
-
-    @property
-    def name(self) -> str:
-        """Kind, or the name alone of one's own."""
-        return self.kind.rpartition(":")[2]
-
-    @property
-    def stride(self) -> int:
-        """Number of predictor steps in one MPC step."""
-        return max(1, round(self.mpc.step / self.period))
-
-
-def make_residual_model(config: ControllerConfig, vehicle: Vehicle) -> ResidualModel | None:
-    """Return the residual model of a controller; None for nominal, cascade, and the oracle, which is no model.
-
-    Args:
-        config: kind, model file and timing.
-        vehicle: that the controller assumes.
-    """
-    if config.kind == "hold":
-        band = config.hold_bandwidth
-        return Hold(step=config.period, force_bandwidth=band, torque_bandwidth=band)
-    if config.kind == "observer":
-        time_unit = ratios(vehicle).clock
-        return DisturbanceObserver(
-            vehicle, step=config.period, force_bandwidth=5.0 / time_unit, torque_bandwidth=1.0 / time_unit
-        )
-    if config.kind == PAYLOAD_FILTER:
-        return _load_payload_filter(config, vehicle)
-    if config.kind == "np":
-        return _load_predictor(config, vehicle)
-    if config.kind in REACTIONS:
-        model = MotionModel.load(config.predictor, config.kind)
-        _require_fit(model, model.step, config, vehicle)
-        return model
-    return None
-
-
-def kind_of_model(path: str) -> str:
-    """Return the kind of controller that flies a model file.
-
-    Raises: ValueError: where it is no such file.
-    """
-    schema = schema_of(path)
-    if schema == MOTION_MODEL:
-        return MotionModel.load(path).name
-    if schema in SCHEMAS:
-        return PAYLOAD_FILTER
-    NeuralPredictorModel.load(path)
-    return "np"
-
-
-def _load_predictor(config: ControllerConfig, vehicle: Vehicle) -> ResidualModel:
-    """Return the Neural Predictor, of the configuration that its file holds."""
-    path = config.predictor or NP_MODEL
-    if schema_of(path) in SCHEMAS:
-        _log.warning("%s holds a payload filter, which is no longer flown as np; use payload_filter.", path)
-        return _load_payload_filter(config, vehicle)
-    predictor = NeuralPredictorModel.load(path)
-    _require_fit(predictor.model, predictor.step, config, vehicle)
-    return predictor
-
-
-def _load_payload_filter(config: ControllerConfig, vehicle: Vehicle) -> PayloadFilter:
-    """Return the payload filter of the model file."""
-    model = PayloadFilter.load(config.predictor or FILTER_MODEL)
-    _require_fit(model.model, model.step, config, vehicle, model.label)
-    return model
-
-
-def _require_fit(
-    model: Trained, step: float, config: ControllerConfig, vehicle: Vehicle, label: LabelConfig | None = None
-) -> None:
-    """Check that the model was trained for these axes, labels (default: those of config) and steps.
-
-    Raises: ValueError: if it was not.
-    """
-    _require_world_axes(model)
-    require_origin(model, origin_of("world", vehicle, label or config.label))
-    if abs(step - config.period) > 1e-9:
-        raise ValueError(
-            f"controller: the predictor's step must equal the period; got {step}, {config.period} [s]. "
-            f"Train it with --step {config.period:g}."
-        )
-
-
-def _require_world_axes(model: Trained) -> None:
-    """Check that the predictor's wrenches are in world axes.
-
-    In body axes its zeta would be R^T v, which is not linear in the predicted state: the lifted linear system could not
-    be eliminated exactly.
-    Raises: ValueError: on a predictor of wrenches in body axes.
-    """
-    frame = model.summary.get("origin", {}).get("frame", "world")
-    if frame != "world":
-        raise ValueError(
-            f"controller: the predictor must be trained on wrenches in world axes; its are in {frame} axes. "
-            "Train it on a flight log."
-        )
 
 
 def add_controller(

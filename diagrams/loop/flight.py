@@ -11,7 +11,7 @@ import numpy as np
 from pydrake.systems.analysis import GetIntegrationSchemes, SimulatorConfig
 
 from diagrams.loop.autopilots import NONE, AutopilotConfig
-from diagrams.loop.controllers import ControllerConfig
+from diagrams.loop.controller_config import ControllerConfig
 from diagrams.loop.own_controller import Factory, beside, is_own, kind_of
 from diagrams.loop.reality import RealityConfig
 from diagrams.loop.scaled import scaled

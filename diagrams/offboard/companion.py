@@ -19,7 +19,6 @@ class Answer:
 
     rates_thrust: np.ndarray  # (4,) collective thrust and body rates [N, rad/s]
     force: np.ndarray  # (3,) residual force that is predicted; zero of a model that predicts none [N]
-    position: np.ndarray  # (3,) of the reference [m]
     status: MpcStatus
     solve_time: float  # [s]
     generation: int = 0  # of the memory that it is of [1]
@@ -100,7 +99,6 @@ class Companion:
         return Answer(
             rates_thrust=read("rates_thrust"),
             force=read("chi_hat")[:3] if diagram.HasOutputPort("chi_hat") else np.zeros(3),
-            position=read("p_ref"),
             status=MpcStatus(int(read("status")[0])),
             solve_time=float(read("solve_time")[0]),
         )

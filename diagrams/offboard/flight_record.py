@@ -2,14 +2,24 @@
 
 import dataclasses as dc
 from collections import deque
+from typing import NamedTuple
 
 import numpy as np
 
 from np_drake.flight_log import FlightLog
+from np_drake.offboard.phases import Phase
 from np_drake.vehicle import Vehicle
 
 KEPT = 100_000  # times that a report reads, the last [1]; source: own choice
 PARTS = {"t": 1, "x": 13, "acceleration": 6, "u": 4, "rates": 3, "reference": 3}  # of a row
+
+
+class Event(NamedTuple):
+    """Change of phase."""
+
+    time: float  # since the first tick [s]
+    phase: Phase
+    reason: str
 
 
 @dc.dataclass
@@ -18,7 +28,6 @@ class Counts:
 
     ticks: int = 0
     skipped: int = 0  # ticks that had no time
-    sent: int = 0
     periods: int = 0  # of the controller, while it commands
     late: int = 0  # of them without an answer until the next
     errors: int = 0  # ticks that failed

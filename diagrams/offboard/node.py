@@ -1,14 +1,13 @@
 """Node of offboard control: one tick after the other, from messages to a command."""
 
 import dataclasses as dc
-from typing import NamedTuple
 
 import numpy as np
 
 from diagrams.batch.failed_run import one_line
 from diagrams.loop.flight import FlightConfig
 from diagrams.offboard.companion import Answer, Companion
-from diagrams.offboard.flight_record import Counts, FlightRecord, Flown
+from diagrams.offboard.flight_record import Counts, Event, FlightRecord, Flown
 from diagrams.offboard.solver_thread import Worker
 from np_drake.mpc.problem import MpcStatus
 from np_drake.offboard.anchor import Anchor
@@ -29,14 +28,6 @@ SLOW = 0.5  # speed above which nothing begins [m/s]; source: own choice
 WARM_UP = 5  # steps before the first message [1]
 LEVEL_THRUST = (0.5, 1.6)  # of level thrust over the weight [1]; source: own choice
 UP = np.array([0.0, 0.0, 1.0])
-
-
-class Event(NamedTuple):
-    """Change of phase."""
-
-    time: float  # since the first tick [s]
-    phase: Phase
-    reason: str
 
 
 class Node:
@@ -155,15 +146,15 @@ class Node:
         problem, phase = reading.problem, self.phase
         self._is_known = not problem
         if not problem and phase in (Phase.WAITING, Phase.READY):
-            anchor = Anchor.at(reading.x, self._track) if self._anchor is None else self._anchor
+            held = self._anchor if phase is Phase.READY else None
+            anchor = held or Anchor.at(reading.x, self._track)
             problem = out_of_limits(anchor.seen(reading.x), self._track, self._limits)
             if not problem and np.linalg.norm(reading.x[V]) > SLOW:
                 problem = f"the vehicle moves by more than {SLOW:g} m/s"
-            elif not problem and phase is Phase.READY and not anchor.holds(reading.x, self._track):
+            elif not problem and not anchor.holds(reading.x, self._track):
                 problem = "the vehicle has moved on"
-            elif not problem and phase is Phase.WAITING and not np.isfinite(reading.in_force).all():
+            elif not problem and held is None and not np.isfinite(reading.in_force).all():
                 problem = "no ATTITUDE_TARGET"
-            self._anchor = self._anchor if phase is Phase.READY else None
         elif not problem and phase.sends and self._anchor is not None:
             reference = self._motion.sample(np.array([self.flown_for(now)]))[0, 0]
             problem = out_of_limits(self._anchor.seen(reading.x), reference, self._limits)
@@ -190,14 +181,16 @@ class Node:
                 self.counts.late += 1
             self._is_owed = self._is_trusted
             self._begin_step(now, reading, x, a)
-        for found in filter(None, [self._found(now, patience)]):
-            self.counts.solves.append(found.solve_time)
-            usable = bool(np.isfinite(found.rates_thrust).all())
-            self._answer = found if usable else None
-            if usable and self._is_trusted and np.isfinite(found.force).all():
-                self._force = found.force
-            if usable and found.status < MpcStatus.SHIFTED_PLAN:
-                self._without_answer, self._is_owed = 0, False
+        found = self._found(now, patience)
+        if found is None:
+            return
+        self.counts.solves.append(found.solve_time)
+        usable = bool(np.isfinite(found.rates_thrust).all())
+        self._answer = found if usable else None
+        if usable and self._is_trusted and np.isfinite(found.force).all():
+            self._force = found.force
+        if usable and found.status < MpcStatus.SHIFTED_PLAN:
+            self._without_answer, self._is_owed = 0, False
 
     def _begin_step(self, now: float, reading: Reading, x: np.ndarray, a: np.ndarray) -> None:
         in_force = self._sent
@@ -231,7 +224,6 @@ class Node:
         self._sent = command
         throttle = throttle_of(self._vehicle, command[0], self.readings.voltage)
         self._link.send(self._codec.command(self._since_start(now), command[1:], throttle))
-        self.counts.sent += 1
         if self.phase in (Phase.FLYING, Phase.LEVEL) and not self.leaves and self._is_trusted:
             t = self.flown_for(now)
             u = np.array([command[0], *self._loop.torque(self._vehicle.J, x[W], command[1:])])

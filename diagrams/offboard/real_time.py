@@ -46,7 +46,7 @@ def fly(
     """Tick a node in real time until it has stopped; at the end of its motion the autopilot is asked to hold its place.
 
     Args:
-        node: that has not ticked yet, and whose start is now by `time.monotonic`.
+        node: that has not ticked yet.
         wait: longest time until the autopilot hands over [s].
         ended: whether to end at once.
         monitor: is shown the node every half a second, and the time on its reference [s].

@@ -13,8 +13,8 @@ Step = Callable[[], Answer]
 class Worker(Protocol):
     """Steps the controller, one step at a time."""
 
-    def submit(self, step: Step, now: float) -> bool:
-        """Begin a step, and return whether it is begun; not while the last goes on.
+    def submit(self, step: Step, now: float) -> None:
+        """Begin a step; nothing is begun while the last goes on.
 
         Args:
             step: of the controller.
@@ -43,13 +43,11 @@ class SolverThread(Worker):
         self._is_busy = False
         Thread(target=self._work, name="companion", daemon=True).start()
 
-    def submit(self, step: Step, now: float) -> bool:
+    def submit(self, step: Step, now: float) -> None:
         """Begin a step; see `Worker`."""
-        if self._is_busy:
-            return False
-        self._is_busy = True
-        self._steps.put(step)
-        return True
+        if not self._is_busy:
+            self._is_busy = True
+            self._steps.put(step)
 
     def answer(self, now: float, patience: float) -> Answer | None:
         """Return an answer; see `Worker`."""
@@ -87,12 +85,10 @@ class AtOnce(Worker):
         self._takes = takes
         self._pending: tuple[float, Step] | None = None
 
-    def submit(self, step: Step, now: float) -> bool:
+    def submit(self, step: Step, now: float) -> None:
         """Begin a step; see `Worker`."""
-        if self._pending is not None:
-            return False
-        self._pending = (now + self._takes(now), step)
-        return True
+        if self._pending is None:
+            self._pending = (now + self._takes(now), step)
 
     def answer(self, now: float, patience: float) -> Answer | None:
         """Return an answer; see `Worker`."""

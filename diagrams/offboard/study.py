@@ -88,9 +88,9 @@ class Flying:
         handed_over = flight.autopilot.engaged
         events = list(flight.node.events) if flight.node else []
         if fault.kind == "node restart":
-            flight.stop_node()
+            flight.node = None
             flight.advance(end)
-            flight.restart_node()
+            flight.node = flight.new_node()
         kept = True
         for _ in range(round((fault.lasts + AFTER) / 0.1)):
             flight.advance(flight.time + 0.1)
@@ -98,7 +98,7 @@ class Flying:
             kept = kept and bool(np.linalg.norm(off) < NEAR and flight.position[2] > GROUND)
         node = flight.node
         later = [event for event in (node.events if node else []) if event not in events]
-        finite = all(np.isfinite([*one.rates, one.thrust]).all() for one in flight.sent)
+        finite = all(np.isfinite([*one.rates, one.thrust]).all() for _, one in flight.sent)
         return {
             "fault": fault.kind, "seed": case["seed"], "size": fault.size, "lasts": fault.lasts,
             "handed_over": handed_over, "kept": kept, "finite": finite,
@@ -111,7 +111,7 @@ class Flying:
 
 def _stop(flight: VirtualFlight, begin: float) -> float | None:
     """Return the time from a fault's beginning to the last command before a gap; None where there is none [s]."""
-    times = np.array([one.time for one in flight.sent if one.time >= begin - GAP] + [flight.time])
+    times = np.array([t for t, _ in flight.sent if t >= begin - GAP] + [flight.time])
     gaps = np.flatnonzero(np.diff(times) > GAP)
     return float(max(times[gaps[0]] - begin, 0.0)) if len(gaps) else None
 

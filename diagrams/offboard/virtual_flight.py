@@ -22,15 +22,6 @@ WAY = 0.001  # of a message [s]; source: own choice, a loopback's
 AUTOPILOTS = Callable[[Vehicle], SimulatedAutopilot]
 
 
-@dc.dataclass(frozen=True)
-class Sent:
-    """What the node has sent to the autopilot."""
-
-    time: float  # [s]
-    rates: np.ndarray  # (3,) [rad/s]
-    thrust: float  # over that at full throttle [1]
-
-
 class _Tap(Link):
     """Link whose commands are noted.
 
@@ -41,12 +32,12 @@ class _Tap(Link):
 
     def __init__(self, link: Link, clock: Callable[[], float]):
         self._link, self._clock, self._codec = link, clock, Codec(AUTOPILOT)
-        self.sent: list[Sent] = []
+        self.sent: list[tuple[float, Command]] = []
 
     def send(self, data: bytes) -> None:
         for said in self._codec.parse(data):
             if isinstance(said, Command):
-                self.sent.append(Sent(self._clock(), said.rates, said.thrust))
+                self.sent.append((self._clock(), said))
         self._link.send(data)
 
     def receive(self) -> list[bytes]:
@@ -91,7 +82,7 @@ class VirtualFlight:
         ApplySimulatorConfig(config.simulator, self._simulator)
         set_initial_state(diagram, self._simulator.get_mutable_context(), flown_by(hover, make), seed=seed)
         self._vehicle = diagram.GetSubsystemByName(REAL_VEHICLE)
-        self.node: Node | None = Node(config, self._link, worker())
+        self.node: Node | None = self.new_node()  # None: its process is dead
 
     def advance(self, until: float) -> None:
         """Fly on until a time, by the node's ticks [s]."""
@@ -102,17 +93,13 @@ class VirtualFlight:
             if self.node is not None:
                 self.node.tick(self.time)
 
-    def restart_node(self) -> None:
-        """Begin with a node that knows nothing, as after `stop_node`."""
-        self.node = Node(self.config, self._link, self._worker())
-
-    def stop_node(self) -> None:
-        """End the node, as a process that is killed."""
-        self.node = None
+    def new_node(self) -> Node:
+        """Return a node that knows nothing, on the same link."""
+        return Node(self.config, self._link, self._worker())
 
     @property
-    def sent(self) -> list[Sent]:
-        """Commands that nodes have sent so far, whether they have arrived or not."""
+    def sent(self) -> list[tuple[float, Command]]:
+        """Commands that nodes have sent so far, and when [s], whether they have arrived or not."""
         return self._link.sent
 
     @property

@@ -10,7 +10,7 @@ from diagrams.batch.flown import FlownOptions, FlownRun
 from diagrams.batch.options import Reality, Seeds
 from diagrams.batch.run import Report, Run, Table
 from diagrams.batch.workers import failures
-from diagrams.loop.controllers import NP_MODEL
+from diagrams.loop.controller_config import NP_MODEL
 from diagrams.loop.experiments import scenario_file
 from diagrams.loop.flight import FlightConfig
 from diagrams.payload import attach as experiment

@@ -8,7 +8,8 @@ from pydrake.common import RandomGenerator
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, OutputPort
 
-from diagrams.loop.controllers import ControllerConfig, add_controller
+from diagrams.loop.controller_config import ControllerConfig
+from diagrams.loop.controllers import add_controller
 from np_drake.effects.sensor_noise import SensorNoise
 from np_drake.metrics import tracking_errors
 from np_drake.references.base import Reference

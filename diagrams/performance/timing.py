@@ -13,7 +13,7 @@ from diagrams.batch.columns import fixed, tabulate
 from diagrams.batch.flown import choose_rows
 from diagrams.batch.options import Only
 from diagrams.batch.run import Report, Run, Table
-from diagrams.loop.controllers import LEARNED
+from diagrams.loop.controller_config import LEARNED
 from diagrams.loop.flight import FlightConfig
 from diagrams.loop.flight_result import FlightResult, fly
 from diagrams.payload.hover_swing import ROWS as HOVER_ROWS

@@ -12,7 +12,7 @@ import numpy as np
 from diagrams.batch.arrays import packed, unpacked
 from diagrams.batch.campaign import Case
 from diagrams.batch.run import Run
-from diagrams.loop.controllers import ControllerConfig
+from diagrams.loop.controller_config import ControllerConfig
 from diagrams.loop.flight import FlightConfig
 from diagrams.loop.flight_result import fly
 from diagrams.loop.reality import RealityConfig

@@ -10,7 +10,7 @@ from typer import Option
 from diagrams.batch.arrays import unpacked
 from diagrams.batch.campaign import Case
 from diagrams.batch.run import Report, Run
-from diagrams.loop.controllers import NP_MODEL
+from diagrams.loop.controller_config import NP_MODEL
 from diagrams.prediction.envelope import Envelope, envelope_flight
 from np_drake.lifting.model.lifted_model import FAMILIES, LIFTED, NEURAL, LiftedModel
 from np_drake.lifting.model.model_file import load_model

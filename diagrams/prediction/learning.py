@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from diagrams.loop.controllers import NP_MODEL
+from diagrams.loop.controller_config import NP_MODEL
 from diagrams.loop.flight_result import FlightResult
 from np_drake.flight_log import FlightLog
 from np_drake.labels import LabelConfig, default_labels

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from diagrams.batch.campaign import Record
-from diagrams.loop.controllers import LEARNED
+from diagrams.loop.controller_config import LEARNED
 from diagrams.robustness.axes import Grid, distinct
 from diagrams.robustness.cells import GROWTHS, Cells, compare, summary
 from diagrams.robustness.measures import GROWING

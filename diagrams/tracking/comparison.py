@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from diagrams.loop import flight_figures
-from diagrams.loop.controllers import LEARNED
+from diagrams.loop.controller_config import LEARNED
 from diagrams.loop.flight_result import FlightResult
 from np_drake.diagnosis.report import words
 from np_drake.diagnosis.report.page import embedded, style, template_of

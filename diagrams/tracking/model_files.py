@@ -11,7 +11,7 @@ from pathlib import Path
 
 from diagrams.batch.campaign import Case, Record
 from diagrams.batch.run import Run
-from diagrams.loop.controllers import NP_MODEL
+from diagrams.loop.controller_config import NP_MODEL
 from diagrams.tracking.tracking import DITHERED, Row, train_models
 from np_drake.files.atomic_file import atomic_path
 from np_drake.lifting.model.lifted_model import FAMILIES

@@ -8,7 +8,7 @@ import numpy as np
 
 from diagrams.batch.run import NoOptions as Options
 from diagrams.batch.run import Report, Run
-from diagrams.loop.controllers import FILTER_MODEL, MODELS, NP_MODEL
+from diagrams.loop.controller_config import FILTER_MODEL, MODELS, NP_MODEL
 from diagrams.prediction.envelope import train_on_envelope
 from diagrams.prediction.learning import train_payload_filter_model
 from diagrams.tracking.network_share import flown_share

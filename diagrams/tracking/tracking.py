@@ -7,7 +7,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from diagrams.loop.controllers import LEARNED
+from diagrams.loop.controller_config import LEARNED
 from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight import FlightConfig
 from diagrams.loop.flight_result import FlightResult, fly

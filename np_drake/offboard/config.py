@@ -32,10 +32,9 @@ class OffboardConfig:
         """
         if not 0 <= self.system <= 255:
             raise ValueError(f"offboard: system must be 0 to 255; got {self.system}.")
-        for field in dc.fields(self)[1:]:
-            value = getattr(self, field.name)
-            if not 0 < value < np.inf:
-                raise ValueError(f"offboard: {field.name} must be positive and finite; got {value}.")
+        for name, value in dc.asdict(self).items():
+            if name != "system" and not 0 < value < np.inf:
+                raise ValueError(f"offboard: {name} must be positive and finite; got {value}.")
         if not 2 <= self.rate <= FASTEST_RATE:
             raise ValueError(f"offboard: rate must be 2 to {FASTEST_RATE:g} Hz; got {self.rate:g}.")
         if self.level <= CLEAR:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from diagrams.batch.campaign import Case, Record
-from diagrams.loop.controllers import NP_MODEL
+from diagrams.loop.controller_config import NP_MODEL
 from diagrams.loop.flight import FlightConfig
 from diagrams.loop.flight_result import LostVehicle, simulate
 from diagrams.robustness.faults.fault import Fault, apply

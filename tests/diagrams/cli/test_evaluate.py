@@ -10,7 +10,7 @@ import pytest
 
 from diagrams.cli.evaluate import parse_horizons
 from diagrams.cli.main import run
-from diagrams.loop.controllers import NP_MODEL
+from diagrams.loop.controller_config import NP_MODEL
 from np_drake.lifting.model.model_file import load_model
 from np_drake.logs.formats.log_file import write_log
 from np_drake.logs.formats.neurobem_wrenches import RACE_TRACK, TRAINING

@@ -10,7 +10,7 @@ import pytest
 
 from diagrams.cli.main import run
 from diagrams.cli.scenario import Numbers, scenarios
-from diagrams.loop.controllers import FILTER_MODEL, NP_MODEL
+from diagrams.loop.controller_config import FILTER_MODEL, NP_MODEL
 from diagrams.loop.experiments import EXPERIMENTS
 
 PACKAGED = {"np": NP_MODEL, "payload_filter": FILTER_MODEL}

@@ -5,7 +5,7 @@ from functools import cache
 import pytest
 
 from diagrams.cli.main import run
-from diagrams.loop.controllers import ControllerConfig
+from diagrams.loop.controller_config import ControllerConfig
 from diagrams.loop.flight import FlightConfig
 from diagrams.loop.flight_result import LostVehicle, fly, simulate
 from np_drake.references.config import ReferenceConfig

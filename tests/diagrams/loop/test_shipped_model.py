@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from diagrams.loop.controllers import NP_MODEL
+from diagrams.loop.controller_config import NP_MODEL
 from diagrams.loop.flight_result import fly
 from diagrams.tracking.tracking import Row, configure
 from np_drake.labels import smooth_labels

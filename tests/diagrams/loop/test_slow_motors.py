@@ -2,7 +2,8 @@
 
 import pytest
 
-from diagrams.loop.controllers import NP_MODEL, ControllerConfig, make_residual_model
+from diagrams.loop.controller_config import NP_MODEL, ControllerConfig
+from diagrams.loop.controller_models import make_residual_model
 from diagrams.loop.flight import FlightConfig
 from diagrams.loop.flight_result import fly
 from np_drake.labels import labelled

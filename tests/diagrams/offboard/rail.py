@@ -1,7 +1,6 @@
 """Vehicle on a rail, which rests whatever is commanded, behind its autopilot; a node that is to fly it."""
 
 import dataclasses as dc
-from collections.abc import Callable
 
 import numpy as np
 
@@ -32,11 +31,13 @@ def hover(**changes: object) -> FlightConfig:
 class Rail:
     """Loop of vehicle and node, a tick of 10 ms after the other."""
 
-    def __init__(self, config: FlightConfig, fault: Fault | None = None, passes: Callable | None = None):
+    def __init__(self, config: FlightConfig, fault: Fault | None = None, *, pairs: bool = False):
         self.time, self.config, self.fault = 0.0, config, fault
-        passes = passes or (fault.passes() if fault else lambda t: t + 0.001)
+        passes = fault.passes() if fault else lambda t: t + 0.001
         self.here, self.there = Channel.pair(lambda: self.time, passes)
-        self.autopilot = FaultyAutopilot(config.vehicle, fault) if fault else SimulatedAutopilot(config.vehicle)
+        self.autopilot = (
+            FaultyAutopilot(config.vehicle, fault) if fault else SimulatedAutopilot(config.vehicle, pairs=pairs)
+        )
         self.x = np.array([*PLACE, 1.0, *np.zeros(9)])
         self.sent: list[tuple[float, Command]] = []
         self._codec, self._send = Codec(AUTOPILOT), self.here.send

@@ -22,6 +22,12 @@ def test_it_flies_once_all_is_in_order_and_the_pilot_hands_over():
     assert rail.autopilot.handovers[0] >= rail.sent[0][0]
 
 
+def test_position_and_attitude_in_two_messages_are_flown_by_as_one():
+    rail, pairs = Rail(hover()).advance(FLYING_AT), Rail(hover(), pairs=True).advance(FLYING_AT)
+    assert pairs.phases == rail.phases == ["ready", "flying"]
+    np.testing.assert_allclose(pairs.node.flown.log.x[-1], rail.node.flown.log.x[-1], atol=1e-5)
+
+
 def test_it_sends_at_its_rate_while_it_flies():
     rail = Rail(hover()).advance(FLYING_AT)
     times = [t for t, _ in rail.sent]

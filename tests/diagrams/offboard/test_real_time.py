@@ -30,12 +30,11 @@ def test_it_flies_a_vehicle_of_another_process():
 
 def test_a_silent_link_ends_the_wait_without_a_flight():
     link, _ = Channel.pair(lambda: 0.0, lambda t: np.inf)
-    node, worker = Node(hover(), link, SolverThread()), None
+    node = Node(hover(), link, SolverThread())
     begin = time.monotonic()
     real_time.fly(node, wait=0.3)
     assert 0.3 <= time.monotonic() - begin < 3.0
     assert node.flown is None
-    assert worker is None
 
 
 def test_an_interrupt_asks_for_the_end_and_raises_nothing():
@@ -49,14 +48,18 @@ def test_an_interrupt_asks_for_the_end_and_raises_nothing():
 
 
 def test_a_solve_that_hangs_stops_nothing_else():
-    released = threading.Event()
+    released, begun = threading.Event(), []
     dut = SolverThread()
     try:
-        assert dut.submit(lambda: released.wait(10.0), 0.0)
+        dut.submit(lambda: released.wait(10.0), 0.0)
         begin = time.monotonic()
         assert dut.answer(0.0, 0.01) is None
         assert time.monotonic() - begin < 1.0
-        assert not dut.submit(lambda: None, 0.0)
+        dut.submit(lambda: begun.append(1), 0.0)
+        released.set()
+        assert dut.answer(0.0, 5.0) is True
+        assert dut.answer(0.0, 0.1) is None
+        assert begun == []
     finally:
         released.set()
         dut.close()
@@ -72,5 +75,6 @@ def test_what_a_step_raises_is_raised_once():
     with pytest.raises(RuntimeError, match="no answer"):
         dut.answer(0.0, 1.0)
     assert dut.answer(0.0, 0.0) is None
-    assert dut.submit(lambda: None, 0.0)
+    dut.submit(lambda: 7, 0.0)
+    assert dut.answer(0.0, 1.0) == 7
     dut.close()

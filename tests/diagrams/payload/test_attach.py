@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from diagrams.loop.controllers import NP_MODEL
+from diagrams.loop.controller_config import NP_MODEL
 from diagrams.loop.flight_result import fly
 from diagrams.payload import attach, attach_study
 from diagrams.payload.figures import event_responses

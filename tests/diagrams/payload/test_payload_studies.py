@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from diagrams.cli.main import run
-from diagrams.loop.controllers import FILTER_MODEL, NP_MODEL
+from diagrams.loop.controller_config import FILTER_MODEL, NP_MODEL
 from diagrams.loop.experiments import FOLDER
 from diagrams.payload import attach, hover_swing
 from diagrams.payload.hover_study import hover_printed

@@ -5,7 +5,7 @@ import pytest
 
 from diagrams.batch.arrays import packed
 from diagrams.cli.main import run
-from diagrams.loop.controllers import FILTER_MODEL, NP_MODEL
+from diagrams.loop.controller_config import FILTER_MODEL, NP_MODEL
 from diagrams.prediction.envelope_study import HORIZONS, PERSISTENCE, Foreseeing, ratios
 from np_drake.lifting.model.lifted_model import LIFTED, NEURAL
 from np_drake.lifting.model.model_file import load_model

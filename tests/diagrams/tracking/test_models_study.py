@@ -4,7 +4,7 @@ import json
 import shutil
 
 from diagrams.cli.main import run
-from diagrams.loop.controllers import FILTER_MODEL, NP_MODEL
+from diagrams.loop.controller_config import FILTER_MODEL, NP_MODEL
 
 
 def test_both_files_are_written_under_the_packaged_names(tmp_path, monkeypatch, capsys):

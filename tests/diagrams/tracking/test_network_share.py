@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from diagrams.loop.controllers import NP_MODEL
+from diagrams.loop.controller_config import NP_MODEL
 from diagrams.tracking.network_share import SHARES, best_share, flown_share
 from np_drake.lifting.model.model_file import load_model
 from np_drake.vehicle import Vehicle

@@ -6,7 +6,7 @@ import shutil
 import numpy as np
 import pytest
 
-from diagrams.loop.controllers import FILTER_MODEL, NP_MODEL
+from diagrams.loop.controller_config import FILTER_MODEL, NP_MODEL
 from diagrams.tracking.packaged import Difference, difference, tensor_difference
 from np_drake.payload_filter.model_file import PayloadFilterModel
 
