@@ -15,6 +15,8 @@ from diagrams.cli.runner import Report, Run, reports
 from diagrams.cli.scenario import Numbers, scenarios
 
 if TYPE_CHECKING:
+    import numpy as np
+
     from diagrams.offboard.flight_record import Event
     from diagrams.offboard.node import Node
 
@@ -82,7 +84,7 @@ def node(
 
             def monitor(now: "Node", t: float) -> None:
                 told.show(now.events)
-                advance(t, now.phase.value)
+                advance(t, f"{now.phase.value}{_pose(now.x)}")
 
             real_time.fly(
                 flying, wait=float("inf") if wait is None else wait, ended=lambda: ended.asked, monitor=monitor
@@ -108,6 +110,18 @@ def node(
         },
         failure=None if flown is not None else FailedRun(f"node: nothing was flown: {_why_not(flying)}."),
     )
+
+
+def _pose(x: "np.ndarray") -> str:
+    """Return attitude and height of a state (13,) in words; nothing where it is not known."""
+    import numpy as np
+    from pydrake.common.eigen_geometry import Quaternion
+    from pydrake.math import RollPitchYaw
+
+    if not np.isfinite(x).all():
+        return ""
+    roll, pitch, yaw = np.degrees(RollPitchYaw(Quaternion(x[3:7] / np.linalg.norm(x[3:7]))).vector())
+    return f": right down {roll:+.0f}, nose up {-pitch:+.0f}, left of east {yaw:+.0f} deg, height {x[2]:.2f} m"
 
 
 def _why_not(node: "Node") -> str:

@@ -55,6 +55,7 @@ class Node:
         self._codec, self._companion = Codec(COMPANION, self._limits.system), Companion(config)
         self.readings = Readings(self._limits, vehicle.gravity)
         self.phases, self.events, self.counts, self._record = Phases(), list[Event](), Counts(), FlightRecord()
+        self.x = np.full(13, np.nan)  # state in the autopilot's local frame, z up
         self._begin: float | None = None  # time of the first tick [s]
         self._anchor: Anchor | None = None
         self._handed_over = self._next_step = self._next_heartbeat = -np.inf
@@ -122,6 +123,7 @@ class Node:
             for said in self._codec.parse(data):
                 self.readings.take(said, now)
         reading = self.readings.at(now)
+        self.x = reading.x
         self._is_trusted, problem = self._judge(now, reading)
         before = self.phase
         self._change(now, problem, reading.engaged)

@@ -2,7 +2,10 @@
 
 import socket
 
+import numpy as np
 import pytest
+from pydrake.common.eigen_geometry import Quaternion
+from pydrake.math import RollPitchYaw
 
 from diagrams.cli.main import run
 
@@ -63,3 +66,12 @@ def test_a_vehicle_that_nobody_commands_holds_its_place(tmp_path, capsys):
     shown = capsys.readouterr().out
     assert "never" in shown
     assert {path.name for path in out.iterdir()} == {"mine_mavlink.csv", "mine_mavlink_replay.html"}
+
+
+def test_the_attitude_that_is_shown_is_that_of_a_pilot():
+    from diagrams.cli.node import _pose
+
+    x = np.zeros(13)
+    x[2], x[3:7] = 1.5, Quaternion(RollPitchYaw(0.1, -0.2, np.pi / 2).ToRotationMatrix().matrix()).wxyz()
+    assert _pose(x) == ": right down +6, nose up +11, left of east +90 deg, height 1.50 m"
+    assert _pose(np.full(13, np.nan)) == ""
