@@ -49,7 +49,7 @@ from np_drake.flight_log import FlightLog
 from np_drake.logs.gaps import said_of_bridged
 from np_drake.logs.hover_thrust import with_hover_thrust
 from np_drake.logs.neighbours import with_neighbours
-from np_drake.logs.throttle_input import with_one_exponent
+from np_drake.logs.throttle_input import with_throttle_map
 from np_drake.vehicle import Vehicle
 
 Progress = Callable[[float, str], None]
@@ -102,7 +102,7 @@ def diagnose(
         beside = with_neighbours([*train, *held_out], neighbours, vehicle.rotor_radius)
         train, held_out = beside[: len(train)], beside[len(train) :]
     (train, short), (held_out, brief) = long_enough(train), long_enough(held_out)
-    train, held_out = with_one_exponent(vehicle, train, held_out)
+    train, held_out = with_throttle_map(vehicle, train, held_out)
     file, (vehicle, train, held_out) = vehicle, with_hover_thrust(vehicle, train, held_out)
     if vehicle is not file:
         replay = getattr(replay, "of_vehicle", lambda _: replay)(vehicle)

@@ -26,7 +26,6 @@ class Tolerance:
     throttle_curve: float = 0.0  # exponent of thrust over throttle [1]
     mounting: float = 0.0  # axes of an autopilot against those of the rotors [rad]
     latency: float = 0.0  # of an estimator's attitude against its velocity [s]
-    throttle_drift: float = 0.0  # rate of thrust over throttle as the battery falls [1/s]
     # Whether the vehicle that flew was never measured: it is as healthy vehicles differ from their files.
     unmeasured: bool = False
 
@@ -196,10 +195,12 @@ class Spread:
     velocity: float = 0.02  # bias [m/s]
     accelerometer: float = 0.1  # bias [m/s²]
     rotor_trim: float = 0.015  # thrust of one rotor, as a battery moves the centre of mass [1]
-    charge: float = 0.03  # thrust over throttle [1]
+    charge: float = 0.03  # thrust over throttle and voltage [1]
+    # Thrust over throttle, the voltage not known [1]; source: a cell at 3.6 to 4.1 V, thrust with its power 1.5.
+    unknown_charge: float = 0.06
     known_charge: float = 0.01  # thrust over rotor speed, or over a command in newtons [1]
     sag: float = 0.002  # rate of the thrust over throttle [1/s]
-    known_sag: float = 0.0005  # over rotor speed or a command in newtons [1/s]
+    known_sag: float = 0.0005  # over throttle and voltage, rotor speed or a command in newtons [1/s]
     # Slow changes within a flight.
     drift_time: float = 5.0  # between independent values [s]
     tilt_drift: float = 0.008  # of the attitude [rad]

@@ -48,7 +48,7 @@ class SuspendedPayload(WrenchEffect):
     linear = False
     parameters = (
         Parameter("mass", "kg", 0.0, 0.0, 2.0, 0.2),
-        Parameter("length", "m", 0.8, 0.1, 4.0, 0.5, vanishes=False),
+        Parameter("length", "m", 0.8, 0.1, 30.0, 0.5, vanishes=False),
         *(Parameter(f"hook_{axis}", "m", 0.0, -0.3, 0.3, 0.03) for axis in "xyz"),
         Parameter("damping", "1/s", 0.0, 0.0, 1.0, 0.15, vanishes=False),
     )

@@ -10,69 +10,110 @@ from np_drake.flight_log import FlightLog
 from np_drake.logs.errors import LogError
 from np_drake.training_data.accelerations import LIFT_BAND, lift_over_weight, smoothed
 from np_drake.vehicle import Vehicle
+from np_drake.vehicle_calibration import ThrottleMap
 
 EXPONENTS = (0.5, 2.5)  # of thrust over throttle: from a linearised to a bare motor [1]
 # Prior of the exponent, mean and deviation [1]. Source: a linearised motor has 1; a propeller's thrust goes with the
 # square of its speed, and speed with voltage.
 USUAL, SCATTER = 1.5, 0.5
+VOLTAGE = 1.5  # power of the battery's voltage in thrust at a throttle [1]; source: the prior of the identification
+BELIEVED = 0.3  # share by which a voltage may differ from its median within a flight [1]; source: own choice
 NOTE = "thrust from throttle"
 GRAVITY = 9.81  # where no vehicle states its own [m/s²]
 LEAST = 0.02  # throttle below which a rotor stands [1]
 
 
-def with_throttle_input(log: FlightLog, vehicle: Vehicle, exponent: float | None = None) -> FlightLog:
-    """Return the log with u from its throttle: f = m g (throttle / hover)^exponent, for all rotors together or each.
+def with_throttle_input(log: FlightLog, vehicle: Vehicle) -> FlightLog:
+    """Return the log with u from its throttle, for all rotors together or each, by the map that its own flight shows.
 
-    hover and exponent are the most likely ones with which thrust carries the measured specific force along body z; a
-    flight whose thrust hardly varies leaves the usual exponent. They take mass and thrust from each other: neither can
-    be told from such a log. A collective throttle says nothing of torque, which
-    is then NaN.
+    A collective throttle says nothing of torque, which is then NaN.
 
     Args:
         log: with a throttle.
         vehicle: whose weight the throttle carries.
-        exponent: of the vehicle [1]; default: that which fits this flight.
     Raises: LogError: if the log has no throttle, or never one that carries the vehicle.
     """
-    seen = _lifted(log, vehicle.gravity)
-    whose = "exponent of the vehicle" if exponent is not None else "fitted to this flight's lift"
-    exponent = _fitted_exponent([seen]) if exponent is None else exponent
-    hover = seen.scale(exponent) ** (-1 / exponent)
-    f = vehicle.mass * vehicle.gravity * (np.maximum(_throttle(log), 0.0) / hover) ** exponent
-    unknown = np.full((len(log), 3), np.nan)
-    u = np.column_stack([f, unknown]) if f.shape[1] == 1 else 0.25 * f @ vehicle.mixer.T
-    note = f"{NOTE}: m g (throttle / {hover:.4g})^{exponent:.3g}, {whose}"
-    others = [other for other in log.notes if not other.startswith(NOTE)]
-    return dc.replace(log, u=u, input="normalised", notes=[*others, note])
+    return _mapped(log, vehicle, _map_of(vehicle, [log]))
 
 
-def with_one_exponent(
+def with_throttle_map(
     vehicle: Vehicle, train: Sequence[FlightLog], held_out: Sequence[FlightLog]
 ) -> tuple[list[FlightLog], list[FlightLog]]:
-    """Return the flights with thrust from throttle by one exponent, which the training flights share.
+    """Return the flights with thrust from throttle by one map, a property of the vehicle.
 
-    The exponent is a property of the vehicle. The hover throttle is one of the flight: it follows the battery and the
-    air. Flights with another input are as they were.
+    It is the vehicle file's, else one of the usual exponent with which the training flights carry the vehicle file's
+    weight: scale and exponent are then to be fitted together with all that hangs below or drags. Flights with another input are as they were.
 
     Args:
         vehicle: whose weight the throttle carries.
-        train: flights that share the exponent.
-        held_out: flights to which it is applied.
+        train: flights that share the map.
+        held_out: flights to which it is applied unchanged.
     Raises: LogError: if a throttle never carries the vehicle.
     """
-
-    def known(log: FlightLog) -> bool:
-        return log.input == "normalised" and log.throttle is not None
-
-    told = [_lifted(log, vehicle.gravity) for log in train if known(log)]
+    told = [log for log in train if _has_throttle(log)]
     if not told:
         return list(train), list(held_out)
-    exponent = _fitted_exponent(told)
+    known = _map_of(vehicle, told, [log for log in held_out if _has_throttle(log)], exponent=USUAL)
 
     def mapped(log: FlightLog) -> FlightLog:
-        return with_throttle_input(log, vehicle, exponent) if known(log) else log
+        return _mapped(log, vehicle, known) if _has_throttle(log) else log
 
     return [mapped(log) for log in train], [mapped(log) for log in held_out]
+
+
+def _has_throttle(log: FlightLog) -> bool:
+    return log.input == "normalised" and log.throttle is not None
+
+
+@dc.dataclass(frozen=True)
+class _PowerMap:
+    """Thrust of a rotor over that of hover: (throttle / hover)^exponent (V / volts)^`VOLTAGE`; no volts, no V."""
+
+    thrust_at_hover: float  # [N]
+    hover: float  # [1]
+    exponent: float  # [1]
+    volts: float | None  # [V]
+
+    def thrust(self, throttle: np.ndarray, voltage: np.ndarray | None) -> np.ndarray:
+        """Return the thrust (n, k) of rotors [N], of their throttle (n, k) and the battery's voltage (n, 1)."""
+        charge = 1.0 if voltage is None or self.volts is None else (voltage / self.volts) ** VOLTAGE
+        return self.thrust_at_hover * charge * (throttle / self.hover) ** self.exponent
+
+
+def _map_of(
+    vehicle: Vehicle, flights: Sequence[FlightLog], others: Sequence[FlightLog] = (), *, exponent: float | None = None
+) -> ThrottleMap | _PowerMap:
+    """Return the vehicle file's map, else that with which the flights carry its weight.
+
+    With voltage, if they and `others` all know it.   exponent: [1]; None: that with which their lift goes.
+    """
+    if vehicle.throttle is not None:
+        return vehicle.throttle
+    volts = None
+    if all(voltage_of(log) is not None for log in (*flights, *others)):
+        volts = float(np.median(np.concatenate([log.voltage for log in flights])))
+    seen = [_lifted(log, vehicle.gravity, volts) for log in flights]
+    exponent = _fitted_exponent(seen) if exponent is None else exponent
+    hover = float(np.median([own.scale(exponent) for own in seen])) ** (-1 / exponent)
+    return _PowerMap(0.25 * vehicle.mass * vehicle.gravity, hover, exponent, volts)
+
+
+def _mapped(log: FlightLog, vehicle: Vehicle, known: ThrottleMap | _PowerMap) -> FlightLog:
+    """Return the log with thrust, and torque where each rotor has its throttle, by a map."""
+    f = known.thrust(np.maximum(_throttle(log), 0.0), voltage_of(log))
+    u = np.column_stack([4 * f, np.full((len(log), 3), np.nan)]) if f.shape[1] == 1 else f @ vehicle.mixer.T
+    whose = "the vehicle file's map" if known is vehicle.throttle else "a map that carries the vehicle file's weight"
+    others = [other for other in log.notes if not other.startswith(NOTE)]
+    return dc.replace(log, u=u, input="normalised", notes=[*others, f"{NOTE} by {whose}"])
+
+
+def voltage_of(log: FlightLog) -> np.ndarray | None:
+    """Return the battery's voltage (n, 1) [V]; None where it is not logged, or is that of no battery in flight."""
+    if log.voltage is None:
+        return None
+    usual = float(np.median(log.voltage))
+    near = usual > 0 and bool(np.all(np.abs(log.voltage - usual) < BELIEVED * usual))
+    return log.voltage[:, None] if near else None
 
 
 @dc.dataclass(frozen=True)
@@ -109,7 +150,7 @@ def _throttle(log: FlightLog) -> np.ndarray:
 class _Lifted:
     """Throttle (m, k) and t (m,) [s] of a flight, the rows `flying` (m,) in which rotors turn, and lift there (n,).
 
-    Lift is over gravity [1].
+    Lift is over gravity, and over what the voltage makes of thrust, where it is known [1].
     """
 
     t: np.ndarray
@@ -137,12 +178,14 @@ class _Lifted:
         return self.lift - self.scale(exponent) * self.shape(exponent)
 
 
-def _lifted(log: FlightLog, gravity: float) -> _Lifted:
+def _lifted(log: FlightLog, gravity: float, volts: float | None = None) -> _Lifted:
     throttle = np.maximum(_throttle(log), 0.0)
     flying = throttle.mean(axis=1) > LEAST
     if flying.sum() < 20:
         raise LogError(f"{log.name}: throttle must be between 0 and 1 and carry the vehicle; it never exceeds {LEAST}.")
     lift = lift_over_weight(log.t, log.v, log.q, gravity)
+    if volts is not None and log.voltage is not None:
+        lift = lift / (log.voltage / volts) ** VOLTAGE
     return _Lifted(log.t, throttle, flying, lift[flying])
 
 

@@ -12,13 +12,16 @@ from np_drake.diagnosis.fitting import Fit
 from np_drake.diagnosis.fitting.map_estimate import LinearPart
 from np_drake.diagnosis.options import SPREAD, Tolerance
 from np_drake.diagnosis.regressors import calibration_terms
+from np_drake.diagnosis.regressors.nuisance import THROTTLE_CURVE
 from np_drake.diagnosis.residuals import FORCE, TORQUE, FlightResiduals
 from np_drake.diagnosis.result import Difference
 from np_drake.effects.base import Effect, Parameter
 from np_drake.effects.mixer_gain import MixerGain
-from np_drake.files.number_text import departure_unit, measure, with_sign
+from np_drake.effects.throttle_curve import ThrottleCurve
+from np_drake.files.number_text import departure_unit, measure, number, with_sign
 
 AXES = 2  # last columns of the airframe: thrust that leans to x and y
+HARDLY = 0.25  # half of an interval over the value, above which an exponent is hardly told [1]; own choice
 CI95 = 1.96  # half of a 95 % interval over its standard deviation [1]
 
 
@@ -29,12 +32,14 @@ def differences(fit: Fit, flights: Sequence[FlightResiduals], tolerance: Toleran
         fit: to the flights.
         flights: of the fit.
         tolerance: of vehicle file and sensors.
-    Returns: nothing where the file describes the vehicle that flew.
+    Returns: where the file describes the vehicle that flew, the map of its throttle alone, if that is the input.
     """
+    of_throttle = _throttle_map(fit, flights[0])
     if not tolerance.unmeasured:
-        return ()
+        return tuple(of_throttle)
     *errors, body, air = fit.linear
     found = [
+        *of_throttle,
         *_of_file(fit, flights[0], tolerance),
         *_of_parameters(body, of_vehicle(flights[0], tolerance), flights[0].torque_share),
         *_of_airframe(air, flights),
@@ -48,10 +53,36 @@ def _of_file(fit: Fit, e: FlightResiduals, tolerance: Tolerance) -> Iterator[Dif
     priors = calibration_terms(e.vehicle, tolerance)
     for i, (term, (_, deviation)) in enumerate(zip(fit.calibration, priors, strict=True)):
         for p in term.effect.parameters:
-            own = [k for k, f in enumerate(fit.free) if (f.term, f.name) == (len(fit.terms) + i, p.name)]
-            sigma = float(np.sqrt(fit.covariance[own[0], own[0]])) if own else np.nan
+            if isinstance(term.effect, ThrottleCurve):
+                continue
+            sigma = _deviation_of(fit, i, p.name)
             value = getattr(term.effect, p.name) - p.neutral
             yield _difference(f"{term.effect.identifier}.{p.name}", type(term.effect), p, {}, value, sigma, deviation)
+
+
+def _deviation_of(fit: Fit, i: int, name: str) -> float:
+    """Return the standard deviation of a parameter of calibration term i; NaN where it is fixed."""
+    own = [k for k, f in enumerate(fit.free) if (f.term, f.name) == (len(fit.terms) + i, name)]
+    return float(np.sqrt(fit.covariance[own[0], own[0]])) if own else np.nan
+
+
+def _throttle_map(fit: Fit, e: FlightResiduals) -> list[Difference]:
+    """Return the power of throttle with which thrust goes, over that of the nominal map; none of another input."""
+    curves = [(i, term.effect) for i, term in enumerate(fit.calibration) if isinstance(term.effect, ThrottleCurve)]
+    if not curves or e.log.throttle is None:
+        return []
+    ((i, effect),) = curves
+    rotors = e.log.u[:, :1] if e.log.throttle.shape[1] == 1 else e.log.u @ e.vehicle.unmixer.T
+    turning = (e.log.throttle > 0) & (rotors > 0)
+    nominal = float(np.polyfit(np.log(e.log.throttle[turning]), np.log(rotors[turning]), 1)[0])
+    value, half = nominal * (1 + effect.curve), CI95 * nominal * _deviation_of(fit, i, "curve")
+    told = half < HARDLY * value
+    shown = f"{number(value, 3)} ({number(value - half, 3)} to {number(value + half, 3)})"
+    text = (
+        f"thrust goes with the power {shown} of throttle" if told else "the power of throttle in thrust is hardly told"
+    )
+    away = value - nominal
+    return [Difference("throttle_curve.curve", text, away, "1", THROTTLE_CURVE * nominal, (away - half, away + half))]
 
 
 def _of_parameters(

@@ -22,6 +22,7 @@ from np_drake.effects.command_delay import CommandDelay
 from np_drake.effects.gyro_bias import GyroBias
 from np_drake.effects.imu_mounting import ImuMounting
 from np_drake.effects.inertia_error import InertiaError
+from np_drake.effects.mass_error import MassError
 from np_drake.effects.mixer_gain import MixerGain
 from np_drake.effects.motor_lag import MotorLag
 from np_drake.effects.random_sizes import arm
@@ -30,6 +31,7 @@ from np_drake.effects.thrust_scale import ThrustScale
 from np_drake.effects.translational_lift import TranslationalLift
 from np_drake.effects.velocity_bias import VelocityBias
 from np_drake.effects.weak_rotor import WeakRotor
+from np_drake.logs.throttle_input import voltage_of
 from np_drake.published_vehicles import published_priors
 
 ROTORS = (1.0, 2.0, 3.0, 4.0)
@@ -85,21 +87,29 @@ def of_vehicle(e: FlightResiduals, tolerance: Tolerance, spread: Spread = SPREAD
 
 
 def calibrated_alone(e: FlightResiduals, tolerance: Tolerance) -> set[str]:
-    """Return the effects that are calibration whatever their size: sensors, torque gains, inertia, times of commands.
+    """Return the effects that are calibration whatever their size, and causes only where they begin in flight.
+
+    A mass, where the scale of a throttle's map takes its place; of an unmeasured vehicle sensors, torque gains, inertia
+    and times of commands.
 
     Args:
         e: a flight.
         tolerance: of vehicle file and sensors.
     """
+    mass = {MassError.identifier} if e.log.input == "normalised" else set[str]()
     if not tolerance.unmeasured:
-        return set()
+        return mass
     every = [*of_vehicle(e, tolerance), *of_flight(e, tolerance)]
     # Of inertia and the share of torque that acts a flight shows the ratio alone.
-    return {InertiaError.identifier} | {
-        d.effect.identifier
-        for d in every
-        if d.effect.place == "measurement" or d.effect.role == "mixer" or d.effect.shifts_commands
-    }
+    return (
+        mass
+        | {InertiaError.identifier}
+        | {
+            d.effect.identifier
+            for d in every
+            if d.effect.place == "measurement" or d.effect.role == "mixer" or d.effect.shifts_commands
+        }
+    )
 
 
 def of_flight(e: FlightResiduals, tolerance: Tolerance, spread: Spread = SPREAD) -> list[Deviation]:
@@ -119,14 +129,30 @@ def of_flight(e: FlightResiduals, tolerance: Tolerance, spread: Spread = SPREAD)
         _axes(VelocityBias, max(tolerance.velocity, least.velocity)),
     ]
     if not tolerance.unmeasured:
-        return found
-    throttle = e.log.input == "normalised"
+        return [*found, *of_battery(e, spread)]
     return [
         *found,
         *(Deviation(WeakRotor, {"efficiency": spread.rotor_trim}, {"rotor": i}) for i in ROTORS),
-        Deviation(ThrustScale, {"scale": spread.charge if throttle else spread.known_charge}),
-        Deviation(BatterySag, {"rate": spread.sag if throttle else spread.known_sag}),
+        *(of_battery(e, spread) or _battery(spread.known_charge, spread.known_sag)),
     ]
+
+
+def of_battery(e: FlightResiduals, spread: Spread = SPREAD) -> list[Deviation]:
+    """Return by what thrust over throttle differs from that of other flights, as the battery does; else nothing.
+
+    Args:
+        e: the flight.
+        spread: of flights.
+    """
+    if e.log.input != "normalised":
+        return []
+    if voltage_of(e.log) is None:
+        return _battery(spread.unknown_charge, spread.sag)
+    return _battery(spread.charge, spread.known_sag)
+
+
+def _battery(charge: float, sag: float) -> list[Deviation]:
+    return [Deviation(ThrustScale, {"scale": charge}), Deviation(BatterySag, {"rate": sag})]
 
 
 def _axes(effect: type[Effect], deviation: float) -> Deviation:

@@ -112,7 +112,8 @@ def _ladder(causes: Sequence[Cause], noise: NoiseModel, held: HeldOut) -> tuple[
     """Return the residual of the nominal model, with effects added in order of share, and of noise alone."""
     nominal = pooled([e.against_file[held.rows[e.name]] for e in held.flights], noise)
     rungs = [Rung("nominal", nominal)]
-    if held.calibrated:
+    # The scale of a throttle's map is told together with what hangs below: alone it is none.
+    if held.calibrated and held.flights[0].log.input != "normalised":
         rungs.append(Rung("+ calibration", remaining_residual([], noise, held)))
     so_far: list[Cause] = []
     # The largest share first, and a wind after the drag through which it acts.

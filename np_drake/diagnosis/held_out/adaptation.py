@@ -19,8 +19,8 @@ from np_drake.diagnosis.residuals import (
     find_outliers,
 )
 
-HIDDEN_SPAN = 2.0  # over which a hidden start is fitted; these rows are not scored [s]
-JUMP_SPAN = 1.5  # after an outlier, over which a swing is fitted anew; not scored either [s]
+# Over which a hidden start is fitted, at least, and a swing anew after an outlier; these rows are not scored [s].
+HIDDEN_SPAN, JUMP_SPAN = 2.0, 1.5
 
 
 def adapt(
@@ -148,7 +148,10 @@ def hidden_state_rows(term: Term, flight: FlightResiduals) -> list[np.ndarray]:
     if not term.has_hidden_state or start == NEVER:
         return []
     begin = flight.t[0] if start is None else start
-    spans = [(begin, HIDDEN_SPAN), *((float(flight.t[k]), JUMP_SPAN) for k in jumps(flight, start))]
+    # A swing is told by a period: on a tether of a metre by `HIDDEN_SPAN`.
+    length = term.effect.payload.length  # type: ignore[attr-defined]
+    slow = max(1.0, 2 * np.pi * np.sqrt(length / flight.vehicle.gravity) / HIDDEN_SPAN)
+    spans = [(begin, slow * HIDDEN_SPAN), *((float(flight.t[k]), slow * JUMP_SPAN) for k in jumps(flight, start))]
     return [(flight.t >= a) & (flight.t < a + span) for a, span in spans]
 
 

@@ -5,7 +5,8 @@ from collections.abc import Collection, Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.calibration.columns import errors_of
+from np_drake.diagnosis.calibration.columns import columns_of, errors_of
+from np_drake.diagnosis.calibration.spread import of_battery
 from np_drake.diagnosis.fitting import Fit, fitted_to_whole_flight
 from np_drake.diagnosis.forward_model import Term, predicted_residual
 from np_drake.diagnosis.held_out.adaptation import adapt, predictive_terms, scored_rows
@@ -37,15 +38,13 @@ class HeldOut:
         return any(isinstance(e.calibrated, np.ndarray) for e in self.flights)
 
     def kept(self, name: str, identifiers: Collection[str]) -> list[Term]:
-        """Return the terms of some effects in a flight, and the calibration of an unmeasured vehicle.
+        """Return the terms of some effects in a flight, and the calibration.
 
         Args:
             name: of the flight.
             identifiers: of the effects.
         """
         every = self.terms[name]
-        if not self.calibrated:
-            return [t for t in every if t.effect.identifier in identifiers]
         return [*(t for t in every[: self.effects] if t.effect.identifier in identifiers), *every[self.effects :]]
 
     def swing_free_residual(self, e: FlightResiduals) -> np.ndarray:
@@ -83,14 +82,15 @@ def with_calibration(fit: Fit, e: FlightResiduals, noise: NoiseModel, options: O
         noise: noise model of the training flights.
         options: tolerances and priors.
     """
-    if not options.tolerance.unmeasured:
+    unmeasured = options.tolerance.unmeasured
+    own = errors_of(e, options.tolerance) if unmeasured else columns_of(e, of_battery(e))
+    if not own.shape[-1]:
         return e
     e = dc.replace(e, y=e.uncalibrated, calibrated=0.0)
     shared = fit.calibration_on(e)
     there = dc.replace(e, y=e.y - shared)
-    terms = adapt(fit.terms, there, noise, options.priors, fit.calibration, unmeasured=True)
+    terms = adapt(fit.terms, there, noise, options.priors, fit.calibration, unmeasured=unmeasured)
     left = there.y - predicted_residual(there, terms)
-    own = errors_of(e, options.tolerance)
     gram = dc.replace(there, y=left).gram(noise, [own])
     mean, _ = gram.posterior(np.arange(own.shape[-1]))
     given = shared + own @ mean

@@ -12,7 +12,7 @@ from np_drake.diagnosis.forward_model import StageCache, Term, predicted_residua
 from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.effects.base import Effect
 from np_drake.effects.constant_wind import ConstantWind
-from np_drake.effects.library import LIBRARY, effects_for, unobservable
+from np_drake.effects.library import LIBRARY, REQUIREMENTS, effect_of, effects_for, unobservable
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.parameter import usual_size
 from np_drake.effects.parameter_prior import prior_root
@@ -22,6 +22,7 @@ DRAG = LinearDrag.identifier  # the effect through which winds act
 WIND = ConstantWind.identifier
 GUSTY = (DRAG, WIND)  # effects that gusts mask in a held-out flight
 PAYLOAD = SuspendedPayload.identifier
+THRUST = REQUIREMENTS["thrust"]  # why an effect is hidden that scales thrust over weight
 Onset = dict[str, float | None]
 LINEAR = "linear"  # variant of a nuisance whose coefficients stay linear in a fit
 Mended = tuple[np.ndarray, float]  # physical coefficients and their log probability
@@ -95,7 +96,8 @@ def library_candidates(flights: Sequence[FlightResiduals], onset: Onset | None =
     """
     found: list[Candidate] = []
     stages = {e.name: StageCache() for e in flights}
-    hidden = hidden_from(flights)
+    # A load that is taken up in flight shows, however heavy the vehicle was before.
+    hidden = {name for name, why in hidden_from(flights).items() if why != THRUST or not effect_of(name).sudden}
     beside = any(e.log.neighbours for e in flights)
     for identifier, effect in effects_for(flights[0].log.input, neighbours=beside).items():
         elsewhere = effect.needs or effect.has_hidden_state

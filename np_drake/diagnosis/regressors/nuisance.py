@@ -14,7 +14,6 @@ from np_drake.diagnosis.options import IDEAL_SENSORS, SPREAD, Options, Tolerance
 from np_drake.diagnosis.regressors.library import Candidate
 from np_drake.diagnosis.residuals import QUIET, FlightResiduals
 from np_drake.effects.attitude_latency import AttitudeLatency
-from np_drake.effects.battery_sag import BatterySag
 from np_drake.effects.clock_offset import ClockOffset
 from np_drake.effects.imu_mounting import ImuMounting
 from np_drake.effects.mass_error import MassError
@@ -22,10 +21,13 @@ from np_drake.effects.throttle_curve import ThrottleCurve
 from np_drake.effects.thrust_scale import ThrustScale
 from np_drake.vehicle import Vehicle
 
-THROTTLE_SCALE = 0.2  # of thrust over throttle [1]; source: own choice, hover throttles are known to a fifth
+# Of thrust over throttle, where flights alone tell it [1]; source: own choice, for what hangs below may weigh as much.
+THROTTLE_SCALE = 0.5
 # Of thrust over rotor speed squared [1]; source: density of air, 2 % for 6 K or 20 hPa.
 ROTOR_SPEED_SCALE = 0.02
-THROTTLE_CURVE = 0.3  # of its exponent, once it is fitted [1]; source: own choice
+THROTTLE_CURVE = 0.3  # of its exponent [1]; source: that of `throttle_input.SCATTER` over `USUAL`
+# Of a map in the vehicle file that states no uncertainty: of its scale, and of its exponent [1]; source: own choice.
+IDENTIFIED_SCALE, IDENTIFIED_CURVE = 0.05, 0.05
 # Deviations by which motion is ahead of commands, from which these are not held from their row [1].
 EARLY = 3.0
 
@@ -39,7 +41,6 @@ def calibration_terms(vehicle: Vehicle, tolerance: Tolerance) -> list[tuple[Term
     """
     open_ = [
         (Term(ThrottleCurve(0.0)), tolerance.throttle_curve),
-        (Term(BatterySag(0.0)), tolerance.throttle_drift),
         (Term(ClockOffset(0.0)), tolerance.timing),
         (Term(ImuMounting(0.0)), tolerance.mounting),
         (Term(AttitudeLatency(0.0)), tolerance.latency),
@@ -104,10 +105,11 @@ def with_input(options: Options, flights: Sequence[FlightResiduals]) -> Options:
     if flights[0].measured_rotors:
         open_["thrust"] = max(tolerance.thrust, ROTOR_SPEED_SCALE)
     if log_input == "normalised":
-        open_["thrust"] = max(tolerance.thrust, THROTTLE_SCALE)
-        open_["throttle_curve"] = max(tolerance.throttle_curve, THROTTLE_CURVE)
+        known = vehicle.throttle is not None
+        scale = vehicle.thrust_uncertainty or IDENTIFIED_SCALE if known else THROTTLE_SCALE
+        open_["thrust"] = max(tolerance.thrust, scale)
+        open_["throttle_curve"] = max(tolerance.throttle_curve, IDENTIFIED_CURVE if known else THROTTLE_CURVE)
     if log_input == "normalised" and not unmeasured:  # the calibration of an unmeasured vehicle holds these
-        open_["throttle_drift"] = max(tolerance.throttle_drift, SPREAD.sag)
         open_["mounting"] = max(tolerance.mounting, SPREAD.mounting)
         open_["latency"] = max(tolerance.latency, SPREAD.latency)
     return dc.replace(options, tolerance=dc.replace(tolerance, **open_, unmeasured=unmeasured))

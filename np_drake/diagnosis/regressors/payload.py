@@ -17,8 +17,8 @@ from np_drake.effects.library import LIBRARY
 
 SMALL = 0.02  # difference quotients: of a swing [rad], of a length, relative [1], of a damping [1/s]
 WIDEST = 1.2  # swing [rad], and with the natural rate its rate, that a guess may have
-LONGEST_TETHER, SHORTEST_TETHER = 3.0, 0.1  # that a guess may have [m]
-SEARCH_LENGTHS = (0.15, 2.5, 96)  # of tethers in the search: shortest, longest [m], number: 3 % apart
+LONGEST_TETHER, SHORTEST_TETHER = 30.0, 0.1  # that a guess may have [m]
+SEARCH_LENGTHS = (0.15, 2.5, 96)  # of tethers in the search, at least: shortest, longest [m], number: 3 % apart
 MOST_DAMPING = 1.0  # that a guess may have [1/s]
 LEAST_MASS_DEVIATIONS = 2.0  # least mass over its posterior deviation [1]; own choice
 LIGHTEST = 0.02  # least mass, as a share of `unit`, by which products with the mass are divided [1]

@@ -12,11 +12,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from np_drake.diagnosis.fitting.physical_bounds import greatest_height
 from np_drake.diagnosis.forward_model import NEVER
 from np_drake.diagnosis.numerics import NoiseModel
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors import PAYLOAD, Candidate, Guess, Onset, PayloadColumns, payload_about, payloads_of
-from np_drake.diagnosis.regressors.payload import SEARCH_LENGTHS
+from np_drake.diagnosis.regressors.payload import LONGEST_TETHER, SEARCH_LENGTHS
 from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.diagnosis.selection.payload_evidence import HORIZONS, OtherRegressors
 from np_drake.effects.library import LIBRARY
@@ -34,6 +35,19 @@ AFTER_ONSET = 2.0  # up to which the evidence of an onset is computed [s]
 STEPS = 3  # Gauss-Newton steps at each horizon
 
 
+def search_lengths(flights: Sequence[FlightResiduals]) -> np.ndarray:
+    """Return lengths of tethers (n,) [m], 3 % apart, up to that which hangs clear of the ground and swings in time.
+
+    Args:
+        flights: whose height allows them. Where it is not logged, and below, `SEARCH_LENGTHS` are tried.
+    """
+    shortest, longest, number = SEARCH_LENGTHS
+    swings = flights[0].vehicle.gravity * (max(np.ptp(e.t) for e in flights) / (2 * np.pi)) ** 2
+    height = greatest_height(flights)
+    most = max(longest, min(height, swings, LONGEST_TETHER)) if np.isfinite(height) else longest
+    return np.geomspace(shortest, most, round(number * math.log(most / shortest) / math.log(longest / shortest)))
+
+
 class PayloadSearch:
     """Payload candidates of some flights; columns of a few lengths are in memory at a time.
 
@@ -41,7 +55,7 @@ class PayloadSearch:
         flights: the flights.
         options: hold the priors.
         onset: onsets of the payload by flight [s].
-        lengths: shortest and longest tether [m], and how many between them.
+        lengths: of tethers (n,) [m]; default: `search_lengths`.
     """
 
     def __init__(
@@ -49,11 +63,11 @@ class PayloadSearch:
         flights: Sequence[FlightResiduals],
         options: Options,
         onset: Onset | None = None,
-        lengths: tuple[float, float, int] = SEARCH_LENGTHS,
+        lengths: np.ndarray | None = None,
     ):
         self._flights, self._onset = list(flights), onset
         self._priors = options.priors
-        self.lengths = np.geomspace(*lengths)
+        self.lengths = search_lengths(flights) if lengths is None else lengths
 
     def best(self, noise: NoiseModel, nuisance: Sequence[Candidate], others: Sequence[Candidate]) -> list[Candidate]:
         """Return the `KEPT` best payloads of different lengths; none where `others` explain as much.

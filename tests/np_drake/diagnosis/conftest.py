@@ -63,8 +63,7 @@ def search_with_few_lengths(
     flights: Sequence[FlightResiduals], options: Options | None = None, *, still_air: bool = False
 ) -> SearchResult:
     """Return `find_map_model` with a quarter of the tether lengths, for flights without a payload."""
-    shortest, longest, number = SEARCH_LENGTHS
-    few = partialmethod(PayloadSearch.__init__, lengths=(shortest, longest, number // 4))
+    few = partialmethod(PayloadSearch.__init__, lengths=np.geomspace(*SEARCH_LENGTHS)[::4])
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(PayloadSearch, "__init__", few)
         return find_map_model(flights, options, still_air=still_air)

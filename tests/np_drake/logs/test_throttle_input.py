@@ -1,4 +1,4 @@
-"""Laws of thrust from throttle: the exponent is the vehicle's, the hover throttle the flight's."""
+"""Laws of thrust from throttle: its map is the vehicle's, and the same in all of its flights."""
 
 import dataclasses as dc
 
@@ -7,8 +7,9 @@ import pytest
 
 from np_drake.flight_log import FlightLog
 from np_drake.logs.errors import LogError
-from np_drake.logs.throttle_input import with_one_exponent, with_throttle_input
+from np_drake.logs.throttle_input import USUAL, VOLTAGE, with_throttle_input, with_throttle_map
 from np_drake.vehicle import Vehicle
+from np_drake.vehicle_calibration import ThrottleMap
 
 VEHICLE = Vehicle()
 WEIGHT = VEHICLE.mass * VEHICLE.gravity
@@ -30,6 +31,12 @@ def bobbing(amplitude: float, hover: float, seed: int, exponent: float = EXPONEN
     return with_throttle_input(FlightLog(t, zeros, q, read, zeros, u, throttle=throttle), VEHICLE)
 
 
+def hover_of(log: FlightLog) -> float:
+    """Return the throttle that carries the vehicle's weight."""
+    assert log.throttle is not None
+    return float(np.interp(WEIGHT, *np.sort([log.u[:, 0], log.throttle[:, 0]], axis=1)))
+
+
 def exponent_of(log: FlightLog) -> float:
     """Return the slope of the logarithm of thrust over that of throttle."""
     assert log.throttle is not None
@@ -40,37 +47,50 @@ def test_the_exponent_of_a_lively_flight_is_found():
     assert exponent_of(bobbing(0.4, 0.5, 0)) == pytest.approx(EXPONENT, rel=0.02)  # of the noise
 
 
-def test_one_vehicle_has_one_exponent_and_each_flight_a_hover_throttle():
-    train, held_out = with_one_exponent(
-        VEHICLE, [bobbing(0.4, 0.5, 0), bobbing(0.03, 0.55, 1)], [bobbing(0.03, 0.6, 2)]
-    )
-    found = [exponent_of(log) for log in [*train, *held_out]]
+def test_one_vehicle_has_one_map_which_carries_its_weight_in_training():
+    flights = [bobbing(0.2, hover, seed) for seed, hover in enumerate((0.5, 0.55))]
+    train, (held_out,) = with_throttle_map(VEHICLE, flights, [bobbing(0.2, 0.6, 2)])
+    found = [exponent_of(log) for log in [*train, held_out]]
     np.testing.assert_allclose(found, found[0], rtol=1e-9)
-    assert found[0] == pytest.approx(EXPONENT, rel=0.02)  # of the noise
-    for log, hover in zip([*train, *held_out], (0.5, 0.55, 0.6), strict=True):
-        assert log.throttle is not None
-        at_weight = np.interp(WEIGHT, *np.sort([log.u[:, 0], log.throttle[:, 0]], axis=1))
-        assert at_weight == pytest.approx(hover, rel=0.01)  # of the noise
+    hovers = [hover_of(log) for log in [*train, held_out]]
+    np.testing.assert_allclose(hovers, hovers[0], rtol=0.01)  # of the interpolation
+    assert hovers[0] == pytest.approx(0.525, rel=0.01)  # the middle of the training flights
 
 
-def test_a_held_out_flight_does_not_change_the_exponent():
+def test_a_heavier_flight_is_heavier_by_the_map_of_the_others():
+    (light,), (heavy,) = with_throttle_map(VEHICLE, [bobbing(0.2, 0.5, 0)], [bobbing(0.2, 0.6, 1)])
+    assert light.u[:, 0].mean() == pytest.approx(WEIGHT, rel=0.01)  # of the noise
+    assert heavy.u[:, 0].mean() == pytest.approx(WEIGHT * 1.2**USUAL, rel=0.01)
+
+
+def test_a_held_out_flight_does_not_change_the_map():
     train = [bobbing(0.2, 0.5, 0)]
-    (alone,), _ = with_one_exponent(VEHICLE, train, [])
-    (beside,), (held_out,) = with_one_exponent(VEHICLE, train, [bobbing(0.4, 0.5, 1, exponent=1.2)])
+    (alone,), _ = with_throttle_map(VEHICLE, train, [])
+    (beside,), (held_out,) = with_throttle_map(VEHICLE, train, [bobbing(0.4, 0.5, 1, exponent=1.2)])
     np.testing.assert_array_equal(alone.u, beside.u)
     assert exponent_of(held_out) == pytest.approx(exponent_of(alone), rel=1e-9)
 
 
-def test_a_flight_alone_keeps_its_map_and_its_note():
-    log = bobbing(0.3, 0.5, 0)
-    (again,), _ = with_one_exponent(VEHICLE, [log], [])
-    np.testing.assert_allclose(again.u, log.u, rtol=1e-12)
-    assert [note.split(":")[0] for note in again.notes] == ["thrust from throttle"]
+def test_a_battery_that_falls_is_the_voltage_and_no_other_map():
+    full, empty = (dc.replace(bobbing(0.2, 0.5, 0), voltage=np.full(2000, volts)) for volts in (16.0, 14.4))
+    assert empty.throttle is not None
+    empty = dc.replace(empty, throttle=empty.throttle * (16.0 / 14.4) ** (VOLTAGE / USUAL))
+    (first,), (second,) = with_throttle_map(VEHICLE, [full], [empty])
+    np.testing.assert_allclose(second.u[:, 0], first.u[:, 0], rtol=1e-12)
+
+
+def test_the_map_of_the_vehicle_file_is_taken_as_it_is():
+    known = ThrottleMap(full_thrust=10.0, linear=0.3)
+    vehicle = dc.replace(VEHICLE, throttle=known)
+    (log,), _ = with_throttle_map(vehicle, [bobbing(0.2, 0.7, 0)], [])
+    assert log.throttle is not None
+    np.testing.assert_allclose(log.u[:, 0], 4 * known.thrust(log.throttle[:, 0]), rtol=1e-12)
+    assert log.notes == ["thrust from throttle by the vehicle file's map"]
 
 
 def test_flights_with_another_input_are_as_they_were():
     log = dc.replace(bobbing(0.3, 0.5, 0), input="command")
-    (train,), (held_out,) = with_one_exponent(VEHICLE, [log], [log])
+    (train,), (held_out,) = with_throttle_map(VEHICLE, [log], [log])
     assert train is log
     assert held_out is log
 

@@ -111,12 +111,12 @@ def test_an_error_within_what_the_vehicle_file_states_is_no_cause(fly, inferred,
         assert not dut.unknown
 
 
-def test_a_throttle_opens_scale_curve_and_drift(fly):
+def test_a_throttle_opens_scale_and_curve(fly):
     held = dc.replace(VEHICLE, command_timing="held")  # other vehicles have a drift in their calibration
     flight = make_flight_residuals(with_throttle(fly(seed=1, noise=1.0), 1.5), held)
     open_ = with_input(Options.for_sensors(True), [flight]).tolerance
     assert open_.thrust == THROTTLE_SCALE
-    assert min(open_.throttle_curve, open_.throttle_drift) > 0
+    assert open_.throttle_curve > 0
     assert (open_.mass, open_.attitude) == (Tolerance().mass, Tolerance().attitude)
 
 
