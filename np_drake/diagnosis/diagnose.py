@@ -168,7 +168,7 @@ def _answer(found: Inference, names: dict[str, Any], replay: Replay | None) -> D
     flyable = all(e.knows_torque and not e.log.lacks for e in found.held_out)
     told = () if flyable or replay is None else (NO_REPLAY,)
     calibration = calibration_effects(found.ranking.best, found.flights[0], found.options.tolerance)
-    reduction = measure_gap_reduction(found.causes, noise, held, replay if flyable else None, calibration)
+    reduction = measure_gap_reduction(found.causes, noise, held, found.left, replay if flyable else None, calibration)
     return Diagnosis(
         **names,
         judged_as=found.options.tolerance.name,
@@ -183,8 +183,8 @@ def _answer(found: Inference, names: dict[str, Any], replay: Replay | None) -> D
         explanations=explanations_of(found.ranking, held),
         readings=Readings(noise, found.options.tolerance),
         below_threshold=tuple(found.below_threshold),
-        unexplained=found.unexplained.findings,
-        unknown_probability=found.unknown_probability,
+        unexplained=found.findings,
+        unknown_probability=found.left.probability,
         warnings=(*checked.warnings, *reduction.warnings, *told),
     )
 

@@ -75,6 +75,10 @@ class Materiality:
     still_air: float = 0.25  # mean level wind [m/s]; source: draught in rooms, ISO 7730
     sensor: float = 1.5  # size of a sensor error over the tolerance of that sensor [1]
     structure_share: float = 0.03  # of a channel's power, for a spectral line [1]
+    # Of what the causes leave: position error of a simulator after 1 s [m]; ideal sensors: 0.02. RMS force over weight
+    # [1]; ideal sensors: 0.008.
+    position: float = 0.05
+    remaining_force: float = 0.02
 
 
 @dc.dataclass(frozen=True)
@@ -232,7 +236,7 @@ class Options:
             return cls(tolerance or Tolerance(), Materiality(), Priors(), Thresholds())
         return cls(
             tolerance or IDEAL_SENSORS,
-            Materiality(force=0.003, torque=0.003),
+            Materiality(force=0.003, torque=0.003, position=0.02, remaining_force=0.008),
             Priors(pendulum=0.006),
             Thresholds(cause_probability=0.75, misfit_ratio=1.25, slow_torque_ratio=9.0),
         )

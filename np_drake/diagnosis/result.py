@@ -140,10 +140,32 @@ class ReplayGap:
 
 
 @dc.dataclass(frozen=True)
+class Remainder:
+    """What causes and calibration leave of the held-out gap beyond the noise.
+
+    share: of the gap [1], the median of its posterior, and its 95 % interval; NaN where the gap is immaterial.
+    force [N], torque [N·m]: RMS.   position: error that they cause in a simulator after 1 s, RMS [m].
+    position_before: the same of the gap [m].   probability: that it is material [1].
+    """
+
+    share: float
+    ci95: tuple[float, float]
+    force: float
+    torque: float
+    position: float
+    position_before: float
+    probability: float
+
+
+NO_REMAINDER = Remainder(float("nan"), (float("nan"), float("nan")), 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+@dc.dataclass(frozen=True)
 class GapReduction:
     """Held-out residual in noise units before and after the causes are added.
 
-    fraction = 1 - (after² - floor²) / (before² - floor²).
+    fraction: share of the gap beyond the noise that causes and calibration close [1], at least -1, with its interval;
+    0 where the gap is immaterial.   left: the rest.
     """
 
     before: float
@@ -155,6 +177,12 @@ class GapReduction:
     replay_before: ReplayGap | None = None
     replay_after: ReplayGap | None = None
     warnings: tuple[str, ...] = ()
+    left: Remainder = NO_REMAINDER
+
+    @property
+    def material(self) -> bool:
+        """Whether there is a material gap, of which a share can be closed."""
+        return self.left.share == self.left.share
 
 
 @dc.dataclass(frozen=True, repr=False)
@@ -255,6 +283,7 @@ class Diagnosis:
                 "gap": _gap(self.localisation, reduction.replay_before),
                 "shrink": {
                     "residual": _named(reduction, "before", "after", "floor", "fraction", "ci95"),
+                    "left": dc.asdict(reduction.left),
                     "replay": _both_replays(reduction.replay_before, reduction.replay_after),
                     "ladder": _fields(reduction.ladder),
                 },

@@ -42,7 +42,8 @@ def with_throttle_map(
     """Return the flights with thrust from throttle by one map, a property of the vehicle.
 
     It is the vehicle file's, else one of the usual exponent with which the training flights carry the vehicle file's
-    weight: scale and exponent are then to be fitted together with all that hangs below or drags. Flights with another input are as they were.
+    weight: scale and exponent are then to be fitted together with all that hangs below or drags. Flights with another
+    input are as they were.
 
     Args:
         vehicle: whose weight the throttle carries.

@@ -1,4 +1,4 @@
 """Tests of whether a model explains the residual, and what is left unexplained."""
 
 from np_drake.diagnosis.adequacy.linear_model import LinearModel
-from np_drake.diagnosis.adequacy.unexplained import Unexplained, find_unexplained
+from np_drake.diagnosis.adequacy.unexplained import Indication, Unexplained, find_unexplained

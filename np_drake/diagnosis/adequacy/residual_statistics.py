@@ -31,13 +31,17 @@ class Line:
 
 @dc.dataclass(frozen=True)
 class Burst:
-    """The largest deviation of a force from its median: axis, flight, time [s], size [N], and over noise's own [1]."""
+    """The largest deviation of a force from its median: axis, flight, time [s], size [N], and over noise's own [1].
+
+    power: of the slow force of that axis, beyond its usual deviation [N²].
+    """
 
     axis: int
     flight: str
     time: float
     size: float
     prominence: float
+    power: float
 
 
 def strongest_burst(flights: Sequence[FlightResiduals], residual: dict[str, np.ndarray]) -> Burst:
@@ -60,7 +64,8 @@ def strongest_burst(flights: Sequence[FlightResiduals], residual: dict[str, np.n
     k = int(np.searchsorted(ends, row, side="right"))
     e, i = flights[k], int(row) - (int(ends[k - 1]) if k else 0)
     first = (len(e.t) - len(parts[k])) // 2
-    return Burst(int(axis), e.name, float(e.t[first + i]), float(every[row, axis]), float(ratio[row, axis]))
+    power = max(float(np.mean(every[:, axis] ** 2) - usual[axis] ** 2), 0.0)
+    return Burst(int(axis), e.name, float(e.t[first + i]), float(every[row, axis]), float(ratio[row, axis]), power)
 
 
 def strongest_line(
@@ -101,8 +106,8 @@ def _floor(power: np.ndarray, frequency: np.ndarray, lobe: float) -> np.ndarray:
     return np.stack([np.median(power[a:b], axis=0) for a, b in zip(first, last, strict=True)])
 
 
-def slow_torque(flights: Sequence[FlightResiduals], residual: dict[str, np.ndarray]) -> tuple[float, float, float]:
-    """Return the largest ratio over axes of slow torque to that of gyro noise [1], its share [1] and its RMS [N·m].
+def slow_torque(flights: Sequence[FlightResiduals], residual: dict[str, np.ndarray]) -> tuple[float, float, float, int]:
+    """Return the largest ratio over axes of slow torque to that of gyro noise [1], its share [1], RMS [N·m], and axis.
 
     The share is of the slow torque of that axis before anything was explained. Differentiated white gyro noise, of a
     power proportional to frequency squared, is known from the middle band; noise of rotor speed is white.
@@ -126,4 +131,4 @@ def slow_torque(flights: Sequence[FlightResiduals], residual: dict[str, np.ndarr
     ratio = slow / np.maximum(middle * expected + rotors, 1e-30)
     axis = int(np.argmax(ratio))
     rms = float(np.sqrt(slow[axis] / len(flights)))
-    return float(np.sqrt(ratio[axis])), float(slow[axis] / max(before[axis], 1e-30)), rms
+    return float(np.sqrt(ratio[axis])), float(slow[axis] / max(before[axis], 1e-30)), rms, axis

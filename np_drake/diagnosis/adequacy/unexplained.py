@@ -1,20 +1,22 @@
 """What the causes leave: noise, or something the library does not have.
 
-Every test returns the probability that something material is there. residual: by flight, (m, 15) what a model leaves.
+Every test returns the probability that something material is there, and its power. residual: by flight, (m, 15) what a
+model leaves.
 """
 
 import dataclasses as dc
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from scipy import special
 
 from np_drake.diagnosis.adequacy.linear_model import LinearModel
-from np_drake.diagnosis.adequacy.residual_statistics import slow_torque, strongest_burst, strongest_line
+from np_drake.diagnosis.adequacy.residual_statistics import SLOW, slow_torque, strongest_burst, strongest_line
 from np_drake.diagnosis.held_out import HeldOut
 from np_drake.diagnosis.options import Materiality, Options
 from np_drake.diagnosis.regressors import PREFIX
-from np_drake.diagnosis.residuals import FORCE, TORQUE, WRENCH, FlightResiduals
+from np_drake.diagnosis.residuals import FORCE, TORQUE, WRENCH, FlightResiduals, low_pass
 from np_drake.diagnosis.residuals.residual_parts import CHANNELS
 from np_drake.diagnosis.result import Finding
 from np_drake.diagnosis.selection import Ranking
@@ -25,20 +27,31 @@ from np_drake.files.number_text import measure
 STEEPNESS = 6.0
 ALONG_PATH = "a force that goes with the path: with the place, or with the motion there"
 OTHER_SPEED = "the same places at another speed"
-Indication = tuple[float, Finding]  # probability of a structure, and what it is
+SLOW_FORCE = Finding(
+    *("slow force", "a level force that comes and goes, of which no wind can be made", 1.0, {}),
+    measurement="hover for 20 s each with two opposite headings: a tilt turns with the vehicle, air does not",
+)
+
+
+class Indication(NamedTuple):
+    """Structure with its probability [1], what it is, and its power (6,) in the channels of the wrench [N², (N·m)²]."""
+
+    probability: float
+    finding: Finding
+    power: np.ndarray
 
 
 @dc.dataclass(frozen=True)
 class Unexplained:
-    """What the effects of the best model leave.
+    """What the effects of the best model leave: every structure, and a slow level force, which may be that of gusts."""
 
-    probability: that something material is left, a slow level force apart [1].   findings: where it lives.
-    slow_probability: of a slow level force [1].
-    """
+    structures: tuple[Indication, ...]
+    slow: Indication
 
-    probability: float
-    findings: tuple[Finding, ...]
-    slow_probability: float
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """What is more probable than not, a slow level force apart."""
+        return tuple(s.finding for s in self.structures if s.probability > 0.5)
 
 
 def find_unexplained(ranking: Ranking, linear: LinearModel, structure: Sequence[int], held: HeldOut) -> Unexplained:
@@ -56,13 +69,15 @@ def find_unexplained(ranking: Ranking, linear: LinearModel, structure: Sequence[
     hidden = any(t.has_hidden_state for t in best.terms)
     slowly = gust_probability(flights, residual, held.flights, swung, options, hidden=hidden)
     both = residual | swung
+    slow = np.zeros(6)
+    for e in flights:
+        slow[:2] += np.mean(low_pass(residual[e.name][:, :2], e.grid.step, SLOW) ** 2, axis=0) / len(flights)
     said = [_indication(linear, structure, g, options) for g in structure]
     # A payload, whose swing may be lost, and gusts burst as well.
     said += [] if hidden or slowly > 0.5 else [_burst_test([*flights, *held.flights], both, options)]
     said.append(_line_test(flights, held.flights, both, options))
     said.append(_slow_torque_test(flights, held.flights, both, options, hidden=hidden))
-    probability = max((p for p, _ in said), default=0.0)
-    return Unexplained(probability, tuple(f for p, f in said if p > 0.5), slowly)
+    return Unexplained(tuple(said), Indication(slowly, SLOW_FORCE, slow))
 
 
 def _indication(linear: LinearModel, structure: Sequence[int], g: int, options: Options) -> Indication:
@@ -78,7 +93,8 @@ def _indication(linear: LinearModel, structure: Sequence[int], g: int, options: 
     finding = Finding(name, candidate.variant, force / flights[0].weight, figures, candidate.measurement)
     if name == "place" and options.tolerance.unmeasured:
         finding = dc.replace(finding, name="path", text=ALONG_PATH, measurement=OTHER_SPEED)
-    return there if force >= least_force or torque >= least_torque else 0.0, finding
+    material = force >= least_force or torque >= least_torque
+    return Indication(there if material else 0.0, finding, np.mean(part[:, WRENCH] ** 2, axis=0))
 
 
 def _burst_test(flights: Sequence[FlightResiduals], residual: dict[str, np.ndarray], options: Options) -> Indication:
@@ -88,7 +104,8 @@ def _burst_test(flights: Sequence[FlightResiduals], residual: dict[str, np.ndarr
     text = f"a {axis} that comes now and then, as in {burst.flight} at {burst.time:.1f} s, {measure(burst.size, 'N')}"
     large = burst.size > _least_structure(flights, options.materiality)[0]
     probability = _above(burst.prominence, options.thresholds.burst_ratio) if large else 0.0
-    return probability, Finding("burst", text, burst.prominence, figures, "the same trajectory twice more")
+    finding = Finding("burst", text, burst.prominence, figures, "the same trajectory twice more")
+    return Indication(probability, finding, burst.power * (np.arange(6) == burst.axis))
 
 
 def _line_test(
@@ -106,7 +123,8 @@ def _line_test(
     large = line.rms >= least[line.channel]
     probability = _above(line.prominence, thresholds.line_ratio) if large and again else 0.0
     measurement = "hover at two thrusts with rotor speed logged: an imbalance turns with the rotors"
-    return probability, Finding("line", text, line.prominence, figures, measurement)
+    finding = Finding("line", text, line.prominence, figures, measurement)
+    return Indication(probability, finding, line.rms**2 * (np.arange(6) == line.channel))
 
 
 def _slow_torque_test(
@@ -119,13 +137,14 @@ def _slow_torque_test(
 ) -> Indication:
     """Return a material slow torque that held-out flights show as well; hidden: whether a swing may have been lost."""
     thresholds, limit = options.thresholds, options.thresholds.slow_torque_ratio
-    ratio, share, rms = slow_torque(flights, residual)
+    ratio, share, rms, axis = slow_torque(flights, residual)
     large = rms > _least_structure(flights, options.materiality)[1]
     large = large and (share > thresholds.held_out_share or not hidden)
     again = slow_torque(held_out, residual)[0] > thresholds.held_out_share * limit
     probability = _above(ratio, limit) if large and again else 0.0
     figures, measurement = {"ratio": ratio}, "hover for a minute with rotor speed logged"
-    return probability, Finding("slow torque", "a torque that comes and goes", ratio, figures, measurement)
+    finding = Finding("slow torque", "a torque that comes and goes", ratio, figures, measurement)
+    return Indication(probability, finding, rms**2 * (np.arange(6) == 3 + axis))
 
 
 def _above(ratio: float, threshold: float) -> float:

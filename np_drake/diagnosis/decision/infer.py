@@ -14,26 +14,24 @@ A slow level force that sensors alone do not make is either that of gusts, which
 
 import dataclasses as dc
 from collections.abc import Sequence
+from functools import cached_property
 
 import numpy as np
 
 from np_drake.diagnosis.adequacy import LinearModel, Unexplained, find_unexplained
 from np_drake.diagnosis.decision.causes import causes_of, of_named_fit
 from np_drake.diagnosis.forward_model import Term, predicted_residual
+from np_drake.diagnosis.gap.remainder import measure_remainder
 from np_drake.diagnosis.held_out import HeldOut, mark_outliers, on_held_out, with_calibration
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors import DRAG, GUSTY
 from np_drake.diagnosis.regressors.generic import ELSEWHERE
 from np_drake.diagnosis.residuals import FlightResiduals
-from np_drake.diagnosis.result import Cause, Finding
+from np_drake.diagnosis.result import Cause, Finding, Remainder
 from np_drake.diagnosis.selection import Ranking, SearchResult, find_map_model, rank_models, with_named_fit
 from np_drake.diagnosis.wind import as_gusts, position_p_value, with_drag
 from np_drake.effects.gusty_wind import GustyWind
 
-SLOW = Finding(
-    *("slow force", "a level force that comes and goes, of which no wind can be made", 1.0, {}),
-    measurement="hover for 20 s each with two opposite headings: a tilt turns with the vehicle, air does not",
-)
 PLACE = Finding("place", "a slow force tied to a place", 1.0, {}, ELSEWHERE)
 
 
@@ -42,7 +40,6 @@ class Inference:
     """Causes and what they leave.
 
     flights: of the fit, with their outliers marked.   held: the causes on held-out flights.
-    unknown_probability: that something material remains that no effect of the library explains [1].
     """
 
     flights: Sequence[FlightResiduals]
@@ -51,7 +48,6 @@ class Inference:
     unexplained: Unexplained
     causes: list[Cause]
     below_threshold: list[Finding]
-    unknown_probability: float
 
     @property
     def held_out(self) -> Sequence[FlightResiduals]:
@@ -63,10 +59,22 @@ class Inference:
         """Options of the ranking."""
         return self.ranking.options
 
+    @cached_property
+    def left(self) -> Remainder:
+        """What the causes leave of the held-out gap."""
+        said, materiality = self.unexplained, self.options.materiality
+        return measure_remainder(self.causes, self.ranking.noise, self.held, [*said.structures, said.slow], materiality)
+
     @property
     def unknown(self) -> bool:
         """Whether something material remains that no effect explains."""
-        return self.unknown_probability >= 0.5
+        return self.left.probability >= 0.5
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """Where the remainder lives."""
+        slow = self.unexplained.slow
+        return (*([slow.finding] if slow.probability > 0.5 else []), *self.unexplained.findings)
 
 
 def infer(
@@ -94,8 +102,7 @@ def conclude(found: SearchResult, held_out: Sequence[FlightResiduals]) -> Infere
     linear = LinearModel(ranking)
     _, structure = linear.select_structure()
     unexplained = find_unexplained(ranking, linear, structure, held)
-    probability = max(unexplained.probability, unexplained.slow_probability)
-    if unexplained.slow_probability > 0.5:
+    if unexplained.slow.probability > 0.5:
         # The drift of an estimator that nobody measured is neither told from gusts nor from a force tied to a place.
         told = not ranking.options.tolerance.unmeasured
         position_dependent = told and _depends_on_position(ranking, held)
@@ -103,11 +110,12 @@ def conclude(found: SearchResult, held_out: Sequence[FlightResiduals]) -> Infere
         found_gusts = _in_gusts(ranking, linear, structure, held, unexplained) if ask_gusts else None
         if found_gusts is not None:
             ranking, held, causes, minor = found_gusts
-            return Inference(flights, ranking, held, unexplained, causes, minor, unexplained.probability)
-        slow = PLACE if position_dependent else SLOW
-        unexplained = dc.replace(unexplained, findings=(slow, *unexplained.findings))
+            blown = dc.replace(unexplained, slow=unexplained.slow._replace(probability=0.0))
+            return Inference(flights, ranking, held, blown, causes, minor)
+        if position_dependent:
+            unexplained = dc.replace(unexplained, slow=unexplained.slow._replace(finding=PLACE))
     causes, minor = causes_of(ranking, linear, structure, held)
-    return Inference(flights, ranking, held, unexplained, causes, minor, probability)
+    return Inference(flights, ranking, held, unexplained, causes, minor)
 
 
 def as_named(found: Inference) -> Inference:
@@ -166,8 +174,7 @@ def with_gusts(ranking: Ranking, held: HeldOut, causes: list[Cause], unexplained
     for e in (*flights, *held.flights):
         terms = [t for t in held.terms.get(e.name, ranking.best.terms) if t.effect.identifier in GUSTY]
         through_drag[e.name] = rest[e.name] + predicted_residual(e, terms)
-    slowly = unexplained.slow_probability
-    return as_gusts(flights, through_drag, causes, slowly, ranking.options, held.flights)
+    return as_gusts(flights, through_drag, causes, unexplained.slow.probability, ranking.options, held.flights)
 
 
 def _residuals(ranking: Ranking, held: HeldOut) -> dict[str, np.ndarray]:

@@ -5,32 +5,34 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.fitting.map_estimate import BLOCK
 from np_drake.diagnosis.forward_model import predicted_residual
-from np_drake.diagnosis.held_out import HeldOut, closed_fraction, pooled, remaining_residual, scored_on_fitted_rows
+from np_drake.diagnosis.held_out import HeldOut, pooled, remaining_residual, scored_on_fitted_rows
 from np_drake.diagnosis.held_out.prediction import LEAST_GAP
 from np_drake.diagnosis.numerics import NoiseModel
-from np_drake.diagnosis.residuals import WRENCH, FlightResiduals
-from np_drake.diagnosis.result import Cause, GapReduction, Replay, ReplayGap, Rung
+from np_drake.diagnosis.residuals import FlightResiduals
+from np_drake.diagnosis.result import Cause, GapReduction, Remainder, Replay, ReplayGap, Rung
 from np_drake.effects.base import Effect
 from np_drake.flight_log import FlightLog
 
-FEWEST = 8  # least number of blocks; they are shorter in short flights; own choice
-DRAWS = 400  # bootstrap samples
-SEED = 1  # bootstrap seed
 LEAD = 0.5  # commands before a replay that motors and delays need [s]
 LEAST_REPLAYED = 3.0  # least time after a cause begins; else all of the flight is replayed [s]; own choice
 
 
 def measure_gap_reduction(
-    causes: Sequence[Cause], noise: NoiseModel, held: HeldOut, replay: Replay | None, calibration: Sequence[Effect] = ()
+    causes: Sequence[Cause],
+    noise: NoiseModel,
+    held: HeldOut,
+    left: Remainder,
+    replay: Replay | None,
+    calibration: Sequence[Effect] = (),
 ) -> GapReduction:
-    """Return the held-out gap reduction with a block-bootstrap interval, the ladder, and the replay before and after.
+    """Return the held-out gap reduction with its interval, the ladder, and the replay before and after.
 
     Args:
         causes: the causes that are added.
         noise: noise model of the channels.
         held: held-out flights under the fit.
+        left: what causes and calibration leave of the gap.
         replay: the simulator; None: no replay.
         calibration: effects of the vehicle's calibration, which the corrected simulator has as well.
     """
@@ -39,8 +41,9 @@ def measure_gap_reduction(
     named = {c.identifier for c in causes}
     kept = {name: held.kept(name, named) for name in held.terms}
     after = {e.name: (e.y - predicted_residual(e, kept[e.name]))[held.rows[e.name]] for e in flights}
-    floor, (size, left) = 1.0, (pooled(list(part.values()), noise) for part in (before, after))
-    interval = _bootstrap(before, after, noise, flights[0].grid.step)
+    size, rest = (pooled(list(part.values()), noise) for part in (before, after))
+    fraction, low, high = (max(1.0 - share, -1.0) for share in (left.share, *left.ci95[::-1]))
+    closed = (fraction, (low, high)) if left.share == left.share else (0.0, (0.0, 0.0))
     replays: tuple[ReplayGap | None, ReplayGap | None] = (None, None)
     warnings = [
         f"{e.name}: too short to judge a payload by rows to which its swing was not fitted."
@@ -62,8 +65,7 @@ def measure_gap_reduction(
         logs = [_judging(e, [onset[e.name] for _, onset in effects]) for e in flights]
         effects += [(effect, {e.name: None for e in flights}) for effect in calibration]
         replays = (replay(logs, []), _with_effects(replay, logs, effects, warnings))
-    ladder, fraction = _ladder(causes, noise, held), closed_fraction(size, left, floor)
-    return GapReduction(size, left, floor, fraction, interval, ladder, *replays, tuple(warnings))
+    return GapReduction(size, rest, 1.0, *closed, _ladder(causes, noise, held), *replays, tuple(warnings), left)
 
 
 def held_out_gains(causes: Sequence[Cause], noise: NoiseModel, held: HeldOut) -> list[float]:
@@ -121,27 +123,3 @@ def _ladder(causes: Sequence[Cause], noise: NoiseModel, held: HeldOut) -> tuple[
         so_far.append(cause)
         rungs.append(Rung(f"+ {cause.identifier}", remaining_residual(so_far, noise, held)))
     return (*rungs, Rung("noise floor", 1.0))
-
-
-def _bootstrap(
-    before: dict[str, np.ndarray], after: dict[str, np.ndarray], noise: NoiseModel, step: float
-) -> tuple[float, float]:
-    """Return the 95 % interval of the closed fraction over blocks of about a second."""
-    rows = sum(map(len, before.values()))
-    size = max(1, min(round(BLOCK / step), rows // FEWEST))
-
-    def blocks(parts: dict[str, np.ndarray]) -> np.ndarray:
-        """Return (blocks, 2): sum of power over rows, and number of rows."""
-        out = []
-        for residual in parts.values():
-            power = np.mean((residual[:, WRENCH] / np.maximum(noise.rms[WRENCH], 1e-12)) ** 2, axis=1)
-            split = np.array_split(power, max(1, round(len(power) / size)))
-            out += [(some.sum(), len(some)) for some in split]
-        return np.array(out)
-
-    b, a = blocks(before), blocks(after)
-    pick = np.random.default_rng(SEED).integers(0, len(b), (DRAWS, len(b)))
-    pairs = np.sqrt([some[pick].sum(axis=1)[:, 0] / some[pick].sum(axis=1)[:, 1] for some in (b, a)]).T
-    fractions = [closed_fraction(x, y, 1.0) for x, y in pairs]
-    low, high = np.quantile(fractions, [0.025, 0.975])
-    return float(low), float(high)

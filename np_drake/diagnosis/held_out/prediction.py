@@ -5,8 +5,7 @@ from collections.abc import Collection, Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.calibration.columns import columns_of, errors_of
-from np_drake.diagnosis.calibration.spread import of_battery
+from np_drake.diagnosis.calibration.columns import errors_of
 from np_drake.diagnosis.fitting import Fit, fitted_to_whole_flight
 from np_drake.diagnosis.forward_model import Term, predicted_residual
 from np_drake.diagnosis.held_out.adaptation import adapt, predictive_terms, scored_rows
@@ -83,9 +82,9 @@ def with_calibration(fit: Fit, e: FlightResiduals, noise: NoiseModel, options: O
         options: tolerances and priors.
     """
     unmeasured = options.tolerance.unmeasured
-    own = errors_of(e, options.tolerance) if unmeasured else columns_of(e, of_battery(e))
-    if not own.shape[-1]:
+    if not options.tolerance.real:
         return e
+    own = errors_of(e, options.tolerance)
     e = dc.replace(e, y=e.uncalibrated, calibrated=0.0)
     shared = fit.calibration_on(e)
     there = dc.replace(e, y=e.y - shared)

@@ -4,16 +4,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.report.remainder import has_gap, share_left, sizes_left
+from np_drake.diagnosis.report.remainder import share_left, sizes_left
 from np_drake.diagnosis.report.words import bare_name, capital, flights, listed, measure, phrase
 from np_drake.diagnosis.residuals.residual_parts import gap_kinds
 from np_drake.diagnosis.result import UNKNOWN, Cause, Diagnosis, Finding, GapReduction
-from np_drake.files.number_text import NBSP, number, of_at_least, percent, probability
+from np_drake.files.number_text import NBSP, of_at_least, percent, probability
 
-PLAIN_GAP = 1.4  # residual over noise above which a simulator does not agree with the logs [1]; own choice
 CONTRADICTED = -0.02  # held-out gain below which flights contradict a cause [1]; own choice
 MOST_NAMED = 3  # causes in the headline; the table has all
-SURE_UNKNOWN = 0.9  # probability of the unknown above which the headline says it [1]; own choice
 PLAIN_GAIN = 1.1  # ratio of errors of the replay from which it is better or worse [1]; own choice
 
 
@@ -21,34 +19,30 @@ def headline(diagnosis: Diagnosis) -> str:
     """Return the answer in one sentence: the causes, their share of the whole gap, and what the replay makes of it.
 
     At most `MOST_NAMED` causes are named, those with the largest share of the gap. Where the held-out flights show no
-    gap above the noise, that is the answer, and nothing is named.
+    material gap, that is the answer, and nothing is named.
     """
     if diagnosis.cannot_tell:
         return "These logs cannot tell"
     reduction, judges = diagnosis.gap_reduction, _judges(diagnosis)
-    if not has_gap(reduction):
-        return f"There is no gap above the noise on {judges}"
-    causes, told = named_causes(diagnosis), probability(diagnosis.unknown_probability)
+    if not reduction.material:
+        return f"There is no material gap on {judges}"
+    causes = named_causes(diagnosis)
     if causes:
         return capital(_explained(diagnosis, causes)) + _unknown(diagnosis)
-    sizes = sizes_left(diagnosis.localisation)
-    residual = f"{number(reduction.after, 2)} times the noise on {judges}"
+    sizes = sizes_left(reduction.left)
     if UNKNOWN in diagnosis.verdict:
-        size = f"{sizes}, " if sizes else ""
-        return f"No effect explains what is left ({told}): {size}{residual}"
+        return f"No effect explains what is left on {judges} ({probability(diagnosis.unknown_probability)}): {sizes}"
     calibrated = "with calibration, " if diagnosis.calibration else ""
-    if _unexplained(reduction):
-        return f"No cause is told: {calibrated}the gap is {residual}"
-    return f"Nothing material is missing: {calibrated}the residual is {residual}"
+    return f"Nothing material is missing: {calibrated}the remainder on {judges} is {sizes}"
 
 
 def _unknown(diagnosis: Diagnosis) -> str:
-    """Return what is left that no effect explains, where that is probable and above the noise."""
-    sizes = sizes_left(diagnosis.localisation)
-    if UNKNOWN not in diagnosis.verdict or diagnosis.unknown_probability <= SURE_UNKNOWN or not sizes:
+    """Return what is left that no effect explains, where that is probably material."""
+    if UNKNOWN not in diagnosis.verdict:
         return ""
-    left = percent(share_left(diagnosis.gap_reduction))
-    return f"; {left} remains unexplained: {sizes} (probability {probability(diagnosis.unknown_probability)})"
+    left, reduction = diagnosis.gap_reduction.left, diagnosis.gap_reduction
+    told = f"probability that it is material {probability(left.probability)}"
+    return f"; {percent(share_left(reduction))} remains unexplained: {sizes_left(left)} ({told})"
 
 
 def _explained(diagnosis: Diagnosis, causes: Sequence[Cause]) -> str:
@@ -94,7 +88,7 @@ def lead(diagnosis: Diagnosis) -> str:
     reduction, said = diagnosis.gap_reduction, []
     if diagnosis.cannot_tell:
         return "The training flights excite too little to tell one effect from another."
-    causes, gap = named_causes(diagnosis), has_gap(reduction)
+    causes, gap = named_causes(diagnosis), reduction.material
     if causes and gap:
         least = min(cause.probability for cause in causes)
         one = f"probability {probability(least)}"
@@ -102,9 +96,6 @@ def lead(diagnosis: Diagnosis) -> str:
     elif causes:
         them = listed([bare_name(c.identifier) for c in causes])
         said.append(f"training names {them}, which these flights do not need")
-    elif UNKNOWN not in diagnosis.verdict and gap:
-        agrees = "nothing in training shows its cause" if _unexplained(reduction) else "the simulator agrees"
-        said.append(agrees)
     elif UNKNOWN not in diagnosis.verdict:
         said.append("the simulator agrees with the logs, and nothing is named")
     if UNKNOWN in diagnosis.verdict:
@@ -128,11 +119,6 @@ def named_causes(diagnosis: Diagnosis) -> list[Cause]:
     """Return the causes of the verdict, the one with the largest share of the gap first."""
     named = [cause for cause in diagnosis.causes if cause.identifier in diagnosis.verdict]
     return sorted(named, key=lambda cause: -np.nan_to_num(cause.share))
-
-
-def _unexplained(reduction: GapReduction) -> bool:
-    """Return whether the held-out residual is too large for the simulator to agree with the logs."""
-    return reduction.after > PLAIN_GAP * reduction.floor
 
 
 Diagnosis.headline = headline

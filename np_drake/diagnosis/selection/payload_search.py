@@ -36,16 +36,20 @@ STEPS = 3  # Gauss-Newton steps at each horizon
 
 
 def search_lengths(flights: Sequence[FlightResiduals]) -> np.ndarray:
-    """Return lengths of tethers (n,) [m], 3 % apart, up to that which hangs clear of the ground and swings in time.
+    """Return lengths of tethers (n,) [m] up to that which hangs clear of the ground and swings in time.
+
+    They are 3 % apart, and beyond `SEARCH_LENGTHS`, where a flight holds fewer swings, by so much more.
 
     Args:
-        flights: whose height allows them. Where it is not logged, and below, `SEARCH_LENGTHS` are tried.
+        flights: whose height allows them; where it is not logged, `SEARCH_LENGTHS` alone are tried.
     """
-    shortest, longest, number = SEARCH_LENGTHS
+    usual, height = np.geomspace(*SEARCH_LENGTHS), greatest_height(flights)
     swings = flights[0].vehicle.gravity * (max(np.ptp(e.t) for e in flights) / (2 * np.pi)) ** 2
-    height = greatest_height(flights)
-    most = max(longest, min(height, swings, LONGEST_TETHER)) if np.isfinite(height) else longest
-    return np.geomspace(shortest, most, round(number * math.log(most / shortest) / math.log(longest / shortest)))
+    most = min(height, swings, LONGEST_TETHER) if np.isfinite(height) else 0.0
+    # A swing drifts out of step by the same angle where 1 / sqrt(length) is evenly spaced.
+    first, spacing = usual[-1] ** -0.5, usual[-2] ** -0.5 - usual[-1] ** -0.5
+    longer = np.arange(first - spacing, max(most, SEARCH_LENGTHS[1]) ** -0.5, -spacing) ** -2.0
+    return np.concatenate([usual, longer])
 
 
 class PayloadSearch:

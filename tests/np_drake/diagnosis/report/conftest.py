@@ -125,7 +125,10 @@ def calibration() -> tuple[an.Difference, ...]:
 def diagnosis() -> an.Diagnosis:
     names = ("nominal", "+ calibration", "+ suspended_payload", "+ linear_drag", "noise floor")
     ladder = tuple(map(an.Rung, names, (9.84, 5.0, 2.05, 1.08, 1.0)))
-    gap_reduction = an.GapReduction(9.84, 1.08, 1.0, 0.998, (0.991, 0.999), ladder, replay(1.0), replay(0.07))
+    left = an.Remainder(0.002, (0.001, 0.009), 0.044, 0.0024, 0.013, 0.85, 0.03)
+    gap_reduction = an.GapReduction(
+        9.84, 1.08, 1.0, 0.998, (0.991, 0.999), ladder, replay(1.0), replay(0.07), left=left
+    )
     minor = an.Finding("gyro_bias", "0.002 rad/s about x: too small to move the vehicle.", 0.004, {"x [rad/s]": 0.002})
     return an.Diagnosis(
         "paper",

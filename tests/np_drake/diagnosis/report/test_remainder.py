@@ -11,20 +11,24 @@ def with_channels(diagnosis, *channels):
     return dc.replace(diagnosis, localisation=dc.replace(diagnosis.localisation, channels=channels))
 
 
+def with_left(diagnosis, **changes):
+    left = dc.replace(diagnosis.gap_reduction.left, **changes)
+    return dc.replace(diagnosis, gap_reduction=dc.replace(diagnosis.gap_reduction, left=left))
+
+
 def test_the_size_of_what_is_left_comes_before_its_probability(diagnosis):
     said = remains(diagnosis).replace("\u00a0", " ")
-    assert said.startswith("0.2 % of the held-out gap is left: 44 mN and 2.4 mN·m above the noise. Probability")
-    assert said.endswith("3 %.")
+    size = "0.2 % of the held-out gap is left beyond the noise: 44 mN, 2.4 mN·m and 1.3 cm after 1 s."
+    assert said == f"{size} Probability that this is material: 3 %."
 
 
-def test_nothing_is_left_where_the_causes_reach_the_noise(diagnosis):
-    closed = (dc.replace(c, after=c.noise_floor) for c in diagnosis.localisation.channels)
-    assert remains(with_channels(diagnosis, *closed)).startswith("Nothing above the noise is left")
+def test_of_an_immaterial_gap_no_share_is_said(diagnosis):
+    said = remains(with_left(diagnosis, share=float("nan"), position_before=0.011))
+    assert said.replace("\u00a0", " ") == "The held-out gap is immaterial: 1.1 cm after 1 s, beyond the noise."
 
 
-def test_a_kind_that_had_no_gap_has_none_left(diagnosis):
-    quiet = (dc.replace(c, rms=c.noise_floor) if c.unit == "N·m" else c for c in diagnosis.localisation.channels)
-    assert "left: 44\u00a0mN above the noise" in remains(with_channels(diagnosis, *quiet))
+def test_what_is_not_left_is_not_named(diagnosis):
+    assert "44\u00a0mN and 1.3\u00a0cm after" in remains(with_left(diagnosis, torque=0.0))
 
 
 def test_small_vehicles_have_small_units(diagnosis):

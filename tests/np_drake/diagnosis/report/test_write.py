@@ -70,7 +70,7 @@ def test_the_page_gives_the_answer_first_and_then_what_it_rests_on(folder):
         "quadratic_drag",
         "What remains",
         "0.2 % of the held-out gap is left",
-        "Probability that something material is left",
+        "Probability that this is material",
         "vertical force",
         "Minor findings (1)",
         "What to do next",

@@ -1,0 +1,111 @@
+"""Laws of what is left: its share and its probability come from one calculation and never contradict each other."""
+
+import dataclasses as dc
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from np_drake.diagnosis.adequacy import Indication
+from np_drake.diagnosis.gap import remainder as dut
+from np_drake.diagnosis.held_out import HeldOut
+from np_drake.diagnosis.numerics.noise_fit import scale_only
+from np_drake.diagnosis.options import Materiality
+from np_drake.diagnosis.residuals import FORCE, make_flight_residuals
+from np_drake.diagnosis.result import Finding
+from np_drake.vehicle import Vehicle
+
+VEHICLE = Vehicle()
+WEIGHT = VEHICLE.mass * VEHICLE.gravity
+FORCE_NOISE = 0.1  # [N]
+ALL = Materiality()
+
+
+@pytest.fixture(scope="module")
+def hover(fly):
+    e = make_flight_residuals(fly(seed=1, seconds=20.0, noise=0.0, vigour=(0.0, 0.0, 0.0, 0.0)), VEHICLE)
+    return dc.replace(e, y=np.zeros_like(e.y))
+
+
+def noise_of(e) -> np.ndarray:
+    return np.random.default_rng(0).normal(size=e.y.shape) * ([FORCE_NOISE] * 3 + [1e-3] * 3 + [0.01] * 9)
+
+
+def left_of(hover, before, after, indications=(), materiality=ALL):
+    """Return the remainder of residuals beyond white noise, which calibration takes from one to the other."""
+    noise = noise_of(hover)
+    e = dc.replace(hover, y=noise + after, calibrated=before - after)
+    held = HeldOut([e], {e.name: []}, {e.name: e.y}, {e.name: np.ones(len(e.t), bool)}, {e.name: []})
+    return dut.measure_remainder([], scale_only([noise], e.grid.step), held, indications, materiality)
+
+
+def push(e, size: float) -> np.ndarray:
+    out = np.zeros_like(e.y)
+    out[:, 0] = size
+    return out
+
+
+@settings(max_examples=300, deadline=None)
+@given(st.lists(st.floats(-0.5, 3.0), min_size=5, max_size=60), st.floats(0.0, 100.0))
+def test_share_and_probability_never_contradict_each_other(draws, size):
+    share, (low, high), probability = dut.share_and_probability(np.array(draws), size)
+    assert low <= share <= high
+    assert not (share > dut.TOO_MUCH and probability < 0.5)
+    assert not (share < dut.NOTHING and probability > 0.5)
+
+
+@pytest.mark.parametrize("size, sure", [(0.5, 0.0), (2.0, 1.0)])
+def test_between_both_shares_the_stated_size_decides(size, sure):
+    assert dut.share_and_probability(np.linspace(0.09, 0.11, 50), size)[2] == sure
+
+
+def test_a_constant_force_moves_the_vehicle_by_half_its_acceleration(hover):
+    wrench = push(hover, 0.3)[:, :6]
+    moved = dut.position_errors(hover, wrench, np.ones(len(hover.t), bool))
+    expected = 0.5 * 0.3 / VEHICLE.mass * dut.HORIZON**2
+    np.testing.assert_allclose(np.linalg.norm(moved, axis=1), expected, rtol=1e-9)
+
+
+def test_a_constant_torque_moves_it_by_the_thrust_that_it_turns(hover):
+    wrench = np.zeros((len(hover.t), 6))
+    wrench[:, 4] = 0.01
+    moved = dut.position_errors(hover, wrench, np.ones(len(hover.t), bool))
+    expected = VEHICLE.gravity * 0.01 / VEHICLE.J[1, 1] / 24 * dut.HORIZON**4
+    np.testing.assert_allclose(moved[:, 0], expected, rtol=0.01)  # of trapezoids
+
+
+def test_what_calibration_takes_away_wholly_leaves_nothing(hover):
+    found = left_of(hover, push(hover, 2.0), push(hover, 0.0))
+    assert found.share == pytest.approx(0.0, abs=0.01)
+    assert found.probability < 0.05
+    assert found.position < 0.01
+    assert found.position_before == pytest.approx(0.5, rel=0.05)
+
+
+@pytest.mark.parametrize("share", [0.1, 0.5])
+def test_the_interval_holds_the_share_that_is_left(hover, share):
+    found = left_of(hover, push(hover, 2.0), push(hover, 2.0 * share**0.5))
+    assert found.ci95[0] <= share <= found.ci95[1]
+    assert found.force == pytest.approx(2.0 * share**0.5, rel=0.02)
+    assert found.probability > 0.95
+
+
+def test_a_small_gap_is_immaterial_unless_it_is_asked_for(hover):
+    gap = push(hover, 0.004 * WEIGHT)
+    assert np.isnan(left_of(hover, gap, gap).share)
+    assert left_of(hover, gap, gap).probability == 0.0
+    asked = left_of(hover, gap, gap, materiality=dc.replace(ALL, position=0.005))
+    assert asked.probability > 0.95
+
+
+def test_structure_in_the_noise_is_left_as_probably_as_it_is_there(hover):
+    power = np.zeros(6)
+    power[FORCE] = [0.0, 0.6 * FORCE_NOISE**2, 0.0]
+    hidden = [Indication(p, Finding("line", "a line", 1.0), power) for p in (0.9,)]
+    gap = push(hover, 0.06 * WEIGHT)
+    found = left_of(hover, gap, push(hover, 0.0), hidden, dc.replace(ALL, position=1e-4))
+    none = left_of(hover, gap, push(hover, 0.0), [hidden[0]._replace(probability=0.0)])
+    assert none.share < 0.01
+    assert found.share > none.share
+    assert found.force == pytest.approx((0.9 * 0.6) ** 0.5 * FORCE_NOISE, rel=0.5)
