@@ -58,16 +58,16 @@ def align(signals: Signals, log_map: LogMap, path: str = "log") -> Aligned:
     notes: list[str] = []
     t, width = _rows(signals, log_map, path)
     x = in_frames(signals, log_map, notes)
-    q, rates, fine = x["attitude"], x["rates"], _between_attitudes(x)
+    q, rates = x["attitude"], x["rates"]
     p, v, a = x["position"], x["velocity"], x.get("acceleration")
-    out = {"attitude": q.turned(fine, t), "rates": rates.averaged(t, width)}
+    out = {"attitude": q.turned(rates, t), "rates": rates.averaged(t, width)}
     faster = a is not None and a.step * FASTER < v.step
     out["velocity"] = v.integrated(a, t) if a is not None and faster else v.linear(t)
     out["position"] = _position(p, v, t)
     if a is not None and np.array_equal(a.t, t):
         out["acceleration"] = a.values
     elif a is not None:
-        specific = Signal(a.t, attitude.rotate_back(q.turned(fine, a.t), a.values + _G))
+        specific = Signal(a.t, attitude.rotate_back(q.turned(rates, a.t), a.values + _G))
         out["acceleration"] = attitude.rotate(out["attitude"], _averaged_after(specific, t, width)) - _G
     if "angular_acceleration" in signals:
         out["angular_acceleration"] = _averaged_after(x["angular_acceleration"], t, width)
@@ -96,16 +96,10 @@ def in_frames(signals: Signals, log_map: LogMap, notes: list[str]) -> dict[str, 
     x = {"attitude": q, "rates": _rates(signals, log_map, q, notes)}
     for name, own in signals.items():
         if name not in x:
-            turned = q.turned(_between_attitudes(x), own.t)
-            x[name] = Signal(own.t, convert_quantity(name, own.values, log_map, turned))
+            x[name] = Signal(own.t, convert_quantity(name, own.values, log_map, q.turned(x["rates"], own.t)))
     if "velocity" not in x and "position" in x:
         x["velocity"] = _differentiated(x["position"], notes)
     return x
-
-
-def _between_attitudes(x: Signals) -> Signal | None:
-    """Return the body rates where they are denser than the attitude, which they then carry."""
-    return x["rates"] if x["rates"].step * FASTER < x["attitude"].step else None
 
 
 def common_rows(signals: Signals, rate: float) -> tuple[np.ndarray, dict[str, np.ndarray]]:
@@ -158,9 +152,7 @@ def _rates(signals: Signals, log_map: LogMap, q: Signal, notes: list[str]) -> Si
         near /= np.linalg.norm(near, axis=1, keepdims=True)
         return Signal(own.t, convert_quantity("rates", own.values, log_map, near))
     notes.append("rates: none in the log; differentiated from attitude")
-    # The mean rate between two samples: the logarithm of their relative rotation over the time between them.
-    turn = attitude.rotation_vector(attitude.multiply(attitude.conjugate(q.values[:-1]), q.values[1:]))
-    return Signal(0.5 * (q.t[1:] + q.t[:-1]), turn / np.diff(q.t)[:, None])
+    return q.rate
 
 
 def _differentiated(p: Signal, notes: list[str]) -> Signal:
