@@ -65,12 +65,11 @@ def state_lags(x: Signals) -> dict[str, Lag]:
     for state, rate, early in STATES:
         if state not in x or rate not in x:
             continue
-        own, other = x[state], x[rate]
+        other = x[rate]
         if rate == "acceleration" and "attitude" in found and (late := found["attitude"].beyond_doubt):
-            q = x["attitude"]
-            force = attitude.rotate_back(q.turned(None, other.t), other.values + _G)
-            other = Signal(other.t, attitude.rotate(q.turned(None, other.t + late), force) - _G)
-        if lag := lag_of(state, early, own.rate, other):
+            force = attitude.rotate_back(x["attitude"].turned(None, other.t), other.values + _G)
+            other = Signal(other.t, attitude.rotate(x["attitude"].turned(None, other.t + late), force) - _G)
+        if lag := lag_of(state, early, x[state].rate, other):
             found[state] = lag
     return found
 
@@ -96,14 +95,14 @@ def lag_of(late: str, early: str, y: Signal, x: Signal) -> Lag | None:
     best, score = _best(moments.sum(axis=2))
     others = [_best(np.delete(moments, i, axis=2).sum(axis=2))[0] for i in range(parts)]
     deviation = float(np.std(others) * np.sqrt(parts - 1))
-    if not (deviation < MOST_DEVIATION and abs(best) < LONGEST_LAG and score.max() > LEAST_CORRELATION**2):
+    if not (deviation < MOST_DEVIATION and abs(best) < SHIFTS[-2] and score.max() > LEAST_CORRELATION**2):
         return None
     mends = (1 - score[len(SHIFTS) // 2]) / max(1 - score.max(), 1e-9)
     return Lag(late, early, best, deviation, float(np.sqrt(score.max())), float(mends))
 
 
 def _best(moments: np.ndarray) -> tuple[float, np.ndarray]:
-    """Return the shift at which the loss is least, NaN at the ends of the grid, and squared correlations by shift.
+    """Return the shift at which the loss is least, by a parabola, and the squared correlation by shift.
 
     The loss of an axis is relative to what it moves; axes count by their share of the explained part.
     """
@@ -112,8 +111,6 @@ def _best(moments: np.ndarray) -> tuple[float, np.ndarray]:
     r2 = np.maximum(xy, 0) ** 2 / (np.maximum(xx, 1e-12) * np.maximum(yy, 1e-12))
     weight = r2.max(axis=0) / np.maximum(1 - r2.max(axis=0), 1e-3)
     score = r2 @ weight / max(float(weight.sum()), 1e-12)
-    k = int(np.argmax(score))
-    if k in (0, len(SHIFTS) - 1):
-        return np.nan, score
+    k = np.clip(np.argmax(score), 1, len(SHIFTS) - 2)
     a, b, c = score[k - 1 : k + 2]
     return float(SHIFTS[k] + FINEST * 0.5 * (a - c) / min(a - 2 * b + c, -1e-15)), score

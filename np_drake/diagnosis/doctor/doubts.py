@@ -76,8 +76,8 @@ def law_doubts(log: FlightLog) -> list[Doubt]:
         found.append(Doubt(log.name, what))
     late = [lag for lag in lags_of_state(log).values() if lag.beyond_doubt]
     if late:
-        what = f"{', '.join(map(str, late))}: stamps of another clock"
-        found.append(Doubt(log.name, f"{what}; np-drake import takes it out, or late of the map"))
+        what = ", ".join(f"{lag.late} {1e3 * lag.seconds:+.0f} ms after {lag.early}" for lag in late)
+        found.append(Doubt(log.name, f"{what}: stamps of two clocks; np-drake import takes that out"))
     return found
 
 
