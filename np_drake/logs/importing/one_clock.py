@@ -23,7 +23,7 @@ def on_one_clock(parts: list[Signals], longest: Signals, log_map: LogMap) -> tup
         return parts, log_map, []
     lags = state_lags(in_frames(longest, log_map, []))
     late = {name: lag.beyond_doubt for name, lag in lags.items()}
-    turned, moved = late.get("attitude", 0.0), lags.get("velocity")
+    turned, moved = late.get("attitude", 0.0) * (log_map.attitude.late is None), lags.get("velocity")
     if moved is None or abs(moved.seconds - turned) < (HEALTHY if late["velocity"] else abs(moved.seconds)):
         late["velocity"] = turned
     late["position"] = late.get("position", 0.0) + late["velocity"]
