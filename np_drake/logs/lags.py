@@ -79,6 +79,12 @@ def lag_of(late: str, early: str, y: Signal, x: Signal) -> Lag | None:
 
     The lag is where y is closest to gain times x plus a constant, over a grid and a parabola about its best. Its
     deviation is that of the jackknife over parts of the flight.
+
+    Args:
+        late: name of y.
+        early: name of x.
+        y: (n, k).
+        x: (m, k).
     """
     start, stop = max(y.t[0], x.t[0]) + LONGEST_LAG, min(y.t[-1], x.t[-1]) - LONGEST_LAG
     parts = min(PARTS, int((stop - start) / LEAST_PART))
