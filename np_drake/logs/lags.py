@@ -19,9 +19,9 @@ LEAST_PART = 0.5  # of a part [s]; own choice
 LEAST_CORRELATION = 0.9
 MOST_DEVIATION = 0.02  # above which no lag is told [s]; own choice
 MOST_ROWS = 60_000  # of a flight; own choice: the deviation is then far below a row
-HEALTHY = 0.015  # lag that filters of a healthy estimator have [s]; own choice: 10 ms at most in real campaigns
+HEALTHY = 0.015  # lag that filters of a healthy estimator have [s]; own choice: 12 ms at most in real campaigns
 SURE = 8.0  # standard deviations from which a lag is no chance [1]; own choice
-BETTER = 2.0  # factor by which signals disagree less without it [1]; own choice: 1.5 at most in these campaigns
+BETTER = 2.0  # factor by which signals disagree less without it [1]; own choice: 1.6 at most in these
 STATES = (  # state, its rate of change, and the name of that
     ("attitude", "rates", "body rates"),
     ("velocity", "acceleration", "acceleration"),
