@@ -94,7 +94,7 @@ def _flown(flights: Sequence[FlightLog], path: Path) -> list[FlightLog]:
     """
     kept: list[FlightLog] = []
     for log in flights:
-        end, why = end_of_flight(log.t, log.p, log.v, log.q, _lift(log))
+        end, why = end_of_flight(log.t, log.p, log.v, log.q, rotor_lift(log))
         if end < LEAST_ROWS:
             continue
         kept.append(log.rows(0, end) if why else log)
@@ -105,7 +105,7 @@ def _flown(flights: Sequence[FlightLog], path: Path) -> list[FlightLog]:
     return kept
 
 
-def _lift(log: FlightLog) -> np.ndarray:
+def rotor_lift(log: FlightLog) -> np.ndarray:
     """Return what stands for the lift of the rotors (n,), in any unit."""
     if log.rotor is not None:
         return np.sum(log.rotor**2, axis=1)

@@ -14,6 +14,8 @@ from np_drake.flight_log import FlightLog
 from np_drake.logs import hover_thrust, rotor_order
 from np_drake.logs.importing.consistency import OPPOSED, SCALE, failing, misfits, never_tilts, told_by_noise
 from np_drake.logs.importing.convert import GRAVITY
+from np_drake.logs.importing.interpolation import Signal
+from np_drake.logs.lags import FINEST, Lag, state_lags
 from np_drake.logs.rotor_torque import torque_agreement
 
 MOST_RESIDUAL = 0.25  # of the weight, from which it is said first [1]
@@ -72,6 +74,10 @@ def law_doubts(log: FlightLog) -> list[Doubt]:
     if aside:
         what = f"misfit of {_shown(aside, own)} ({SCALE}): no more than noise or drift of a sensor"
         found.append(Doubt(log.name, what))
+    late = [lag for lag in lags_of_state(log).values() if lag.beyond_doubt]
+    if late:
+        what = ", ".join(f"{lag.late} {1e3 * lag.seconds:+.0f} ms after {lag.early}" for lag in late)
+        found.append(Doubt(log.name, f"{what}: stamps of two clocks; np-drake import takes that out"))
     return found
 
 
@@ -80,7 +86,13 @@ def agreement(log: FlightLog) -> dict[str, float]:
     return misfits(*_evenly(log))
 
 
-def _evenly(log: FlightLog) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+def lags_of_state(log: FlightLog) -> dict[str, Lag]:
+    """Return the lags between states that the log tells (`state_lags`)."""
+    t, x = _evenly(log, FINEST)
+    return state_lags({name: Signal(t, values) for name, values in x.items()})
+
+
+def _evenly(log: FlightLog, finest: float = LEAST_STEP) -> tuple[np.ndarray, dict[str, np.ndarray]]:
     """Return evenly spaced times and the quantities at them, of the first `MOST_ROWS` rows."""
     log = log.rows(0, MOST_ROWS)
     x = {"rates": log.w}
@@ -89,7 +101,7 @@ def _evenly(log: FlightLog) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         g = np.array([0.0, 0.0, GRAVITY])
         # Without attitude as `convert` leaves it: the specific force in body axes, less g.
         x["acceleration"] = attitude.rotate_back(log.q, log.a + g) - g if "attitude" in log.lacks else log.a
-    even = np.arange(log.t[0], log.t[-1], max(log.step, LEAST_STEP))
+    even = np.arange(log.t[0], log.t[-1], max(log.step, finest))
     near = np.cumprod(np.concatenate([[1.0], np.where(np.sum(log.q[1:] * log.q[:-1], axis=1) < 0, -1.0, 1.0)]))
     if "attitude" in x:
         x["attitude"] = log.q * near[:, None]

@@ -4,6 +4,7 @@ import dataclasses as dc
 from typing import Any
 
 from np_drake.files.atomic_file import plain
+from np_drake.logs.lags import Lag
 
 YES, NO, NEVER = "yes", "no", "never"
 
@@ -24,17 +25,6 @@ class SignalFacts:
     usual: float
     resolution: float
     repeated: float
-
-
-@dc.dataclass(frozen=True)
-class Lag:
-    """Time by which `late` runs behind `early` [s], its standard deviation, and the correlation at it [1]."""
-
-    late: str
-    early: str
-    seconds: float
-    deviation: float
-    correlation: float
 
 
 @dc.dataclass(frozen=True)

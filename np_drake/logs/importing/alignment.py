@@ -57,39 +57,49 @@ def align(signals: Signals, log_map: LogMap, path: str = "log") -> Aligned:
     """
     notes: list[str] = []
     t, width = _rows(signals, log_map, path)
-    q_own = convert_quantity("attitude", signals["attitude"].values, log_map)
-    q = Signal(signals["attitude"].t, attitude.one_hemisphere(q_own, q_own[0]))
-    rates = _rates(signals, log_map, q, notes)
-    fine = rates if rates.step * FASTER < q.step else None
-
-    def in_frames(name: str) -> Signal:
-        own = signals[name]
-        return Signal(own.t, convert_quantity(name, own.values, log_map, q.turned(fine, own.t)))
-
-    out = {"attitude": q.turned(fine, t), "rates": rates.averaged(t, width)}
-    a = in_frames("acceleration") if "acceleration" in signals else None
-    p = in_frames("position")
-    v = in_frames("velocity") if "velocity" in signals else _differentiated(p, notes)
+    x = in_frames(signals, log_map, notes)
+    q, rates = x["attitude"], x["rates"]
+    p, v, a = x["position"], x["velocity"], x.get("acceleration")
+    out = {"attitude": q.turned(rates, t), "rates": rates.averaged(t, width)}
     faster = a is not None and a.step * FASTER < v.step
     out["velocity"] = v.integrated(a, t) if a is not None and faster else v.linear(t)
     out["position"] = _position(p, v, t)
     if a is not None and np.array_equal(a.t, t):
         out["acceleration"] = a.values
     elif a is not None:
-        specific = Signal(a.t, attitude.rotate_back(q.turned(fine, a.t), a.values + _G))
+        specific = Signal(a.t, attitude.rotate_back(q.turned(rates, a.t), a.values + _G))
         out["acceleration"] = attitude.rotate(out["attitude"], _averaged_after(specific, t, width)) - _G
     if "angular_acceleration" in signals:
-        out["angular_acceleration"] = _averaged_after(in_frames("angular_acceleration"), t, width)
+        out["angular_acceleration"] = _averaged_after(x["angular_acceleration"], t, width)
     for name in (n for n in READINGS if n in signals):
-        own = in_frames(name)
+        own = x[name]
         steps = name == "commanded_rates" or (name == "rotor_speed" and width > 0 and own.renewal > FASTER * width)
         if name == "rotor_speed" and own.renewal * SLOWEST_ROTORS > 1:  # of which the collective alone is taken
             out[name] = own.renewed.linear(t)
         else:
             out[name] = own.held(t) if steps else own.averaged(t, width)
     for name in (n for n in COMMANDS if n in signals):
-        out[name] = _command(in_frames(name), command_meaning(signals[name], log_map), t)
+        out[name] = _command(x[name], command_meaning(signals[name], log_map), t)
     return Aligned(t, out, _in_gaps(signals, t), tuple(notes))
+
+
+def in_frames(signals: Signals, log_map: LogMap, notes: list[str]) -> dict[str, Signal]:
+    """Return signals in our frames at their own times; body rates and velocity also where they have to be derived.
+
+    Args:
+        signals: as logged, by quantity; attitude at least.
+        log_map: with the conventions.
+        notes: takes a line on each that is derived.
+    """
+    q_own = convert_quantity("attitude", signals["attitude"].values, log_map)
+    q = Signal(signals["attitude"].t, attitude.one_hemisphere(q_own, q_own[0]))
+    x = {"attitude": q, "rates": _rates(signals, log_map, q, notes)}
+    for name, own in signals.items():
+        if name not in x:
+            x[name] = Signal(own.t, convert_quantity(name, own.values, log_map, q.turned(x["rates"], own.t)))
+    if "velocity" not in x and "position" in x:
+        x["velocity"] = _differentiated(x["position"], notes)
+    return x
 
 
 def common_rows(signals: Signals, rate: float) -> tuple[np.ndarray, dict[str, np.ndarray]]:
@@ -142,9 +152,7 @@ def _rates(signals: Signals, log_map: LogMap, q: Signal, notes: list[str]) -> Si
         near /= np.linalg.norm(near, axis=1, keepdims=True)
         return Signal(own.t, convert_quantity("rates", own.values, log_map, near))
     notes.append("rates: none in the log; differentiated from attitude")
-    # The mean rate between two samples: the logarithm of their relative rotation over the time between them.
-    turn = attitude.rotation_vector(attitude.multiply(attitude.conjugate(q.values[:-1]), q.values[1:]))
-    return Signal(0.5 * (q.t[1:] + q.t[:-1]), turn / np.diff(q.t)[:, None])
+    return q.rate
 
 
 def _differentiated(p: Signal, notes: list[str]) -> Signal:

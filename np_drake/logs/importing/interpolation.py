@@ -55,6 +55,16 @@ class Signal:
         keep = new | ((since > 0) & (since % (2 * usual) == 0))
         return self if keep.all() else dc.replace(self, t=self.t[keep], values=self.values[keep])
 
+    @property
+    def rate(self) -> "Signal":
+        """Mean rate of change between samples, in their middle (n - 1, 3); of an attitude its body rates."""
+        x = self.values
+        if x.shape[1] == 4:
+            change = attitude.rotation_vector(attitude.multiply(attitude.conjugate(x[:-1]), x[1:]))
+        else:
+            change = np.diff(x, axis=0)
+        return Signal(0.5 * (self.t[1:] + self.t[:-1]), change / np.diff(self.t)[:, None])
+
     def between(self, start: float, stop: float) -> "Signal":
         """Return the samples from `start` to `stop` [s].
 
@@ -100,8 +110,8 @@ class Signal:
     def turned(self, rate: "Signal | None", at: np.ndarray) -> np.ndarray:
         """Return attitudes (m, 4) that follow the body rates between samples, and meet the next sample.
 
-        Without body rates they turn evenly. Turns within one interval of samples are taken as small: their order is
-        neglected.
+        Without body rates that are denser they turn evenly. Turns within one interval of samples are taken as small:
+        their order is neglected.
 
         Args:
             rate: body rates; None: not known.
@@ -109,7 +119,7 @@ class Signal:
         """
         i, q = self._before(at), self.values
         step = attitude.rotation_vector(attitude.multiply(attitude.conjugate(q[:-1]), q[1:]))
-        if rate is None:
+        if rate is None or rate.step * FASTER >= self.step:
             turn = self._share(i, at) * step[i]
         else:
             own = rate.integral(self.t)

@@ -59,7 +59,7 @@ class Source:
     order: of a quaternion: `wxyz` or `xyzw`; three columns are roll, pitch, yaw.
     direction: of an attitude: `body_to_world` or `world_to_body`.
     world, body: frames of this quantity, where they differ from those of the map.
-    late: time by which the stamps are later than the quantity [s].
+    late: time by which the stamps are later than the quantity [s]; None: 0, unless the log shows it (`one_clock`).
     ends: of a throttle, its readings at 0 and at 1: two numbers, or two for every column; none: those of its unit.
     pole_pairs: of the motors, by which an electrical speed (`erpm`) is divided; 0: not stated.
     """
@@ -74,7 +74,7 @@ class Source:
     direction: str = "body_to_world"
     world: str = ""
     body: str = ""
-    late: float = 0.0
+    late: float | None = None
     ends: list[float] = dc.field(default_factory=list)
     pole_pairs: int = 0
 
@@ -250,7 +250,7 @@ def _check_source(name: str, source: Source, known: tuple[int, ...]) -> None:
             f"{source.pole_pairs} with unit: {source.unit or next(iter(UNITS[name]))}. It is half the count of the "
             "magnets of a motor."
         )
-    if not abs(source.late) <= 10:
+    if not abs(source.late or 0.0) <= 10:
         raise ValueError(f"LogMap: {name}.late must be within 10 s; got {source.late}.")
 
 

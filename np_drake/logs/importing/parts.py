@@ -11,6 +11,7 @@ from np_drake.logs.importing.conventions import DOUBTED, Change, Verdict, WrongC
 from np_drake.logs.importing.crash import FITS, fits_until
 from np_drake.logs.importing.interpolation import Signals, clock_of
 from np_drake.logs.importing.log_map import LogMap
+from np_drake.logs.importing.one_clock import on_one_clock
 from np_drake.logs.importing.part import Part, flies, import_part, lift_of
 
 
@@ -30,8 +31,8 @@ def imported_parts(
     """
     moving = [flies(signals, log_map) for signals in parts]
     by_length = sorted(range(len(parts)), key=lambda k: (not moving[k], -np.ptp(clock_of(parts[k]).t)))
+    parts, log_map, said = on_one_clock(parts, parts[by_length[0]], log_map)
     done: dict[int, Part] = {}
-    said: list[str] = []
     failure: LogError | None = None
     usual = 0.0
     for k in by_length:

@@ -73,7 +73,7 @@ def _described(name: str, signal: Signal, log_map: LogMap) -> dict[str, Any]:
     if name == "attitude" and len(source.columns) == 4:
         keys += ["order", "direction"]
     usual: dict[str, Any] = {"scale": 1.0, "signs": [], "late": 0.0}
-    shown = {key: getattr(source, key) for key in keys if getattr(source, key) not in ("", usual.get(key))}
+    shown = {key: getattr(source, key) for key in keys if getattr(source, key) not in ("", None, usual.get(key))}
     unit = source.unit or next(iter(UNITS[name]))
     return {"from": list(source.columns), "rate": f"{1 / signal.step:.4g} Hz", "unit": unit, **shown}
 

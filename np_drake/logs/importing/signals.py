@@ -75,7 +75,7 @@ def _assembled(recording: Recording, source: Source) -> Signal:
             order = np.argsort(own.t, kind="stable")
             values = np.interp(t, own.t[order], values[order]) if len(own) else np.full(len(t), np.nan)
         columns.append(values)
-    return Signal(np.asarray(t, float) - source.late, np.stack(columns, axis=1))
+    return Signal(np.asarray(t, float) - (source.late or 0.0), np.stack(columns, axis=1))
 
 
 def _require_one_log(signal: Signal, place: str) -> None:
@@ -128,7 +128,7 @@ def with_map_time(recording: Recording, log_map: LogMap) -> Recording:
         name, column = find_column(recording.contents, source.columns[0], recording.path)
         factor = source.scale * UNITS["time"][source.unit or "s"]
         stream = streams[name]
-        t = np.asarray(stream.columns[column], float) * factor - source.late
+        t = np.asarray(stream.columns[column], float) * factor - (source.late or 0.0)
         streams[name] = Stream(t, stream.columns)
     for name, stream in streams.items():
         if len(stream) and np.all(np.isnan(stream.t)):

@@ -5,12 +5,15 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
+from np_drake import attitude
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.diagnosis.doctor.doubts import doubts, law_doubts
 from np_drake.diagnosis.doctor.examine import examine
 from np_drake.diagnosis.report.summary import warnings
 from np_drake.diagnosis.residuals import make_flight_residuals
 from np_drake.vehicle import Vehicle
+
+GRAVITY = np.array([0.0, 0.0, 9.81])
 
 
 @pytest.fixture(scope="module")
@@ -56,6 +59,16 @@ def test_a_gyro_that_drifts_about_one_axis_is_said_and_stays_askable(log):
     assert f"{log.name}: {dut.what}" in report.problems
     assert report.usable
     assert report.of("gyro_bias")
+
+
+def test_a_pose_on_another_clock_is_said_with_its_remedy(log):
+    late = dc.replace(log.rows(0, len(log) - 6), t=log.t[6:], w=log.w[6:], u=log.u[6:])
+    late.a = attitude.rotate(late.q, attitude.rotate_back(log.q, log.a + GRAVITY)[6:]) - GRAVITY
+    report = examine([late], Vehicle())
+    (line,) = (line for line in report.problems if "clocks" in line)
+    assert line.startswith(f"{log.name}: attitude +60 ms after body rates, velocity +")
+    assert line.endswith("np-drake import takes that out")
+    assert report.usable
 
 
 @pytest.mark.parametrize("factor, axis", [(1.45, "z"), (0.6, "z")])
