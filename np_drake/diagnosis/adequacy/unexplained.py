@@ -49,6 +49,11 @@ class Unexplained:
     slow: Indication
 
     @property
+    def probability(self) -> float:
+        """Probability that there is structure, a slow level force apart [1]."""
+        return max((s.probability for s in self.structures), default=0.0)
+
+    @property
     def findings(self) -> tuple[Finding, ...]:
         """What is more probable than not, a slow level force apart."""
         return tuple(s.finding for s in self.structures if s.probability > 0.5)

@@ -6,7 +6,7 @@ import importlib
 import pytest
 
 from np_drake.diagnosis.diagnose import diagnose
-from np_drake.diagnosis.options import IDEAL_SENSORS, Options, Priors, Tolerance
+from np_drake.diagnosis.options import IDEAL_SENSORS, Materiality, Options, Priors, Tolerance
 from np_drake.effects.mass_error import MassError
 from np_drake.vehicle import Vehicle
 
@@ -37,7 +37,7 @@ def test_generic_structure_is_less_likely_than_an_effect():
 
 def test_a_mass_that_is_immaterial_by_the_options_is_no_cause(fly, searched, monkeypatch):
     logs = [fly(MassError(0.2), name=n, seed=i, noise=1.0, seconds=6.0) for i, n in enumerate("abc", 1)]
-    blunt = dc.replace(IDEAL, materiality=dc.replace(IDEAL.materiality, force=1.0, torque=100.0))
+    blunt = dc.replace(IDEAL, materiality=Materiality(force=1.0, torque=100.0, position=10.0, remaining_force=1.0))
     how = {"adaptive_split": False}
     monkeypatch.setattr(  # both search alike: once is enough
         infer_module, "find_map_model", lambda flights, given: dc.replace(searched(flights), options=given)

