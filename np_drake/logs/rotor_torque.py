@@ -14,6 +14,7 @@ import numpy as np
 from scipy import signal
 
 from np_drake.flight_log import FlightLog
+from np_drake.training_data.segments import white_noise
 from np_drake.vehicle import Vehicle
 
 BAND = (0.7, 8.0)  # in which torques are compared [Hz]; own choice: above trim and drift, below most noise
@@ -82,7 +83,9 @@ def evidence(log: FlightLog, vehicle: Vehicle) -> Evidence | None:
 def torque_agreement(log: FlightLog, vehicle: Vehicle) -> tuple[np.ndarray, np.ndarray] | None:
     """Return by axis the correlation (3,) of a log's torque with J dw/dt + w x J w, and the size of that over it (3,).
 
-    None where the torque is not known, or the log is too short or too slow.
+    A controller that answers the gyro's noise correlates its torque with the noise of dw/dt. The correlation is NaN
+    about an axis that is not excited: the motion's part is less than that noise. None where the torque is not known, or
+    the log is too short or too slow.
 
     Args:
         log: of one flight.
@@ -99,7 +102,8 @@ def torque_agreement(log: FlightLog, vehicle: Vehicle) -> tuple[np.ndarray, np.n
         correlation = np.sum(turn * torque, axis=0) / np.maximum(size * own, 1e-300)
         if correlation.sum() > best[0].sum():
             best = correlation, size / own
-    return best
+    excited = size**2 / len(turn) > 2 * _noise_of_turn(log, vehicle)
+    return np.where(excited, best[0], np.nan), best[1]
 
 
 def is_each(values: np.ndarray | None) -> bool:
@@ -128,7 +132,19 @@ def _in_band(
 
     w = even(log.w, t)
     turn = np.gradient(w, step, axis=0) @ vehicle.J.T + np.cross(w, w @ vehicle.J.T)
-    sos = signal.butter(2, (BAND[0], _upper(log)), "bandpass", fs=1 / step, output="sos")
     inside = slice(round(0.5 / step), -round(0.5 / step))  # off the filter's ends
-    filtered = [signal.sosfiltfilt(sos, x, axis=0)[inside] for x in (turn, *(even(columns, t - d) for d in delays))]
+    filtered = [_filtered(log, x)[inside] for x in (turn, *(even(columns, t - d) for d in delays))]
     return filtered[0], filtered[1:]
+
+
+def _filtered(log: FlightLog, values: np.ndarray) -> np.ndarray:
+    """Return columns (n, c) at the log's step in the band."""
+    sos = signal.butter(2, (BAND[0], _upper(log)), "bandpass", fs=1 / log.step, output="sos")
+    return signal.sosfiltfilt(sos, values, axis=0)
+
+
+def _noise_of_turn(log: FlightLog, vehicle: Vehicle) -> np.ndarray:
+    """Return the mean square (3,) of what the gyro's white noise adds to J dw/dt in the band [N²·m²]."""
+    impulse = signal.unit_impulse(len(log), "mid")
+    gain = np.linalg.norm(_filtered(log, np.gradient(impulse, log.step)))
+    return gain**2 * vehicle.J**2 @ white_noise([log.w]) ** 2
