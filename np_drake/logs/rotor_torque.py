@@ -102,7 +102,10 @@ def torque_agreement(log: FlightLog, vehicle: Vehicle) -> tuple[np.ndarray, np.n
         correlation = np.sum(turn * torque, axis=0) / np.maximum(size * own, 1e-300)
         if correlation.sum() > best[0].sum():
             best = correlation, size / own
-    excited = size**2 / len(turn) > 2 * _noise_of_turn(log, vehicle)
+    # White noise has in the band the power that an impulse of its size has.
+    impulse = np.outer(signal.unit_impulse(len(log), "mid"), white_noise([log.w]))
+    noise, _ = _in_band(dc.replace(log, w=impulse), vehicle, log.u[:, 1:], ())
+    excited = np.mean(turn**2, axis=0) > 2 * np.sum(noise**2, axis=0)
     return np.where(excited, best[0], np.nan), best[1]
 
 
@@ -132,19 +135,7 @@ def _in_band(
 
     w = even(log.w, t)
     turn = np.gradient(w, step, axis=0) @ vehicle.J.T + np.cross(w, w @ vehicle.J.T)
+    sos = signal.butter(2, (BAND[0], _upper(log)), "bandpass", fs=1 / step, output="sos")
     inside = slice(round(0.5 / step), -round(0.5 / step))  # off the filter's ends
-    filtered = [_filtered(log, x)[inside] for x in (turn, *(even(columns, t - d) for d in delays))]
+    filtered = [signal.sosfiltfilt(sos, x, axis=0)[inside] for x in (turn, *(even(columns, t - d) for d in delays))]
     return filtered[0], filtered[1:]
-
-
-def _filtered(log: FlightLog, values: np.ndarray) -> np.ndarray:
-    """Return columns (n, c) at the log's step in the band."""
-    sos = signal.butter(2, (BAND[0], _upper(log)), "bandpass", fs=1 / log.step, output="sos")
-    return signal.sosfiltfilt(sos, values, axis=0)
-
-
-def _noise_of_turn(log: FlightLog, vehicle: Vehicle) -> np.ndarray:
-    """Return the mean square (3,) of what the gyro's white noise adds to J dw/dt in the band [N²·m²]."""
-    impulse = signal.unit_impulse(len(log), "mid")
-    gain = np.linalg.norm(_filtered(log, np.gradient(impulse, log.step)))
-    return gain**2 * vehicle.J**2 @ white_noise([log.w]) ** 2
