@@ -70,7 +70,7 @@ def test_a_vehicle_that_nobody_commands_holds_its_place(tmp_path, capsys):
     assert {path.name for path in out.iterdir()} == {"mine_mavlink.csv", "mine_mavlink_replay.html"}
 
 
-def test_what_a_node_waits_for_is_said_at_once_and_when_it_changes_in_lines_of_80_columns(capsys):
+def test_what_a_node_waits_for_is_said_at_once_in_lines_of_80_columns(capsys):
     from diagrams.cli.node import _Told
 
     rail = Rail(hover())

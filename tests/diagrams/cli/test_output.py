@@ -52,7 +52,7 @@ def test_progress_ends_at_a_hundred_percent_where_a_person_looks(capsys, monkeyp
     assert "100 %" in err
 
 
-def test_the_text_of_a_progress_is_whole_in_80_columns_and_lines_stand_above_it(capsys, monkeypatch):
+def test_the_text_of_a_progress_is_whole_and_lines_stand_above_it(capsys, monkeypatch):
     monkeypatch.setenv("FORCE_COLOR", "1")
     monkeypatch.setenv("TERM", "xterm")
     monkeypatch.setenv("COLUMNS", "80")

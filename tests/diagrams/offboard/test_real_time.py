@@ -15,8 +15,8 @@ from diagrams.offboard.linked_flight import RealTime
 from diagrams.offboard.node import Node
 from diagrams.offboard.solver_thread import SolverThread
 from diagrams.offboard.study import flight
-from np_drake.offboard import autopilot, codec
 from np_drake.offboard.autopilot import SimulatedAutopilot
+from np_drake.offboard.codec import PX4
 from np_drake.offboard.config import OffboardConfig
 from np_drake.offboard.link import Channel, Link
 from np_drake.references.config import ReferenceConfig
@@ -64,8 +64,7 @@ class SlowVehicle(Link):
 
 
 @pytest.mark.parametrize("rate", [0.3, 1.0])
-def test_a_simulated_vehicle_is_flown_by_its_own_clock_however_slow(rate, monkeypatch):
-    monkeypatch.setattr(autopilot, "ALIVE", 0.3)
+def test_a_simulated_vehicle_is_flown_by_its_own_clock_however_slow(rate):
     config = hover(duration=0.2, reference=ReferenceConfig(track="hover", ramp=0.2))
     config.offboard.late_solves = 100  # the machine may be busy
     vehicle, worker = SlowVehicle(config, rate), SolverThread()
@@ -79,10 +78,11 @@ def test_a_simulated_vehicle_is_flown_by_its_own_clock_however_slow(rate, monkey
     assert max(dut.readings.ages) < config.offboard.stale_after
 
 
-def test_a_slow_clock_of_any_other_vehicle_makes_its_states_old_and_is_known_within_two_seconds(monkeypatch):
-    monkeypatch.setattr(codec, "HIL", 0)
+def test_a_slow_clock_of_any_other_vehicle_is_known_within_two_seconds():
     config, worker = hover(), SolverThread()
     dut = Node(config, vehicle := SlowVehicle(config, 0.3), worker)
+    codec = vehicle.autopilot.codec
+    codec.heartbeat = lambda **_: codec._pack(codec._out.heartbeat_encode(2, PX4, 128, 0, 4))  # of no simulation
     vehicle.begin = time.monotonic()
     real_time.fly(dut, wait=1.9)
     worker.close()

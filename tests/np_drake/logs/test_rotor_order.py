@@ -154,7 +154,7 @@ def test_torque_of_another_size_keeps_its_correlation_and_tells_the_factor():
 
 
 @pytest.mark.parametrize("moves", [False, True])
-def test_a_controller_that_answers_the_noise_of_the_gyro_tells_nothing_where_nothing_moves(moves):
+def test_a_controller_that_answers_noise_tells_nothing_where_nothing_moves(moves):
     own = load_vehicle("crazyflie")
     log = turning(own)
     w = log.w * moves

@@ -222,7 +222,7 @@ def test_another_autopilot_follows_in_its_guided_mode(base, engaged):
     assert heartbeat_of(0, 0, base=base) == [Heartbeat(engaged, 0)]
 
 
-def test_a_vehicle_is_simulated_where_its_autopilot_says_that_its_motors_are_blocked():
+def test_a_vehicle_is_simulated_where_its_autopilot_blocks_its_motors():
     (real,), (simulated,) = heartbeat_of(PX4, 6 << 16), heartbeat_of(PX4, 6 << 16, base=128 | 32 | 1)
     assert (real.engaged, real.simulated, simulated.engaged, simulated.simulated) == (True, False, True, True)
 

@@ -146,14 +146,14 @@ def test_the_time_of_a_node_never_goes_back_whatever_a_vehicle_does(rates):
     assert np.isfinite(dut).all()
 
 
-def test_a_simulated_vehicle_that_falls_silent_is_waited_for_no_longer_than_the_patience():
+def test_a_silent_simulated_vehicle_is_waited_for_while_patience_lasts():
     ours, _, dut = node_times(np.repeat([1.0, 0.0], 1000)).T
     silent = ours[-1] - ours[1000]
     assert dut[-1] - dut[1000] == pytest.approx(silent - PATIENCE, abs=SLACK + 2 * STEP)
 
 
 @pytest.mark.parametrize("boot", [3.0, 1e6])
-def test_a_simulated_vehicle_that_starts_anew_moves_the_time_of_a_node_by_nothing(boot):
+def test_a_simulated_vehicle_that_starts_anew_leaves_the_time_of_a_node(boot):
     clock = NodeClock()
     before = node_times(np.full(1000, 0.5), boot=500.0, dut=clock)[-1, 2]
     after = clock.read(100.0 + 1000 * STEP, [state(boot), state(boot + EVERY)])
