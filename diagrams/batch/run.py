@@ -72,7 +72,7 @@ class Run:
 
         Args:
             title: what is worked on.
-            what: what is counted, behind the bar.
+            what: what is counted, below the bar.
         """
         with self.bar(title, 1.0) as advance:
             yield counted(advance, what)
@@ -120,7 +120,7 @@ def counted(advance: Advance, what: str = "") -> Callable[[int, int], None]:
 
     Args:
         advance: moves the bar.
-        what: what is counted, behind the bar.
+        what: what is counted, below the bar.
     """
     return lambda done, total: advance(done / total, f"{done} of {total} {what}".rstrip())
 

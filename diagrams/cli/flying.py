@@ -59,15 +59,18 @@ def fly_linked(config: "FlightConfig", seed: int, address: str) -> "tuple[Flight
     from diagrams.offboard.linked_flight import CommandedByLink, RealTime
     from np_drake.offboard.link import MavlinkLink
 
-    link = MavlinkLink(address)
+    link, pace = MavlinkLink(address), RealTime()
     try:
         factory = CommandedByLink(link)
         say(f"{config.name} behind {address}: np-drake node flies it.")
         with progress(f"flying {config.name}", config.end) as advance:
-            flight = simulate(config, seed=seed, monitor=advance, watch=RealTime(), controller=factory)
+            flight = simulate(
+                config, seed=seed, watch=pace, controller=factory,
+                monitor=lambda t: advance(t, f"at {pace.factor(t):.2f} of real time"),
+            )  # fmt: skip
     finally:
         link.close()
-    return flight, factory.table()
+    return flight, factory.table(pace.mean)
 
 
 def fly_live(config: "FlightConfig", seed: int) -> "FlightResult":

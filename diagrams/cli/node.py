@@ -1,6 +1,5 @@
 """`np-drake node`: fly a vehicle through its autopilot, by MAVLink."""
 
-from collections.abc import Sequence
 from pathlib import Path
 from queue import SimpleQueue
 from threading import Thread
@@ -10,17 +9,17 @@ from typer import Argument, Option
 
 from diagrams.batch.failed_run import FailedRun
 from diagrams.cli import options
-from diagrams.cli.output import progress, say
+from diagrams.cli.output import progress, say, tell
 from diagrams.cli.runner import Report, Run, reports
 from diagrams.cli.scenario import Numbers, scenarios
 
 if TYPE_CHECKING:
     import numpy as np
 
-    from diagrams.offboard.flight_record import Event
     from diagrams.offboard.node import Node
 
 DEADLINE = 1.0  # of a solve, over the controller's period, where the scenario names none [1]
+TOLD = 0.8  # share of the rate of the vehicle's clock that was told last, below which it is told again [1]
 
 
 @reports("node", seed=None, out=options.Out, markdown=False)
@@ -83,13 +82,13 @@ def node(
         with real_time.Ended() as ended, progress(f"flying {config.name}", config.end) as advance, _Told() as told:
 
             def monitor(now: "Node", t: float) -> None:
-                told.show(now.events)
+                told.show(now)
                 advance(t, f"{now.phase.value}{_pose(now.x)}")
 
             real_time.fly(
                 flying, wait=float("inf") if wait is None else wait, ended=lambda: ended.asked, monitor=monitor
             )
-            told.show(flying.events)
+            told.show(flying)
     finally:
         worker.close()
         port.close()
@@ -108,7 +107,9 @@ def node(
             "deadlines": report.deadlines(flying),
             "phases": [(event.time, event.phase.value, event.reason) for event in flying.events],
         },
-        failure=None if flown is not None else FailedRun(f"node: nothing was flown: {_why_not(flying)}."),
+        failure=None
+        if flown is not None
+        else FailedRun(f"node: nothing was flown: {flying.lacks or flying.events[-1].reason}."),
     )
 
 
@@ -124,19 +125,15 @@ def _pose(x: "np.ndarray") -> str:
     return f": right down {roll:+.0f}, nose up {-pitch:+.0f}, left of east {yaw:+.0f} deg, height {x[2]:.2f} m"
 
 
-def _why_not(node: "Node") -> str:
-    import time
-
-    last = node.events[-1].reason if node.events else ""
-    return node.readings.at(time.monotonic()).problem or last or "the pilot has not handed over"
-
-
 class _Told:
-    """Shows changes of phase from a thread of its own: a terminal that is not read must not stop a flight."""
+    """Shows changes of phase, and what is waited for, from a thread of its own.
+
+    A terminal that is not read must not stop a flight.
+    """
 
     def __enter__(self) -> "_Told":
         self._lines: SimpleQueue[str | None] = SimpleQueue()
-        self._shown = 0
+        self._shown, self._lacks, self._rate = 0, list[str](), 1.0
         self._thread = Thread(target=self._work, daemon=True)
         self._thread.start()
         return self
@@ -145,11 +142,19 @@ class _Told:
         self._lines.put(None)
         self._thread.join(timeout=1.0)
 
-    def show(self, events: "Sequence[Event]") -> None:
-        for event in events[self._shown :]:
+    def show(self, node: "Node") -> None:
+        for event in node.events[self._shown :]:
             self._lines.put(f"{event.time:8.2f} s  {event.phase.value}: {event.reason}")
-        self._shown = len(events)
+        self._shown = len(node.events)
+        lacks = [word for word in node.lacks.split() if word.isalpha()]  # numbers change at every look
+        if lacks and lacks != self._lacks:
+            self._lines.put(f"{node.phase.value}: {node.lacks}")
+        self._lacks = lacks
+        if (node.lacks or node.clock.waits) and 0 < node.clock.rate < TOLD * self._rate:
+            self._rate = node.clock.rate
+            by = ", and the flight by it" if node.clock.waits else ""
+            self._lines.put(f"the vehicle's clock runs at {self._rate:.2f} of real time{by}")
 
     def _work(self) -> None:
         while (line := self._lines.get()) is not None:
-            say(line)
+            tell(line, indent="  ")

@@ -11,8 +11,9 @@ from os.path import lexists
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rich.console import Console
+from rich.console import Console, RenderableType
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.text import Text
 
 from diagrams.batch.run import Advance, Table
 from diagrams.cli.table_text import cell_text, table_lines, wrapped
@@ -35,14 +36,24 @@ def console(*, stderr: bool = False) -> Console:
 def say(*lines: str) -> None:
     """Print plain lines on stdout."""
     for line in lines:
-        console().print(line, markup=False, soft_wrap=True)
+        if sys.stdout.isatty():
+            sys.stdout.write(f"{line}\n")  # above a progress bar: a console of its own would write into it
+        else:
+            console().print(line, markup=False, soft_wrap=True)
+
+
+class _Bar(Progress):
+    """Progress bars with their texts below, which break where a line ends."""
+
+    def get_renderables(self) -> list[RenderableType]:
+        return [self.make_tasks_table(self.tasks), *(Text(t.fields["text"]) for t in self.tasks if t.fields["text"])]
 
 
 @contextmanager
 def progress(description: str, total: float) -> Iterator[Advance]:
     """Show a progress bar on stderr and yield `advance(done, text)`.
 
-    `text` stands behind the bar. Where stderr is no terminal nothing is shown: the one line of an error stands alone.
+    `text` stands below the bar. Where stderr is no terminal nothing is shown: the one line of an error stands alone.
 
     Args:
         description: what stands before the bar.
@@ -54,10 +65,9 @@ def progress(description: str, total: float) -> Iterator[Advance]:
         TextColumn("{task.percentage:>3.0f} %"),
         TimeElapsedColumn(),
         TimeRemainingColumn(),
-        TextColumn("{task.fields[text]}"),
     )
     err = console(stderr=True)
-    with Progress(*columns, console=err, disable=not err.is_interactive) as bar:
+    with _Bar(*columns, console=err, disable=not err.is_interactive) as bar:
         task = bar.add_task(description, total=total, text="")
 
         def advance(done: float, text: str = "") -> None:

@@ -188,7 +188,7 @@ def counting(description: str, what: str = "") -> Iterator[Callable[[int, int], 
 
     Args:
         description: what stands before the bar.
-        what: what is counted, behind the bar.
+        what: what is counted, below the bar.
     """
     with output.progress(description, 1.0) as advance:
         yield counted(advance, what)

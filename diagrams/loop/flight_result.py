@@ -131,6 +131,7 @@ def _advance(diagram: Diagram, config: FlightConfig, *, seed, monitor, tolerance
                 raise
             who = f"{config.name}: {config.controller.name}"
             raise FailedRun(f"{who} failed at {context.get_time():.2f} s: {one_line(error)}.") from error
+        simulator.ResetStatistics()  # where it is to run in real time, time that was lost is not caught up with
         p_WB = vehicle.GetOutputPort("x").Eval(vehicle.GetMyContextFromRoot(context))[:3]
         if not np.linalg.norm(p_WB) < ARENA:
             raise lost(f"{config.controller.name} lost the vehicle before {t:.1f} s.")

@@ -11,10 +11,11 @@ from diagrams.offboard.flight_record import Counts, Event, FlightRecord, Flown
 from diagrams.offboard.solver_thread import Worker
 from np_drake.mpc.problem import MpcStatus
 from np_drake.offboard.anchor import Anchor
-from np_drake.offboard.codec import COMPANION, Codec
+from np_drake.offboard.codec import COMPANION, Codec, Said
 from np_drake.offboard.command import rates_towards, throttle_of, thrust_of
 from np_drake.offboard.limits import out_of_limits
 from np_drake.offboard.link import Link
+from np_drake.offboard.message_clock import NodeClock
 from np_drake.offboard.phases import Phase, Phases
 from np_drake.offboard.readings import Reading, Readings
 from np_drake.rate_loop import RateLoop
@@ -53,7 +54,7 @@ class Node:
         self._loop = vehicle.rate_loop or RateLoop()
         self._motion, self._track = config.motion, config.motion.sample(np.zeros(1))[0, 0]
         self._codec, self._companion = Codec(COMPANION, self._limits.system), Companion(config)
-        self.readings = Readings(self._limits, vehicle.gravity)
+        self.readings, self.clock, self._heard = Readings(self._limits, vehicle.gravity), NodeClock(), list[Said]()
         self.phases, self.events, self.counts, self._record = Phases(), list[Event](), Counts(), FlightRecord()
         self.x = np.full(13, np.nan)  # state in the autopilot's local frame, z up
         self._begin: float | None = None  # time of the first tick [s]
@@ -67,13 +68,19 @@ class Node:
         self._without_answer = 0  # periods in succession [1]
         self._sent = np.array([self._weight, 0.0, 0.0, 0.0])
         self._force = np.zeros(3)
-        self._error = ""  # of the last tick that failed
+        self._error = self._problem = ""  # of the last tick that failed; what is not in order
         self._warm_up()
 
     @property
     def phase(self) -> Phase:
         """Phase of the flight."""
         return self.phases.phase
+
+    @property
+    def lacks(self) -> str:
+        """What it waits for before it flies; empty once it does."""
+        waiting = self._problem or f"in order, and not in offboard, for less than {self._limits.settle:g} s"
+        return {Phase.WAITING: waiting, Phase.READY: "the pilot has not handed over"}.get(self.phase, "")
 
     @property
     def leaves(self) -> bool:
@@ -101,6 +108,14 @@ class Node:
         """
         self._left_at, self._next_heartbeat = now, -np.inf
 
+    def listen(self) -> list[Said]:
+        """Return what has come since the last tick; the next takes it, by its time."""
+        try:
+            self._heard += [one for data in self._link.receive() for one in self._codec.parse(data)]
+        except Exception:  # nothing may end a flight but its phases
+            self.counts.errors += 1
+        return self._heard
+
     def tick(self, now: float, patience: float = 0.0) -> None:
         """Read what has come, and send what follows; a tick that fails sends nothing, and counts as a problem.
 
@@ -119,9 +134,10 @@ class Node:
             self._change(now, self._error, self.phases.was_engaged)
 
     def _tick(self, now: float, patience: float) -> None:
-        for data in self._link.receive():
-            for said in self._codec.parse(data):
-                self.readings.take(said, now)
+        if not self._heard:
+            self.listen()
+        while self._heard:
+            self.readings.take(self._heard.pop(0), now)
         reading = self.readings.at(now)
         self.x = reading.x
         self._is_trusted, problem = self._judge(now, reading)
@@ -168,7 +184,7 @@ class Node:
         return trusted, problem
 
     def _change(self, now: float, problem: str, engaged: bool) -> None:
-        before = self.phase
+        before, self._problem = self.phase, problem
         self.phases = self.phases.advanced(now, problem=problem, engaged=engaged, config=self._limits)
         if self.phase is not before:
             self.events.append(Event(self._since_start(now), self.phase, self.phases.reason))

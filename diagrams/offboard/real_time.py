@@ -45,32 +45,33 @@ def fly(
 ) -> None:
     """Tick a node in real time until it has stopped; at the end of its motion the autopilot is asked to hold its place.
 
+    On a simulated vehicle the time is the vehicle's (`NodeClock`).
+
     Args:
         node: that has not ticked yet.
-        wait: longest time until the autopilot hands over [s].
+        wait: longest time until the autopilot hands over, by our clock [s].
         ended: whether to end at once.
-        monitor: is shown the node every half a second, and the time on its reference [s].
+        monitor: is shown the node every half a second of our clock, and the time on its reference [s].
     """
     period, end = 1 / node.config.offboard.rate, node.config.end
     begin = planned = time.monotonic()
     looked = -float("inf")
     while True:
-        if (early := planned - time.monotonic()) > 0:
+        while (early := planned - (now := node.clock.read(time.monotonic(), node.listen()))) > 0:
             time.sleep(early)
-        now = time.monotonic()
         node.counts.delays.append(now - planned)
         node.tick(now, PATIENCE * period)
         flown = node.flown_for(now)
         if not node.leaves and (flown >= end or ended()):
             node.leave(now)
         is_idle = node.phase in (Phase.WAITING, Phase.READY)
-        if node.phase is Phase.STOPPED or (is_idle and (node.leaves or now - begin > wait)):
+        if node.phase is Phase.STOPPED or (is_idle and (node.leaves or time.monotonic() - begin > wait)):
             return
-        if monitor is not None and now - looked >= LOOKS:
-            looked = now
+        if monitor is not None and time.monotonic() - looked >= LOOKS:
+            looked = time.monotonic()
             monitor(node, flown)
         planned += period
-        if (behind := time.monotonic() - planned) > period:
+        if (behind := node.clock.read(time.monotonic(), []) - planned) > period:
             skipped = int(behind / period)
             node.counts.skipped += skipped
             planned += skipped * period

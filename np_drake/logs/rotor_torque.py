@@ -14,6 +14,7 @@ import numpy as np
 from scipy import signal
 
 from np_drake.flight_log import FlightLog
+from np_drake.training_data.segments import white_noise
 from np_drake.vehicle import Vehicle
 
 BAND = (0.7, 8.0)  # in which torques are compared [Hz]; own choice: above trim and drift, below most noise
@@ -82,7 +83,9 @@ def evidence(log: FlightLog, vehicle: Vehicle) -> Evidence | None:
 def torque_agreement(log: FlightLog, vehicle: Vehicle) -> tuple[np.ndarray, np.ndarray] | None:
     """Return by axis the correlation (3,) of a log's torque with J dw/dt + w x J w, and the size of that over it (3,).
 
-    None where the torque is not known, or the log is too short or too slow.
+    A controller that answers the gyro's noise correlates its torque with the noise of dw/dt. The correlation is NaN
+    about an axis that is not excited: the motion's part is less than that noise. None where the torque is not known, or
+    the log is too short or too slow.
 
     Args:
         log: of one flight.
@@ -99,7 +102,11 @@ def torque_agreement(log: FlightLog, vehicle: Vehicle) -> tuple[np.ndarray, np.n
         correlation = np.sum(turn * torque, axis=0) / np.maximum(size * own, 1e-300)
         if correlation.sum() > best[0].sum():
             best = correlation, size / own
-    return best
+    # White noise has in the band the power that an impulse of its size has.
+    impulse = np.outer(signal.unit_impulse(len(log), "mid"), white_noise([log.w]))
+    noise, _ = _in_band(dc.replace(log, w=impulse), vehicle, log.u[:, 1:], ())
+    excited = np.mean(turn**2, axis=0) > 2 * np.sum(noise**2, axis=0)
+    return np.where(excited, best[0], np.nan), best[1]
 
 
 def is_each(values: np.ndarray | None) -> bool:

@@ -15,7 +15,7 @@ LOCAL_NED, BODY_FRD = 1, 12  # MAV_FRAME
 IGNORE_ATTITUDE = 128  # ATTITUDE_TARGET_TYPEMASK: follow body rates and thrust
 PX4, ARDUPILOT, NO_AUTOPILOT = 12, 3, 8  # MAV_AUTOPILOT
 QUADROTOR, ONBOARD, ACTIVE = 2, 18, 4  # MAV_TYPE, MAV_STATE
-ARMED, GUIDED, CUSTOM_MODE = 128, 8, 1  # MAV_MODE_FLAG
+ARMED, HIL, GUIDED, CUSTOM_MODE = 128, 32, 8, 1  # MAV_MODE_FLAG; HIL: simulated, motors are blocked
 PX4_OFFBOARD, PX4_HOLD = 6 << 16, (4 << 16) | (3 << 24)  # custom_mode of PX4: main mode, and sub mode
 COPTER_LOITER = 5
 COPTER_GUIDED = (4, 20)  # custom_mode of ArduCopter: GUIDED, GUIDED_NOGPS
@@ -39,6 +39,7 @@ class Heartbeat:
 
     engaged: bool  # armed, and follows what is sent
     autopilot: int  # MAV_AUTOPILOT
+    simulated: bool = False  # its vehicle, whose clock may be slow
 
 
 @dc.dataclass(frozen=True)
@@ -116,7 +117,7 @@ class Codec:
         return self._system == message.get_srcSystem()
 
     def heartbeat(self, *, engaged: bool = False, autopilot: int = NO_AUTOPILOT) -> bytes:
-        """Return a heartbeat of a companion, or of an autopilot of PX4's kind.
+        """Return a heartbeat of a companion, or of an autopilot of PX4's kind whose vehicle is simulated.
 
         Args:
             engaged: whether it is in offboard, and not in hold.
@@ -124,8 +125,8 @@ class Codec:
         """
         if autopilot == NO_AUTOPILOT:
             return self._pack(self._out.heartbeat_encode(ONBOARD, autopilot, 0, 0, ACTIVE))
-        mode = PX4_OFFBOARD if engaged else PX4_HOLD
-        return self._pack(self._out.heartbeat_encode(QUADROTOR, autopilot, ARMED | CUSTOM_MODE, mode, ACTIVE))
+        modes = (ARMED | HIL | CUSTOM_MODE, PX4_OFFBOARD if engaged else PX4_HOLD)
+        return self._pack(self._out.heartbeat_encode(QUADROTOR, autopilot, *modes, ACTIVE))
 
     def odometry(self, stamp: float, x: np.ndarray) -> bytes:
         """Return the state as ODOMETRY, velocity in body axes.
@@ -217,7 +218,7 @@ class Codec:
     def _said(self, m: Any) -> Said | None:
         kind, nan = m.get_type(), np.full(3, np.nan)
         if kind == "HEARTBEAT":
-            return None if m.autopilot == NO_AUTOPILOT else Heartbeat(_engaged(m), m.autopilot)
+            return None if m.autopilot == NO_AUTOPILOT else Heartbeat(_engaged(m), m.autopilot, bool(m.base_mode & HIL))
         if kind == "ODOMETRY" and m.frame_id == LOCAL_NED and m.child_frame_id in (BODY_FRD, LOCAL_NED):
             q = turned_attitude(np.array(m.q))
             v = np.array([m.vx, m.vy, m.vz])

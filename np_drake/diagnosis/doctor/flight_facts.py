@@ -10,6 +10,7 @@ from np_drake.diagnosis.doctor.lags import lags
 from np_drake.diagnosis.doctor.log_report import FlightFacts, SignalFacts
 from np_drake.diagnosis.residuals import smooth_attitude
 from np_drake.flight_log import FlightLog
+from np_drake.training_data.segments import white_noise
 from np_drake.vehicle import MeasurementNoise, Vehicle
 
 GAP = 2.5  # median intervals of a longer one, a gap [1]; as in the import
@@ -65,14 +66,7 @@ def _signals(log: FlightLog, usual: MeasurementNoise):
         values = getattr(log, field)
         if integrated.get(field) in log.lacks or values is None or not np.isfinite(values).all():
             continue
-        yield SignalFacts(name, unit, *_noise(values), known.get(sensor, 0.0), *_grain(values))
-
-
-def _noise(values: np.ndarray) -> tuple[float]:
-    """Return the white noise of the noisiest column: second differences of motion are small against it."""
-    second = np.diff(values, n=2, axis=0)
-    robust = 1.4826 * np.median(np.abs(second - np.median(second, axis=0)), axis=0) / np.sqrt(6)
-    return (float(robust.max()),)
+        yield SignalFacts(name, unit, float(white_noise([values]).max()), known.get(sensor, 0.0), *_grain(values))
 
 
 def _grain(values: np.ndarray) -> tuple[float, float]:

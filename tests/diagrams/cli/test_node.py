@@ -8,6 +8,7 @@ from pydrake.common.eigen_geometry import Quaternion
 from pydrake.math import RollPitchYaw
 
 from diagrams.cli.main import run
+from tests.diagrams.offboard.rail import Rail, hover
 
 
 @pytest.fixture
@@ -65,7 +66,34 @@ def test_a_vehicle_that_nobody_commands_holds_its_place(tmp_path, capsys):
     assert run(["fly", str(scenario), "--link", "udpout:127.0.0.1:9", "--out", str(out)]) == 0
     shown = capsys.readouterr().out
     assert "never" in shown
+    assert "simulated time over real time" in shown
     assert {path.name for path in out.iterdir()} == {"mine_mavlink.csv", "mine_mavlink_replay.html"}
+
+
+def test_what_a_node_waits_for_is_said_at_once_in_lines_of_80_columns(capsys):
+    from diagrams.cli.node import _Told
+
+    rail = Rail(hover())
+    with _Told() as dut:
+        rail.node.tick(0.0)
+        dut.show(rail.node)
+        rail.autopilot.codec.odometry = lambda *_: b""
+        rail.advance(0.02)
+        for rate in (1.0, 0.31, 0.3):
+            rail.node.clock.rate, rail.node.clock.waits = rate, True
+            dut.show(rail.node)
+        del rail.autopilot.codec.odometry
+        rail.advance(2.0)
+        dut.show(rail.node)
+    shown = capsys.readouterr().out
+    assert max(map(len, shown.splitlines())) <= 80
+    assert [" ".join(line.split()) for line in shown.splitlines()] == [
+        "waiting: no heartbeat of an autopilot",
+        "waiting: no ODOMETRY, nor LOCAL_POSITION_NED with ATTITUDE_QUATERNION",
+        "the vehicle's clock runs at 0.31 of real time, and the flight by it",
+        "0.34 s ready: all is in order",
+        "ready: the pilot has not handed over",
+    ]
 
 
 def test_the_attitude_that_is_shown_is_that_of_a_pilot():

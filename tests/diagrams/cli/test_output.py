@@ -1,6 +1,7 @@
 """Laws of what verbs print and write."""
 
 import json
+import sys
 
 import numpy as np
 import pytest
@@ -49,6 +50,20 @@ def test_progress_ends_at_a_hundred_percent_where_a_person_looks(capsys, monkeyp
     err = capsys.readouterr().err
     assert "working" in err
     assert "100 %" in err
+
+
+def test_the_text_of_a_progress_is_whole_and_lines_stand_above_it(capsys, monkeypatch):
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setenv("COLUMNS", "80")
+    text = "flying: right down +10, nose up -10, left of east +100 deg, height 1.50 m"
+    with dut.progress("flying circle", 10) as advance:
+        monkeypatch.setattr(sys.stdout, "isatty", lambda: True, raising=False)
+        advance(5, text)
+        dut.say("above")
+    err = capsys.readouterr().err
+    assert text in err
+    assert "above" in err  # by way of the bar's own console
 
 
 def test_a_long_line_is_not_wrapped(capsys):

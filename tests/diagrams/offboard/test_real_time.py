@@ -11,12 +11,16 @@ import pytest
 
 from diagrams.offboard import real_time
 from diagrams.offboard.beside import flown_beside
+from diagrams.offboard.linked_flight import RealTime
 from diagrams.offboard.node import Node
 from diagrams.offboard.solver_thread import SolverThread
 from diagrams.offboard.study import flight
+from np_drake.offboard.autopilot import SimulatedAutopilot
+from np_drake.offboard.codec import PX4
 from np_drake.offboard.config import OffboardConfig
-from np_drake.offboard.link import Channel
-from tests.diagrams.offboard.rail import hover
+from np_drake.offboard.link import Channel, Link
+from np_drake.references.config import ReferenceConfig
+from tests.diagrams.offboard.rail import PLACE, TICK, hover
 
 
 def test_it_flies_a_vehicle_of_another_process():
@@ -35,6 +39,72 @@ def test_a_silent_link_ends_the_wait_without_a_flight():
     real_time.fly(node, wait=0.3)
     assert 0.3 <= time.monotonic() - begin < 3.0
     assert node.flown is None
+
+
+class SlowVehicle(Link):
+    """Vehicle on a rail whose clock runs at a rate of ours."""
+
+    def __init__(self, config, rate):
+        self.autopilot, self.rate = SimulatedAutopilot(config.vehicle), rate
+        self.x, self.time, self.begin = np.array([*PLACE, 1.0, *np.zeros(9)]), 0.0, time.monotonic()
+
+    def send(self, data):
+        self.autopilot.take(data, self.time)
+
+    def receive(self):
+        found = []
+        while self.time + TICK <= self.rate * (time.monotonic() - self.begin):
+            self.time += TICK
+            self.autopilot.step(self.time, self.x)
+            found.append(self.autopilot.messages(self.time, self.x, np.zeros(6)))
+        return found
+
+    def close(self):
+        pass
+
+
+@pytest.mark.parametrize("rate", [0.3, 1.0])
+def test_a_simulated_vehicle_is_flown_by_its_own_clock_however_slow(rate):
+    config = hover(duration=0.2, reference=ReferenceConfig(track="hover", ramp=0.2))
+    config.offboard.late_solves = 100  # the machine may be busy
+    vehicle, worker = SlowVehicle(config, rate), SolverThread()
+    dut = Node(config, vehicle, worker)
+    vehicle.begin = time.monotonic()
+    real_time.fly(dut, wait=20.0)
+    worker.close()
+    assert [event.phase.value for event in dut.events] == ["ready", "flying", "stopped"]
+    assert dut.flown.log.t[-1] == pytest.approx(config.end, abs=0.1)
+    assert dut.events[-1].time <= vehicle.time + 0.1  # by the vehicle's clock
+    assert max(dut.readings.ages) < config.offboard.stale_after
+
+
+def test_a_slow_clock_of_any_other_vehicle_is_known_within_two_seconds():
+    config, worker = hover(), SolverThread()
+    dut = Node(config, vehicle := SlowVehicle(config, 0.3), worker)
+    codec = vehicle.autopilot.codec
+    codec.heartbeat = lambda **_: codec._pack(codec._out.heartbeat_encode(2, PX4, 128, 0, 4))  # of no simulation
+    vehicle.begin = time.monotonic()
+    real_time.fly(dut, wait=1.9)
+    worker.close()
+    assert dut.lacks == "the state is older than 100 ms"
+    assert dut.clock.rate == pytest.approx(0.3, abs=0.05)
+    assert dut.flown is None
+
+
+def test_the_pace_of_a_simulation_is_measured(monkeypatch):
+    dut, now = RealTime(), iter([10.0, 12.0, 13.0])
+    monkeypatch.setattr(time, "monotonic", lambda: next(now))
+    dut.begin(None, FixedClock())
+    assert dut.factor(0.5) == pytest.approx(0.25)
+    assert dut.factor(1.5) == pytest.approx(1.0)
+    assert dut.mean == pytest.approx(0.5)
+
+
+class FixedClock:
+    """Context at the beginning of a flight."""
+
+    def get_time(self):
+        return 0.0
 
 
 def test_an_interrupt_asks_for_the_end_and_raises_nothing():

@@ -151,3 +151,17 @@ def test_torque_of_another_size_keeps_its_correlation_and_tells_the_factor():
     correlation, ratio = torque_agreement(dc.replace(log, u=0.25 * u), own)
     np.testing.assert_allclose(correlation, 1.0, atol=0.01)  # filters and differences
     np.testing.assert_allclose(ratio, 4.0, rtol=0.02)
+
+
+@pytest.mark.parametrize("moves", [False, True])
+def test_a_controller_that_answers_noise_tells_nothing_where_nothing_moves(moves):
+    own = load_vehicle("crazyflie")
+    log = turning(own)
+    w = log.w * moves
+    torque = np.gradient(w, STEP, axis=0) @ own.J.T + np.cross(w, w @ own.J.T)
+    noise = 0.01 * np.random.default_rng(2).normal(size=w.shape)  # [rad/s]
+    answer = -4.0 * np.roll(noise, 4, axis=0) @ own.J.T  # 40 ms late: in phase with the derivative at 6 Hz
+    read = dc.replace(log, w=w + noise, u=np.column_stack([np.ones(len(log)), torque + answer]))
+    correlation, ratio = torque_agreement(read, own)
+    np.testing.assert_allclose(correlation, 1.0 if moves else np.nan, atol=0.02)  # filters, differences
+    assert moves or np.all(ratio > 3.0)

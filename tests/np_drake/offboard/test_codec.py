@@ -222,9 +222,14 @@ def test_another_autopilot_follows_in_its_guided_mode(base, engaged):
     assert heartbeat_of(0, 0, base=base) == [Heartbeat(engaged, 0)]
 
 
+def test_a_vehicle_is_simulated_where_its_autopilot_blocks_its_motors():
+    (real,), (simulated,) = heartbeat_of(PX4, 6 << 16), heartbeat_of(PX4, 6 << 16, base=128 | 32 | 1)
+    assert (real.engaged, real.simulated, simulated.engaged, simulated.simulated) == (True, False, True, True)
+
+
 @pytest.mark.parametrize("engaged", [True, False])
 def test_the_heartbeat_of_an_autopilot_is_read_as_it_was_meant(engaged):
-    assert only(Codec(AUTOPILOT).heartbeat(engaged=engaged, autopilot=PX4)) == Heartbeat(engaged, PX4)
+    assert only(Codec(AUTOPILOT).heartbeat(engaged=engaged, autopilot=PX4)) == Heartbeat(engaged, PX4, simulated=True)
 
 
 def test_a_companions_heartbeat_is_not_the_autopilots():
@@ -271,7 +276,7 @@ def test_bytes_that_are_no_messages_do_no_lasting_harm(noise):
     dut.parse(noise)
     for _ in range(1 + 2 * LONGEST // len(good)):
         dut.parse(good)
-    assert dut.parse(good) == [Heartbeat(True, PX4)]
+    assert dut.parse(good) == [Heartbeat(True, PX4, simulated=True)]
 
 
 @pytest.mark.parametrize("kind", ["heartbeat", "odometry", "inertial", "command"])
@@ -282,7 +287,7 @@ def test_a_truncated_message_is_not_read_and_does_no_lasting_harm(kind):
         assert dut.parse(whole[:length]) == []
         for _ in range(1 + LONGEST // len(good)):
             dut.parse(good)
-        assert dut.parse(good) == [Heartbeat(True, PX4)]
+        assert dut.parse(good) == [Heartbeat(True, PX4, simulated=True)]
 
 
 @pytest.mark.parametrize("kind", ["heartbeat", "odometry", "inertial", "command"])
@@ -305,7 +310,7 @@ def test_a_companion_listens_to_the_autopilot_that_it_hears_first_alone():
     first._out.srcSystem, other._out.srcSystem = 7, 8
     dut, x = Codec(COMPANION), np.array([0.0, 0.0, 1.0, 1.0, *np.zeros(9)])
     assert dut.parse(first.odometry(1.0, x)) == []
-    assert dut.parse(first.heartbeat(engaged=True, autopilot=PX4)) == [Heartbeat(True, PX4)]
+    assert dut.parse(first.heartbeat(engaged=True, autopilot=PX4)) == [Heartbeat(True, PX4, simulated=True)]
     assert dut.parse(other.heartbeat(engaged=False, autopilot=PX4) + other.odometry(1.0, x)) == []
     assert [type(said).__name__ for said in dut.parse(first.odometry(2.0, x))] == ["Pose"]
     assert raw(dut.command(0.0, np.zeros(3), 0.5)).target_system == 7

@@ -5,7 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from np_drake.offboard.message_clock import WINDOW, MessageClock
+from np_drake.offboard.codec import PX4, Heartbeat, Pose
+from np_drake.offboard.message_clock import PATIENCE, SLACK, WINDOW, MessageClock, NodeClock
 
 WAYS = st.lists(st.tuples(st.floats(0.001, 0.2), st.floats(0.0, 0.3)), min_size=1, max_size=30)  # gap, delay [s]
 OFFSETS = st.floats(-1e6, 1e6)
@@ -93,3 +94,73 @@ def test_a_clock_that_steps_back_is_followed_after_two_windows():
         found.append(dut.age(stamp, now))
     assert max(found) == pytest.approx(0.2, abs=1e-9)
     assert max(found[round((5.0 + 2 * WINDOW) / 0.01) + 2 :]) < 1e-9
+
+
+SIMULATED, REAL = Heartbeat(False, PX4, simulated=True), Heartbeat(False, PX4)
+STEP, EVERY = 0.004, 0.01  # between two readings of the clock, and between two messages by the vehicle's clock [s]
+
+
+def state(stamp: float) -> Pose:
+    return Pose(stamp, "ODOMETRY", np.zeros(13))
+
+
+def node_times(rates, *, beat=SIMULATED, boot: float = 7.0, dut: NodeClock | None = None) -> np.ndarray:
+    """Our time, the vehicle's and the node's (n, 3) of a vehicle whose clock runs at these rates, a step each."""
+    dut, found, sent, theirs = dut or NodeClock(), [], 0, 0.0
+    for k, rate in enumerate(rates):
+        theirs += rate * STEP
+        due = int(theirs / EVERY + 1e-9)
+        said = [beat, *(state(boot + EVERY * (n + 1)) for n in range(sent, due))]
+        found.append((100.0 + k * STEP, theirs, dut.read(100.0 + k * STEP, said)))
+        sent = due
+    return np.array(found)
+
+
+@pytest.mark.parametrize("rate", [0.05, 0.3, 0.9, 1.0, 1.5])
+def test_the_time_of_a_node_is_that_of_a_simulated_vehicle(rate):
+    clock = NodeClock()
+    _, theirs, dut = node_times(np.full(3000, rate), dut=clock)[100:].T
+    np.testing.assert_allclose(np.ptp(dut - theirs), 0.0, atol=EVERY + SLACK + STEP)
+    assert (np.diff(dut) >= 0.0).all()
+    assert clock.rate == pytest.approx(rate, abs=2 * EVERY)
+
+
+@pytest.mark.parametrize("rate", [0.3, 0.97, 1.03])
+def test_the_time_of_a_node_is_ours_on_any_other_vehicle(rate):
+    clock = NodeClock()
+    ours, _, dut = node_times(np.full(3000, rate), beat=REAL, dut=clock).T
+    np.testing.assert_array_equal(dut, ours)
+    assert clock.rate == pytest.approx(rate, abs=2 * EVERY)
+
+
+def test_the_rate_of_a_slow_clock_is_known_within_two_seconds():
+    clock = NodeClock()
+    node_times(np.full(round(2.0 / STEP), 0.3), dut=clock)
+    assert clock.rate == pytest.approx(0.3, abs=2 * EVERY)
+
+
+@given(rates=st.lists(st.floats(0.0, 3.0), min_size=1, max_size=40))
+def test_the_time_of_a_node_never_goes_back_whatever_a_vehicle_does(rates):
+    dut = node_times(np.repeat(rates, 100))[:, 2]
+    assert (np.diff(dut) >= -1e-9).all()
+    assert np.isfinite(dut).all()
+
+
+def test_a_silent_simulated_vehicle_is_waited_for_while_patience_lasts():
+    ours, _, dut = node_times(np.repeat([1.0, 0.0], 1000)).T
+    silent = ours[-1] - ours[1000]
+    assert dut[-1] - dut[1000] == pytest.approx(silent - PATIENCE, abs=SLACK + 2 * STEP)
+
+
+@pytest.mark.parametrize("boot", [3.0, 1e6])
+def test_a_simulated_vehicle_that_starts_anew_leaves_the_time_of_a_node(boot):
+    clock = NodeClock()
+    before = node_times(np.full(1000, 0.5), boot=500.0, dut=clock)[-1, 2]
+    after = clock.read(100.0 + 1000 * STEP, [state(boot), state(boot + EVERY)])
+    assert 0.0 <= after - before <= STEP + EVERY + 1e-9
+
+
+def test_a_simulated_vehicle_that_is_heard_late_is_joined_at_our_time():
+    dut = NodeClock()
+    assert dut.read(50.0, []) == 50.0
+    assert dut.read(51.0, [SIMULATED, state(7.0), state(7.0 + EVERY)]) == pytest.approx(51.0, abs=EVERY + 1e-9)
