@@ -62,8 +62,10 @@ class Inference:
     @cached_property
     def left(self) -> Remainder:
         """What the causes leave of the held-out gap."""
-        said, materiality = self.unexplained, self.options.materiality
-        return measure_remainder(self.causes, self.ranking.noise, self.held, [*said.structures, said.slow], materiality)
+        said = self.unexplained
+        return measure_remainder(
+            self.causes, self.ranking.noise, self.held, [*said.structures, said.slow], self.options
+        )
 
     @property
     def unknown(self) -> bool:

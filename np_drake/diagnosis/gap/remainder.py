@@ -1,8 +1,8 @@
 """What causes and calibration leave of the held-out gap beyond the noise: its share, its sizes, and whether it matters.
 
-One calculation gives all of it. The remainder is what held-out flights show above the noise of the training flights,
-and the structure in that noise that no effect explains. Its share of the gap has a posterior over blocks of time and
-over whether each structure is there.
+One calculation gives all of it. The remainder is what held-out flights show above the noise of the training flights and
+slow errors of the attitude, and the structure in that noise that no effect explains. Its share of the gap has a
+posterior over blocks of time and over whether each structure is there.
 """
 
 from collections.abc import Mapping, Sequence
@@ -16,7 +16,7 @@ from np_drake.diagnosis.fitting.map_estimate import BLOCK
 from np_drake.diagnosis.forward_model import predicted_residual
 from np_drake.diagnosis.held_out import HeldOut
 from np_drake.diagnosis.numerics import NoiseModel
-from np_drake.diagnosis.options import Materiality
+from np_drake.diagnosis.options import Materiality, Options
 from np_drake.diagnosis.residuals import FORCE, TORQUE, WRENCH, FlightResiduals, low_pass
 from np_drake.diagnosis.result import Cause, Remainder
 from np_drake.effects.gusty_wind import GustyWind
@@ -35,11 +35,7 @@ SURE = 0.025  # quantile of the gap that is above the noise where there is one [
 
 
 def measure_remainder(
-    causes: Sequence[Cause],
-    noise: NoiseModel,
-    held: HeldOut,
-    indications: Sequence[Indication],
-    materiality: Materiality,
+    causes: Sequence[Cause], noise: NoiseModel, held: HeldOut, indications: Sequence[Indication], options: Options
 ) -> Remainder:
     """Return what causes and calibration leave of the gap on held-out flights.
 
@@ -48,7 +44,7 @@ def measure_remainder(
         noise: noise model of the channels.
         held: held-out flights under the fit.
         indications: of structure that no effect explains, whose power the noise model holds.
-        materiality: position error and force from which a remainder matters.
+        options: hold the sizes from which a remainder matters, and how far attitudes drift.
     """
     flights, named = held.flights, {c.identifier for c in causes}
     before = {e.name: e.against_file for e in flights}
@@ -60,13 +56,16 @@ def measure_remainder(
     scale = np.maximum(noise.rms[WRENCH], 1e-12) ** -2.0 * noise.active[WRENCH] / 6
     there = rng.uniform(size=(DRAWS, len(indications))) < [i.probability for i in indications]
     powers = np.reshape([i.power for i in indications], (-1, 6))
-    structure, floor = there @ (powers @ scale), noise.active[WRENCH].mean()
+    weight, drift = flights[0].weight, np.zeros(6)
+    drift[:2] = (options.tolerance.attitude * weight) ** 2
+    floor, structure = (noise.rms[WRENCH] ** 2 + drift) @ scale, there @ (powers @ scale)
     gap, left = (
-        draws - floor + structure for draws in _draws(before, after, held.rows, scale, flights[0].grid.step, rng)
+        np.maximum(draws - floor, 0.0) + structure
+        for draws in _draws(before, after, held.rows, scale, flights[0].grid.step, rng)
     )
     expected = np.array([i.probability for i in indications]) @ powers
-    was, now = (_sizes(flights, y, held.rows, noise, expected) for y in (before, after))
-    weight = flights[0].weight
+    was, now = (_sizes(flights, y, held.rows, noise, drift, expected) for y in (before, after))
+    materiality = options.materiality
     matters = np.quantile(gap, SURE) > 0 and _relative(was, weight, materiality) >= 1
     if not matters:
         return Remainder(float("nan"), (float("nan"), float("nan")), *now, was[2], 0.0)
@@ -117,20 +116,21 @@ def _sizes(
     wrench: Mapping[str, np.ndarray],
     rows: Mapping[str, np.ndarray],
     noise: NoiseModel,
+    drift: np.ndarray,
     structure: np.ndarray,
 ) -> tuple[float, float, float]:
     """Return the RMS force [N] and torque [N·m] above the noise, and the RMS position error that both cause [m].
 
-    structure: (6,) power of structure that the noise model holds [N², (N·m)²].
+    drift, structure: (6,) power of slow sensor errors, and of structure that the noise model holds [N², (N·m)²].
     """
     every = np.concatenate([wrench[e.name][rows[e.name], WRENCH] for e in flights])
-    power = np.maximum(np.mean(every**2, axis=0) - noise.rms[WRENCH] ** 2, 0.0) + structure
+    power = np.maximum(np.mean(every**2, axis=0) - noise.rms[WRENCH] ** 2 - drift, 0.0) + structure
     rng, moved = np.random.default_rng(SEED), 0.0
     for e in flights:
         chance = [position_errors(e, _noise_of(noise, len(e.t), rng), rows[e.name]) for _ in range(NOISES)]
         own = position_errors(e, wrench[e.name][:, WRENCH], rows[e.name])
         moved += float(np.sum(own**2) - np.sum(np.square(chance)) / NOISES) / max(len(own), 1) / len(flights)
-    moved = max(moved, 0.0) + _slow_position_error(flights[0], structure)
+    moved = max(moved - _slow_position_error(flights[0], drift), 0.0) + _slow_position_error(flights[0], structure)
     return float(np.sqrt(power[FORCE].sum())), float(np.sqrt(power[TORQUE].sum())), float(np.sqrt(moved))
 
 

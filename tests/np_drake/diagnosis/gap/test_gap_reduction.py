@@ -31,9 +31,7 @@ def solved(ranked):
 
 def reduction(case, held, causes, replay=None):
     noise = case.ranking.noise
-    return dut.measure_gap_reduction(
-        causes, noise, held, measure_remainder(causes, noise, held, (), REAL.materiality), replay
-    )
+    return dut.measure_gap_reduction(causes, noise, held, measure_remainder(causes, noise, held, (), REAL), replay)
 
 
 def test_with_the_true_causes_the_gap_goes_down_to_the_noise(solved):

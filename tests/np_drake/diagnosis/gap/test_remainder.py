@@ -11,7 +11,7 @@ from np_drake.diagnosis.adequacy import Indication
 from np_drake.diagnosis.gap import remainder as dut
 from np_drake.diagnosis.held_out import HeldOut
 from np_drake.diagnosis.numerics.noise_fit import scale_only
-from np_drake.diagnosis.options import Materiality
+from np_drake.diagnosis.options import Materiality, Options, Tolerance
 from np_drake.diagnosis.residuals import FORCE, make_flight_residuals
 from np_drake.diagnosis.result import Finding
 from np_drake.vehicle import Vehicle
@@ -19,7 +19,7 @@ from np_drake.vehicle import Vehicle
 VEHICLE = Vehicle()
 WEIGHT = VEHICLE.mass * VEHICLE.gravity
 FORCE_NOISE = 0.1  # [N]
-ALL = Materiality()
+EXACT = dc.replace(Options.for_sensors(True), tolerance=dc.replace(Tolerance(), attitude=0.0))
 
 
 @pytest.fixture(scope="module")
@@ -32,12 +32,16 @@ def noise_of(e) -> np.ndarray:
     return np.random.default_rng(0).normal(size=e.y.shape) * ([FORCE_NOISE] * 3 + [1e-3] * 3 + [0.01] * 9)
 
 
-def left_of(hover, before, after, indications=(), materiality=ALL):
+def left_of(hover, before, after, indications=(), options=EXACT):
     """Return the remainder of residuals beyond white noise, which calibration takes from one to the other."""
     noise = noise_of(hover)
     e = dc.replace(hover, y=noise + after, calibrated=before - after)
     held = HeldOut([e], {e.name: []}, {e.name: e.y}, {e.name: np.ones(len(e.t), bool)}, {e.name: []})
-    return dut.measure_remainder([], scale_only([noise], e.grid.step), held, indications, materiality)
+    return dut.measure_remainder([], scale_only([noise], e.grid.step), held, indications, options)
+
+
+def asked_for(position: float) -> Options:
+    return dc.replace(EXACT, materiality=Materiality(position=position))
 
 
 def push(e, size: float) -> np.ndarray:
@@ -95,8 +99,15 @@ def test_a_small_gap_is_immaterial_unless_it_is_asked_for(hover):
     gap = push(hover, 0.004 * WEIGHT)
     assert np.isnan(left_of(hover, gap, gap).share)
     assert left_of(hover, gap, gap).probability == 0.0
-    asked = left_of(hover, gap, gap, materiality=dc.replace(ALL, position=0.005))
+    asked = left_of(hover, gap, gap, options=asked_for(0.005))
     assert asked.probability > 0.95
+
+
+def test_a_slow_force_within_the_tolerance_of_the_attitude_is_no_gap(hover):
+    tilted = push(hover, 1.0 * Tolerance().attitude * WEIGHT)
+    options = dc.replace(Options.for_sensors(True), materiality=Materiality(position=0.01))
+    assert np.isnan(left_of(hover, tilted, tilted, options=options).share)
+    assert left_of(hover, 3 * tilted, 3 * tilted, options=options).probability > 0.95
 
 
 def test_structure_in_the_noise_is_left_as_probably_as_it_is_there(hover):
@@ -104,7 +115,7 @@ def test_structure_in_the_noise_is_left_as_probably_as_it_is_there(hover):
     power[FORCE] = [0.0, 0.6 * FORCE_NOISE**2, 0.0]
     hidden = [Indication(p, Finding("line", "a line", 1.0), power) for p in (0.9,)]
     gap = push(hover, 0.06 * WEIGHT)
-    found = left_of(hover, gap, push(hover, 0.0), hidden, dc.replace(ALL, position=1e-4))
+    found = left_of(hover, gap, push(hover, 0.0), hidden, asked_for(1e-4))
     none = left_of(hover, gap, push(hover, 0.0), [hidden[0]._replace(probability=0.0)])
     assert none.share < 0.01
     assert found.share > none.share
