@@ -48,6 +48,14 @@ def diagnose(
             help="Tolerances of vehicle file and logs: real or ideal sensors; default: as logs look.",
         ),
     ] = None,
+    material: Annotated[
+        float | None,
+        Option(
+            metavar="METRES",
+            help="Position error after 1 s from which what is left is material [m], and force in proportion; "
+            "default: 0.05, and 2 % of weight.",
+        ),
+    ] = None,
     neighbour: Annotated[
         list[str] | None,
         Option(
@@ -64,7 +72,7 @@ def diagnose(
     logs = files.open(nominal, repair=repair)
     tell(*(f"{log.name}: {note}" for flights in logs for log in flights for note in log.notes), indent="  ")
     beside = files.open_neighbours(neighbour or (), logs)
-    how: dict[str, Any] = {"replay": not no_replay, "second_look": not no_second_look, "rig": rig}
+    how: dict[str, Any] = {"replay": not no_replay, "second_look": not no_second_look, "rig": rig, "material": material}
     found = diagnose_logs(nominal, *logs, **how, neighbours=beside)
     nominal = found.nominal or nominal
     if run.folder is not None:
@@ -199,6 +207,7 @@ def diagnose_logs(
     replay: bool,
     second_look: bool = True,
     rig: bool | None = None,
+    material: float | None = None,
     neighbours: Mapping[str, "list[FlightLog]"] | None = None,
 ) -> "Diagnosis":
     """Run the five steps behind a progress bar.
@@ -210,6 +219,7 @@ def diagnose_logs(
         replay: whether Drake replays flights too.
         second_look: whether held-out flights may give a second answer.
         rig: whether sensors are real or ideal; None: as the logs look.
+        material: position error from which what is left is material [m]; None: the usual one.
         neighbours: by name of a flight, logs of vehicles that flew beside it.
     """
     from diagrams.gap.drake_replay import DrakeReplay
@@ -221,7 +231,7 @@ def diagnose_logs(
     with progress("diagnosing", 1.0) as advance:
         simulator = DrakeReplay(vehicle) if replay else None
         tolerance = {None: None, True: Tolerance(), False: IDEAL_SENSORS}[rig]
-        how: dict[str, Any] = {"adaptive_split": second_look, "tolerance": tolerance, "neighbours": neighbours}
-        found = five_steps(vehicle, train, held_out, simulator, **how, on_progress=advance)
+        how: dict[str, Any] = {"adaptive_split": second_look, "tolerance": tolerance, "material": material}
+        found = five_steps(vehicle, train, held_out, simulator, **how, neighbours=neighbours, on_progress=advance)
         advance(1.0)
     return found

@@ -65,6 +65,7 @@ def diagnose(
     adaptive_split: bool = True,
     tolerance: Tolerance | None = None,
     options: Options | None = None,
+    material: float | None = None,
     neighbours: Mapping[str, Sequence[FlightLog]] | None = None,
     on_progress: Progress | None = None,
 ) -> Diagnosis:
@@ -82,6 +83,8 @@ def diagnose(
         tolerance: errors of vehicle file and sensors that are not a cause: `Tolerance()` for real sensors,
             `IDEAL_SENSORS`, or one's own; default: real where attitudes are noisy or rotor speed is measured.
         options: all that steers the answer; default: `Options.for_sensors` of that tolerance.
+        material: position error of a simulator after 1 s from which what is left is material [m]; default: that of
+            the options. A force is in proportion to it.
         neighbours: by name of a flight, logs of vehicles that flew beside it, on clocks that agree and in one frame:
             their downwash is then tried as a cause.
         on_progress: called with the share done [1] and the name of the step.
@@ -119,6 +122,8 @@ def diagnose(
     names["nominal"] = vehicle
     names["doubts"] = as_lines(doubt for e in (*fitted, *judging) for doubt in doubts(e))
     sensors = options or Options.for_sensors(tolerance_of(fitted).real)
+    if material is not None:
+        options = sensors = sensors.with_material(material)
     if with_input(sensors, fitted).tolerance.unmeasured and all(e.knows_torque for e in (*fitted, *judging)):
         gain = torque_gain(fitted)
         fitted, judging = with_torque_gain(fitted, gain), with_torque_gain(judging, gain)

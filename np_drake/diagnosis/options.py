@@ -224,6 +224,18 @@ class Options:
     priors: Priors  # of models and parameters
     thresholds: Thresholds  # of the decision
 
+    def with_material(self, position: float) -> "Options":
+        """Return the options by which a remainder is material from this position error on, and a force in proportion.
+
+        Args:
+            position: of a simulator after 1 s [m].
+        Raises: ValueError: if it is not positive.
+        """
+        if not 0 < position < math.inf:
+            raise ValueError(f"diagnose: a material position error must be positive and finite [m]; got {position}.")
+        force = self.materiality.remaining_force * position / self.materiality.position
+        return dc.replace(self, materiality=dc.replace(self.materiality, position=position, remaining_force=force))
+
     @classmethod
     def for_sensors(cls, real: bool, tolerance: Tolerance | None = None) -> "Options":
         """Return the options for real or ideal sensors.
