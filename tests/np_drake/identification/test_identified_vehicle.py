@@ -68,3 +68,17 @@ def test_a_told_mass_has_an_interval(analytic):
     assert dut.mass == pytest.approx(1.3, rel=0.02)
     assert dut.intervals["mass"][0][0] < dut.mass < dut.intervals["mass"][0][1]
     assert dut.sources["mass"].startswith("identified")
+    assert 1.96 * dut.mass_uncertainty == pytest.approx(dut.intervals["mass"][0][1] / dut.mass - 1, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    "case, field", [("found", "thrust_coefficient"), ("by_throttle", "throttle.full_thrust")], ids=str
+)
+def test_the_file_states_how_well_flights_tell_thrust(case, field, request, tmp_path):
+    found = request.getfixturevalue(case)
+    found = dc.replace(found, prior=dc.replace(found.prior, thrust_uncertainty=0.4, mass_uncertainty=0.01))
+    save_vehicle(identified_vehicle(found, "mine"), tmp_path / "mine.yaml")
+    dut = load_vehicle(tmp_path / "mine.yaml")
+    half = dut.intervals[field][0][1] / values(dut)[field] - 1
+    assert 0 < 1.96 * dut.thrust_uncertainty == pytest.approx(half, rel=0.02)  # 2 %: the interval is one of ratios
+    assert dut.mass_uncertainty == 0.01  # the mass was given, and the flights do not tell it
