@@ -1,8 +1,7 @@
 """Share of the rotors' torque to which the motion responds: calibration that comes before everything else.
 
-Controllers run faster than logs, rotors differ and trim moments that no model has: of logged torque the motion often
-shows a small part, and its controller cancels other torque before it is logged. J dw/dt = gain (torque of rotors and
-effects) holds for both.
+Controllers run faster than logs: of logged torque the motion may show a small part. J dw/dt = gain (torque of rotors and
+effects) holds for both. Slow torque does not count: it trims moments of air and payload, which effects are to explain.
 """
 
 import dataclasses as dc
@@ -13,13 +12,14 @@ import numpy as np
 from np_drake.diagnosis.residuals import TORQUE, WRENCH, FlightResiduals
 
 LAGS = (0.0, 0.04, 0.08)  # at which motion may answer torque, as rotors do [s]
+CHANGE = 0.1  # over which torque changes; own choice: faster than a trim, slower than noise [s]
 LEAST = 0.02  # so that calibration still has a torque to scale [1]
 
 
 def torque_gain(flights: Sequence[FlightResiduals]) -> np.ndarray:
     """Return (3,) the share of the rotors' torque about each axis to which the motion of all flights responds [1].
 
-    It is the RMS of the torque of the motion that lagged rotor torque predicts, over that of rotor torque.
+    It is the RMS of the change of the motion's torque that lagged rotor torque predicts, over that of rotor torque.
     Source: least squares, whose gain is the conditional mean given a noisy regressor.
     """
     gain = np.ones(3)
@@ -34,13 +34,14 @@ def torque_gain(flights: Sequence[FlightResiduals]) -> np.ndarray:
 
 
 def _lagged(e: FlightResiduals, axis: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return rotor torque about an axis at all lags (m, k), and the torque of the motion (m,), without means [N·m]."""
+    """Return rotor torque about an axis at all lags (m, k), and the torque of the motion (m,), as changes [N·m]."""
     torque = e.nominal[:, TORQUE][:, axis]
     shown = torque + e.y[:, TORQUE][:, axis]
     rows = [round(lag / e.grid.step) for lag in LAGS]
     X = np.stack([torque[rows[-1] - k : len(torque) - k] for k in rows], axis=1)
     y = shown[rows[-1] :]
-    return X - X.mean(axis=0), y - y.mean()
+    apart = max(1, round(CHANGE / e.grid.step))
+    return X[apart:] - X[:-apart], y[apart:] - y[:-apart]
 
 
 def with_torque_gain(flights: Sequence[FlightResiduals], gain: np.ndarray) -> list[FlightResiduals]:
