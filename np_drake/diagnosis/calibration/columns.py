@@ -13,11 +13,12 @@ from np_drake.diagnosis.regressors.library import LINEAR, Candidate
 from np_drake.diagnosis.regressors.nuisance import calibration
 from np_drake.diagnosis.residuals import WRENCH, FlightResiduals
 from np_drake.effects.base import Effect
-from np_drake.effects.mixer_gain import MixerGain
+from np_drake.effects.inertia_error import InertiaError
 from np_drake.effects.random_sizes import arm
 
 # Smooth functions of velocity, attitude rate and thrust: what an airframe has and no effect of the library describes.
 SMOOTH = ("rates", "side force", "velocity", "cross flow", "thrust curve", "command")
+FLATTEST = 0.98  # of the sum of two moments of inertia that the third may reach [1]
 PART = 0.2  # of a deviation at which a mass effect is differenced, as it is not quite linear [1]
 
 
@@ -137,8 +138,11 @@ def calibration_effects(fit: Fit, e: FlightResiduals, tolerance: Tolerance) -> l
     """
     if not fit.calibrated:
         return []
-    coefficients, found, first = fit.calibrated[0][1], list[Effect](), 0
-    share = e.torque_share
+    # A share of all torque is shown as if the inertia were larger, by as much as a rigid body can have it.
+    moments = e.vehicle.J.diagonal() / e.torque_gain
+    moments = np.minimum(moments, FLATTEST * (moments.sum() - moments))
+    found: list[Effect] = [InertiaError(*(moments / e.vehicle.J.diagonal()))]
+    coefficients, first = fit.calibrated[0][1], 0
     for d in of_vehicle(e, tolerance):
         own = coefficients[first : first + len(d.deviation)]
         first += len(d.deviation)
@@ -148,8 +152,7 @@ def calibration_effects(fit: Fit, e: FlightResiduals, tolerance: Tolerance) -> l
         values = {name: p.neutral for name, p in parameters.items() if not p.choices} | d.fixed
         for (name, deviation), c in zip(d.deviation.items(), own, strict=True):
             p = parameters[name]
-            value = (p.neutral + c * deviation) * (share[name] if d.effect is MixerGain else 1.0)
-            values[name] = float(np.clip(value, p.lower, p.upper))
+            values[name] = float(np.clip(p.neutral + c * deviation, p.lower, p.upper))
         found.append(d.effect.of(values))
     return found
 
