@@ -22,7 +22,7 @@ from np_drake.diagnosis.decision.explanations import explanations_of
 from np_drake.diagnosis.decision.infer import Inference, as_named, infer
 from np_drake.diagnosis.decision.second_answer import novelty, second_answer, without_onsets_in
 from np_drake.diagnosis.doctor.doubts import as_lines, doubts
-from np_drake.diagnosis.forward_model import predicted_residual
+from np_drake.diagnosis.forward_model import predicted_residual, with_fixed_effects
 from np_drake.diagnosis.gap.gap_reduction import held_out_gains, measure_gap_reduction
 from np_drake.diagnosis.localisation.identifiability import (
     assess_identifiability,
@@ -108,8 +108,8 @@ def diagnose(
         replay = getattr(replay, "of_vehicle", lambda _: replay)(vehicle)
     tell(0.0, "residuals")
     step = max(natural_step(log.t) for log in [*train, *held_out])
-    fitted = [make_flight_residuals(log, vehicle, step) for log in train]
-    judging = [make_flight_residuals(log, vehicle, step) for log in held_out]
+    fitted = [with_fixed_effects(make_flight_residuals(log, vehicle, step)) for log in train]
+    judging = [with_fixed_effects(make_flight_residuals(log, vehicle, step)) for log in held_out]
     names: dict[str, Any] = {
         "vehicle": vehicle.name,
         "nominal": vehicle,

@@ -7,7 +7,7 @@ from types import MappingProxyType
 import numpy as np
 
 from np_drake.diagnosis.calibration.columns import drift_columns
-from np_drake.diagnosis.calibration.spread import Deviation, of_flight, of_vehicle, parameter_names
+from np_drake.diagnosis.calibration.spread import SURE, Deviation, of_flight, of_vehicle, parameter_names
 from np_drake.diagnosis.fitting import Fit
 from np_drake.diagnosis.fitting.map_estimate import LinearPart
 from np_drake.diagnosis.options import SPREAD, Tolerance
@@ -19,7 +19,6 @@ from np_drake.effects.mixer_gain import MixerGain
 from np_drake.files.number_text import departure_unit, measure, with_sign
 
 AXES = 2  # last columns of the airframe: thrust that leans to x and y
-CI95 = 1.96  # half of a 95 % interval over its standard deviation [1]
 
 
 def differences(fit: Fit, flights: Sequence[FlightResiduals], tolerance: Tolerance) -> tuple[Difference, ...]:
@@ -145,5 +144,5 @@ def _difference(
     size = measure(factor * abs(value), shown)
     words = less if less and value < 0 else more
     text = words.format(size=size, signed=with_sign(size, value), **{n: f"{v:g}" for n, v in fixed.items()})
-    ci95 = (float(value - CI95 * sigma), float(value + CI95 * sigma))
+    ci95 = (float(value - SURE * sigma), float(value + SURE * sigma))
     return Difference(name, text, float(value), unit or "1", float(deviation), ci95)

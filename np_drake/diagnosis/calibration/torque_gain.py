@@ -1,7 +1,7 @@
 """Share of the rotors' torque to which the motion responds: calibration that comes before everything else.
 
-Controllers run faster than logs: of logged torque the motion may show a small part. J dw/dt = gain (torque of rotors and
-effects) holds for both. Torque that trims a moment of the air or of a payload does not count: effects explain it.
+Controllers run faster than logs: of logged torque the motion may show a small part. J dw/dt = gain (torque of rotors
+and effects) holds for both. Torque that trims a moment of the air or of a payload does not count: effects explain it.
 """
 
 import dataclasses as dc
@@ -22,7 +22,7 @@ def torque_gain(flights: Sequence[FlightResiduals]) -> np.ndarray:
     """Return (3,) the share of the rotors' torque about each axis to which the motion of all flights responds [1].
 
     It is the RMS of the change of the motion's torque that lagged rotor torque predicts, over that of rotor torque.
-    Source: least squares, whose gain is the conditional mean given a noisy regressor, beside moments of air and payload.
+    Source: least squares, whose gain is the conditional mean given a noisy regressor, beside moments of air and load.
     """
     gain = np.ones(3)
     for axis in range(3):

@@ -14,6 +14,7 @@ from np_drake.diagnosis.doctor.log_report import NEVER, NO, YES, Answer, FlightF
 from np_drake.diagnosis.doctor.smallest_sizes import Information, Smallest, smallest_gust, smallest_sizes
 from np_drake.diagnosis.doctor.swing_test import swing_test
 from np_drake.diagnosis.doctor.traces import GUSTS, explain, nearest_usual, payload_traces, traces
+from np_drake.diagnosis.forward_model import with_fixed_effects
 from np_drake.diagnosis.localisation.identifiability import excitation, excited, manoeuvre, tells_apart
 from np_drake.diagnosis.regressors import DRAG, PAYLOAD, WIND, hidden_from, options_of
 from np_drake.diagnosis.residuals import FORCE, LEAST_DURATION, FlightResiduals, make_flight_residuals, natural_step
@@ -87,7 +88,7 @@ def _with_answers(report: LogReport, logs: Sequence[FlightLog], vehicle: Vehicle
     tell(0.2, "residuals")
     logs = [_head(log) for log in logs]
     step = max(natural_step(log.t) for log in logs)
-    flights = [make_flight_residuals(log, vehicle, step) for log in logs]
+    flights = [with_fixed_effects(make_flight_residuals(log, vehicle, step)) for log in logs]
     first_of_all = [doubt for e in flights for doubt in doubts(e)]
     moving = excitation(flights)
     options = options_of(flights, real=True if any(f.imported for f in report.flights) else None)
