@@ -14,7 +14,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from np_drake.diagnosis.calibration.columns import calibration_effects
+from np_drake.diagnosis.calibration.columns import calibration_effects, with_fixed_effects
 from np_drake.diagnosis.calibration.differences import differences
 from np_drake.diagnosis.calibration.torque_gain import torque_gain, with_torque_gain
 from np_drake.diagnosis.decision.causes import joint_posterior, without_late_onsets
@@ -22,7 +22,7 @@ from np_drake.diagnosis.decision.explanations import explanations_of
 from np_drake.diagnosis.decision.infer import Inference, as_named, infer
 from np_drake.diagnosis.decision.second_answer import novelty, second_answer, without_onsets_in
 from np_drake.diagnosis.doctor.doubts import as_lines, doubts
-from np_drake.diagnosis.forward_model import predicted_residual, with_fixed_effects
+from np_drake.diagnosis.forward_model import predicted_residual
 from np_drake.diagnosis.gap.gap_reduction import held_out_gains, measure_gap_reduction
 from np_drake.diagnosis.localisation.identifiability import (
     assess_identifiability,

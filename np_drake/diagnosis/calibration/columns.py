@@ -1,5 +1,6 @@
 """Calibration as columns of the regression, in units of the spread of healthy vehicles."""
 
+import dataclasses as dc
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -12,7 +13,8 @@ from np_drake.diagnosis.regressors.generic import PREFIX, generic_candidates
 from np_drake.diagnosis.regressors.library import LINEAR, Candidate
 from np_drake.diagnosis.regressors.nuisance import calibration
 from np_drake.diagnosis.residuals import WRENCH, FlightResiduals
-from np_drake.effects.base import Effect
+from np_drake.effects.base import ActuatorEffect, Effect
+from np_drake.effects.calibration import in_flight
 from np_drake.effects.inertia_error import InertiaError
 from np_drake.effects.random_sizes import arm
 
@@ -126,6 +128,14 @@ def thrust_axis_columns(e: FlightResiduals, spread: Spread = SPREAD) -> np.ndarr
 def _smooth(groups: Sequence[Candidate], e: FlightResiduals) -> np.ndarray:
     """Return the columns (m, 15, k) of groups of generic structure on a flight."""
     return np.concatenate([c.generic(e) for c in groups if c.generic], axis=-1)
+
+
+def with_fixed_effects(flight: FlightResiduals) -> FlightResiduals:
+    """Return the flight against the vehicle with the calibration of its file: its part that is not in the rotors."""
+    fixed = tuple(e for e in in_flight(flight.vehicle) if not isinstance(e, ActuatorEffect))
+    given = predicted_residual(flight, [Term(effect) for effect in fixed])
+    wrench, y = given[:, WRENCH], flight.known(flight.y - given)
+    return dc.replace(flight, y=y, nominal=flight.nominal + wrench, fixed=fixed, given=wrench)
 
 
 def calibration_effects(fit: Fit, e: FlightResiduals, tolerance: Tolerance) -> list[Effect]:

@@ -8,9 +8,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from np_drake.diagnosis.calibration.columns import with_fixed_effects
 from np_drake.diagnosis.calibration.torque_gain import with_torque_gain
 from np_drake.diagnosis.decision.infer import Inference, conclude
-from np_drake.diagnosis.forward_model import with_fixed_effects
 from np_drake.diagnosis.held_out import misfit
 from np_drake.diagnosis.residuals import FlightResiduals, make_flight_residuals
 from np_drake.diagnosis.residuals.residual_parts import CHANNELS

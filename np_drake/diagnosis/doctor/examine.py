@@ -7,14 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from np_drake.diagnosis.calibration.columns import nuisance_of
+from np_drake.diagnosis.calibration.columns import nuisance_of, with_fixed_effects
 from np_drake.diagnosis.doctor.doubts import as_lines, doubts, law_doubts
 from np_drake.diagnosis.doctor.flight_facts import flight_facts
 from np_drake.diagnosis.doctor.log_report import NEVER, NO, YES, Answer, FlightFacts, LogReport
 from np_drake.diagnosis.doctor.smallest_sizes import Information, Smallest, smallest_gust, smallest_sizes
 from np_drake.diagnosis.doctor.swing_test import swing_test
 from np_drake.diagnosis.doctor.traces import GUSTS, explain, nearest_usual, payload_traces, traces
-from np_drake.diagnosis.forward_model import with_fixed_effects
 from np_drake.diagnosis.localisation.identifiability import excitation, excited, manoeuvre, tells_apart
 from np_drake.diagnosis.regressors import DRAG, PAYLOAD, WIND, hidden_from, options_of
 from np_drake.diagnosis.residuals import FORCE, LEAST_DURATION, FlightResiduals, make_flight_residuals, natural_step

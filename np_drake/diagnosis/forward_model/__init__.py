@@ -14,4 +14,4 @@ from np_drake.diagnosis.forward_model.payload_state import (
     swing_wrenches,
     with_dependants,
 )
-from np_drake.diagnosis.forward_model.prediction import StageCache, predicted_residual, with_fixed_effects
+from np_drake.diagnosis.forward_model.prediction import StageCache, predicted_residual

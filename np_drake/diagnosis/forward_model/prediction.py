@@ -1,6 +1,5 @@
 """Predicted residual: what a set of effects leaves in the channels of `FlightResiduals`, for all places of effects."""
 
-import dataclasses as dc
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from typing import Any, NamedTuple
@@ -13,7 +12,6 @@ from np_drake.diagnosis.forward_model.sensor_residual import sensor_residual, wi
 from np_drake.diagnosis.residuals import FlightResiduals, Instants
 from np_drake.diagnosis.residuals import flight_residuals as channels
 from np_drake.effects.base import ActuatorEffect, Effect, MassEffect, MassProperties, Motion, SensorEffect, WrenchEffect
-from np_drake.effects.calibration import in_flight
 from np_drake.effects.motor_lag import MotorLag
 
 
@@ -52,14 +50,6 @@ def predicted_residual(flight: FlightResiduals, terms: Sequence[Term], stages: S
     stages, fixed = stages or StageCache(), [Term(effect) for effect in flight.fixed]
     left = _left_by(flight, [*fixed, *terms], stages)
     return left - stages.once("fixed", (), partial(_left_by, flight, fixed, stages)) if fixed else left
-
-
-def with_fixed_effects(flight: FlightResiduals) -> FlightResiduals:
-    """Return the flight against the vehicle with the calibration of its file: its part that is not in the rotors."""
-    fixed = tuple(e for e in in_flight(flight.vehicle) if not isinstance(e, ActuatorEffect))
-    given = predicted_residual(flight, [Term(effect) for effect in fixed])
-    wrench, y = given[:, channels.WRENCH], flight.known(flight.y - given)
-    return dc.replace(flight, y=y, nominal=flight.nominal + wrench, fixed=fixed, given=wrench)
 
 
 def _left_by(flight: FlightResiduals, terms: Sequence[Term], stages: StageCache) -> np.ndarray:
