@@ -19,7 +19,7 @@ FASTEST = 1e-3  # time constant below which a lag only makes an integrator stiff
 
 
 def in_flight(vehicle: Vehicle, *, measured: bool = False, beside: Iterable[Any] = ()) -> tuple[Effect, ...]:
-    """Return the effects of the calibration of a vehicle file that change how it flies, and not how it is logged.
+    """Return the effects of the calibration of a vehicle file that act in a flight.
 
     Args:
         vehicle: with its calibration.
@@ -29,8 +29,7 @@ def in_flight(vehicle: Vehicle, *, measured: bool = False, beside: Iterable[Any]
     motors = (
         (UnevenLag, CommandDelay) if measured else (UnevenLag,) if any(isinstance(e, MotorLag) for e in beside) else ()
     )
-    own = effects_of(vehicle.calibration, vehicle)
-    return tuple(e for e in own if e.place != "measurement" and not isinstance(e, motors))
+    return tuple(e for e in effects_of(vehicle.calibration, vehicle) if not isinstance(e, motors))
 
 
 def effects_of(calibration: Calibration, vehicle: Vehicle) -> tuple[Effect, ...]:
