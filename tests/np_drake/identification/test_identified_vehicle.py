@@ -5,6 +5,7 @@ import pytest
 
 from np_drake.identification.identified_vehicle import identified_vehicle
 from np_drake.identification.identify import identify
+from np_drake.logs.hover_thrust import with_hover_thrust
 from np_drake.vehicle import load_vehicle
 from np_drake.vehicle_sources import values
 from np_drake.vehicle_text import save_vehicle
@@ -82,3 +83,12 @@ def test_the_file_states_how_well_flights_tell_thrust(case, field, request, tmp_
     half = dut.intervals[field][0][1] / values(dut)[field] - 1
     assert 0 < 1.96 * dut.thrust_uncertainty == pytest.approx(half, rel=0.02)  # 2 %: the interval is one of ratios
     assert dut.mass_uncertainty == 0.01  # the mass was given, and the flights do not tell it
+
+
+def test_what_flights_tell_of_thrust_is_no_guess(found, flights):
+    guessed = dc.replace(found.prior, thrust_uncertainty=0.4)
+    told = identified_vehicle(dc.replace(found, prior=guessed), "mine")
+    assert with_hover_thrust(guessed, flights)[0] is not guessed
+    dut, logs, _ = with_hover_thrust(told, flights)
+    assert dut is told
+    assert all(log is flight for log, flight in zip(logs, flights, strict=True))
