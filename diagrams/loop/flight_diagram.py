@@ -8,6 +8,7 @@ simulator.AdvanceTo(config.end)
 """
 
 import dataclasses as dc
+from typing import Any
 
 import numpy as np
 from pydrake.common import RandomGenerator
@@ -68,7 +69,7 @@ def make_flight_diagram(
     vehicle = builder.AddNamedSystem(
         REAL_VEHICLE, real.make(behind, reality, command_period=period, pushed=pushed, events=config.events)
     )
-    tilt = [e for e in in_flight(config.vehicle) if isinstance(e, ImuMounting)]
+    tilt: list[Any] = [e for e in in_flight(config.vehicle) if isinstance(e, ImuMounting)]
     sensors = [*tilt, *config.reality.sensor_effects()]
     rig = add_sensor_model(builder, vehicle, config.vehicle, sensors, period=period)
     if faults.measurement and not knows:
