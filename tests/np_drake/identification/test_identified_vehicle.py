@@ -3,10 +3,14 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
+from np_drake.diagnosis.calibration.columns import with_fixed_effects
+from np_drake.diagnosis.residuals import TORQUE, make_flight_residuals
 from np_drake.identification.identified_vehicle import identified_vehicle
 from np_drake.identification.identify import identify
 from np_drake.logs.hover_thrust import with_hover_thrust
+from np_drake.rotor_input import with_rotor_input
 from np_drake.vehicle import load_vehicle
+from np_drake.vehicle_calibration import Calibration
 from np_drake.vehicle_sources import values
 from np_drake.vehicle_text import save_vehicle
 
@@ -92,3 +96,14 @@ def test_what_flights_tell_of_thrust_is_no_guess(found, flights):
     dut, logs, _ = with_hover_thrust(told, flights)
     assert dut is told
     assert all(log is flight for log, flight in zip(logs, flights, strict=True))
+
+
+def test_a_diagnosis_takes_what_identify_wrote_as_its_nominal_vehicle(found, flights, tmp_path):
+    save_vehicle(identified_vehicle(found, "mine"), tmp_path / "mine.yaml")
+    told = load_vehicle(tmp_path / "mine.yaml")
+
+    def torque(vehicle):
+        e = with_fixed_effects(make_flight_residuals(with_rotor_input(flights[0], vehicle), vehicle))
+        return np.sqrt(np.mean(e.y[:, TORQUE] ** 2, axis=0))
+
+    assert np.all(torque(told)[:2] < 0.5 * torque(dc.replace(told, calibration=Calibration(), intervals={}))[:2])
