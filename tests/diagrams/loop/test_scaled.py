@@ -132,7 +132,7 @@ def test_the_fast_lemniscate_reaches_3_m_per_s():
 
 
 @pytest.mark.parametrize("delay, known", [(0.004, 0.004), (0.5, None)], ids=str)
-def test_the_controller_knows_the_delay_of_the_vehicle_file_as_far_as_it_can(delay, known):
+def test_the_controller_knows_the_delay_of_the_file_within_its_limit(delay, known):
     vehicle = dc.replace(load_vehicle("crazyflie"), calibration=Calibration(command_delay=delay))
     dut = default_flight(vehicle).check().controller
     assert dut.command_delay == pytest.approx(known or LONGEST_DELAY * dut.period)

@@ -77,7 +77,7 @@ def test_a_file_without_calibration_fixes_nothing(seen):
     assert np.array_equal(dut.y, e.y)
 
 
-def test_motors_are_behind_measured_rotor_speed_and_a_lag_takes_the_place_of_the_files():
+def test_motors_are_behind_measured_speed_and_a_lag_replaces_the_files():
     file = dc.replace(FILE, calibration=dc.replace(KNOWN, rotor_time_constant_down=0.03))
     kinds = {type(e) for e in in_flight(file)}
     assert kinds >= {CenterOfMassOffset, WeakRotor, UnevenLag, CommandDelay}
