@@ -61,7 +61,7 @@ def test_a_preset_takes_an_uncertainty_and_show_prints_it(capsys, tmp_path):
     assert "not stated" in capsys.readouterr().out
 
 
-def test_a_file_is_copied_with_another_mass_and_without_what_is_said_of_its_own(tmp_path, capsys):
+def test_a_file_is_copied_with_another_mass_and_what_is_said_of_others(tmp_path, capsys):
     file, out = tmp_path / "found.yaml", tmp_path / "heavy.yaml"
     said = {
         "sources": {"mass": "weighed"},
