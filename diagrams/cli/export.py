@@ -38,20 +38,25 @@ def export(
 def read_corrected(file: str) -> tuple["Vehicle", list[Any]]:
     """Return vehicle and effects of a scenario file, vehicle file or preset: the one place where FILE is read.
 
+    The effects of the vehicle's calibration come first.
+
     No format knows an onset: an effect that begins in flight acts from the start, which is said.
     Raises: ValueError: one line on bad content.
     """
+    from np_drake.effects.calibration import in_flight
     from np_drake.vehicle import load_vehicle, vehicle_file
 
     source = vehicle_file(file)
     if not _is_scenario(source):
-        return load_vehicle(file), []
+        known = load_vehicle(file)
+        return known, list(in_flight(known))
     from diagrams.loop.flight import load_flight
 
     config = load_flight(str(source))
     for effect, onset in config.reality.onsets.items():
         say(f"{effect.identifier}: begins at {onset:g} s in the scenario, and acts from the start here.")
-    return config.vehicle, config.reality.everything()
+    every = config.reality.everything()
+    return config.vehicle, [*in_flight(config.vehicle, beside=every), *every]
 
 
 def _is_scenario(path: Path) -> bool:
@@ -78,10 +83,11 @@ def export_corrected(vehicle: "Vehicle", effects: Sequence[Any], to: str, out: P
     """
     import dataclasses as dc
 
+    from diagrams.exports.carried import not_carried
     from diagrams.exports.coverage import FORMATS
 
     form = FORMATS[to]
-    account = form.write(vehicle, effects, out)
+    account = [*form.write(vehicle, effects, out), *not_carried(vehicle)]
     rows = [(line.identifier, line.how, line.note) for line in account]
     table = (f"{vehicle.name} as {form.title}", ["effect", "carried", "how, or why not"], rows)
     nothing = f"{vehicle.name} as {form.title}: no effect is left out."

@@ -15,7 +15,9 @@ if TYPE_CHECKING:
     from np_drake.vehicle_table import Row
 
 vehicle = Verbs(help="Vehicle files: new, list, show.", add_completion=False)
-Preset = Annotated[str | None, Option(metavar="NAME", help="Begin with this vehicle of `vehicle list`.")]
+Preset = Annotated[
+    str | None, Option(metavar="VEHICLE", help="Begin with this vehicle of `vehicle list`, or this file.")
+]
 MassUncertainty = Annotated[
     float | None, Option(help="Standard deviation of the mass over the mass; default: 0.01, or the preset's [1].")
 ]
@@ -110,7 +112,7 @@ def _copy_of(preset: str, mass: float | None, name: str | None, stated: Mapping[
     """Return the file of a preset, with another mass and name where they are given; the inertia stays.
 
     Args:
-        preset: name of `vehicle list`.
+        preset: name of `vehicle list`, or a vehicle file.
         mass: of the copy; None: the preset's [kg].
         name: of the copy; None: the preset's.
         stated: uncertainties of mass and thrust by field [1], in the place of the preset's or at the end.
@@ -119,17 +121,15 @@ def _copy_of(preset: str, mass: float | None, name: str | None, stated: Mapping[
     import dataclasses as dc
     import itertools
 
-    from np_drake.vehicle import load_vehicle, preset_names, vehicle_file
+    from np_drake.vehicle import load_vehicle, vehicle_file
     from np_drake.vehicle_sources import without
     from np_drake.vehicle_text import vehicle_text
 
-    if preset not in preset_names():
-        raise ValueError(f"--preset: must be one of {', '.join(preset_names())}; got {preset!r}.")
     known = load_vehicle(preset)
     given = {field: value for field, value in {"name": name, "mass": mass, **stated}.items() if value is not None}
     sources = known.sources | dict.fromkeys(given, "given")
     if mass is not None:
-        sources["mass"] = f"given; the preset's is {known.mass:g} kg"
+        sources["mass"] = f"given; that of {known.name} is {known.mass:g} kg"
     copy = dc.replace(known, **given, sources=sources, intervals=without(known.intervals, *given))  # type: ignore[arg-type]
     lines = vehicle_file(preset).read_text(encoding="utf-8").splitlines()
     return vehicle_text(copy.check(), "\n".join(itertools.takewhile(lambda line: line.startswith("#"), lines)))

@@ -4,6 +4,8 @@ import dataclasses as dc
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+from np_drake.vehicle import Vehicle
+
 EXACT, APPROXIMATE, LEFT_OUT = "exact", "approximate", "left out"
 Law = Mapping[str, tuple[str, str]]  # identifier or place of an effect -> how a format carries it, and in words
 _SENSOR = (LEFT_OUT, "an error of the sensors, not of the motion")
@@ -30,6 +32,16 @@ def carried(effects: Iterable[Any], law: Law) -> list[Carried]:
         law: of the format.
     """
     return [Carried(effect.identifier, *how_carried(effect, law)) for effect in effects]
+
+
+def not_carried(vehicle: Vehicle) -> list[Carried]:
+    """Return a line for every part of a vehicle file that it states and no format holds."""
+    parts = (
+        ("throttle", vehicle.throttle, "the commands are thrust or rotor speed"),
+        ("rate_loop", vehicle.rate_loop, "the file has no autopilot"),
+        ("calibration.imu_position", vehicle.calibration.imu_position, "the file has no sensors"),
+    )
+    return [Carried(name, LEFT_OUT, why) for name, value, why in parts if value is not None]
 
 
 def how_carried(effect: Any, law: Law) -> tuple[str, str]:

@@ -39,6 +39,7 @@ class Corrected:
     scale: float  # thrust over commanded thrust, of every rotor [1]
     rotor_share: np.ndarray  # (4,) further factor of each rotor: weak rotors [1]
     time_constant: float  # of rotor speed; the vehicle file's where no effect has one [s]
+    time_constant_down: float  # of a rotor that slows down [s]
     dead_time: float  # of commands [s]
     torque_share: np.ndarray  # (3,) share of the rotors' torque about Bo that acts, axis by axis [1]
     linear: np.ndarray  # (3,) d of f = -s d v, s = mean rotor speed over nominal hover speed [N·s/m]
@@ -102,7 +103,7 @@ def corrected(vehicle: Vehicle, effects: Sequence[Any]) -> Corrected:
         raise ValueError(
             f"corrected: the effects must leave a rigid body; got {mass.mass:g} kg and {mass.J.diagonal()} kg·m²."
         )
-    lags = [effect.time_constant for effect in _of(MotorLag, effects)]
+    lags = _of(MotorLag, effects) or [MotorLag(vehicle.rotor_time_constant)]
     if len(lags) > 1:
         raise ValueError(f"corrected: there must be one motor_lag at most; got {len(lags)}.")
     scale = _gain(vehicle, [*_of(ThrustScale, effects), *_of(ThrustDrift, effects)])
@@ -118,7 +119,8 @@ def corrected(vehicle: Vehicle, effects: Sequence[Any]) -> Corrected:
         mass=mass,
         scale=float(scale[0]),
         rotor_share=share,
-        time_constant=lags[0] if lags else vehicle.rotor_time_constant,
+        time_constant=lags[0].time_constant,
+        time_constant_down=getattr(lags[0], "down", lags[0].time_constant),
         dead_time=sum(effect.dead_time for effect in parts.actuator),
         torque_share=1.0 + sum((gain - 1.0 for gain in gains), np.zeros(3)),
         linear=_total([[e.d_x, e.d_y, e.d_z] for e in _of(LinearDrag, effects)]),

@@ -34,6 +34,7 @@ LAW: Law = {
     "thrust_drift": (APPROXIMATE, "its start, gain of the motors; the rate is left out"),
     "weak_rotor": (EXACT, "gain of the motor"),
     "motor_lag": (APPROXIMATE, "a first-order lag of thrust, not of rotor speed"),
+    "uneven_lag": (APPROXIMATE, "the lag of a rotor that speeds up, both ways"),
     "command_delay": (EXACT, "delay of the actuators (MuJoCo 3.5 or later), whose memory starts at zero"),
     "linear_drag": (APPROXIMATE, f"{_DRAG}, at the rotor speed that hovers"),
     "quadratic_drag": (LEFT_OUT, "no actuator has a force over speed squared"),

@@ -30,6 +30,7 @@ LAW: Law = {
     "thrust_drift": (APPROXIMATE, "its start, in k_eta and k_m; the rate is left out"),
     "weak_rotor": (LEFT_OUT, "k_eta is one number for all rotors"),
     "motor_lag": (EXACT, "tau_m"),
+    "uneven_lag": (APPROXIMATE, "the lag of a rotor that speeds up, both ways"),
     "command_delay": (LEFT_OUT, "no parameter; hold the commands back in the controller"),
     "linear_drag": (APPROXIMATE, f"k_d, the mean of x and y, and k_z, {_HUBS}"),
     "quadratic_drag": (APPROXIMATE, "c_Dx, c_Dy, c_Dz, with |v| in place of each axis' own"),

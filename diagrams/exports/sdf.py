@@ -37,6 +37,7 @@ LAW: Law = {
     "thrust_drift": (APPROXIMATE, "its start, in motorConstant; the rate is left out"),
     "weak_rotor": (EXACT, "in the rotor's motorConstant"),
     "motor_lag": (EXACT, "timeConstantUp and timeConstantDown"),
+    "uneven_lag": (EXACT, "timeConstantUp and timeConstantDown"),
     "command_delay": (LEFT_OUT, "the motor model has no dead time"),
     "linear_drag": (APPROXIMATE, f"{_AIR}, at the rotor speed that hovers"),
     "quadratic_drag": (EXACT, _AIR),
@@ -192,14 +193,13 @@ def _motor(model: Element, c: Corrected, i: int) -> None:
     """Add the motor plugin of rotor i (from 0)."""
     plugin = _plugin(model, "gz-sim-multicopter-motor-model-system", "MulticopterMotorModel")
     turns = "cw" if c.vehicle.rotor_directions[i] > 0 else "ccw"  # against its reaction torque
-    lag = max(c.time_constant, AT_ONCE)
     for tag, value in {
         "robotNamespace": plain_name(c.vehicle.name),
         "jointName": f"rotor_{i + 1}_joint",
         "linkName": f"rotor_{i + 1}",
         "turningDirection": turns,
-        "timeConstantUp": lag,
-        "timeConstantDown": lag,
+        "timeConstantUp": max(c.time_constant, AT_ONCE),
+        "timeConstantDown": max(c.time_constant_down, AT_ONCE),
         "maxRotVelocity": c.max_speed,
         "motorConstant": c.vehicle.thrust_coefficient * c.scale * c.rotor_share[i],
         "momentConstant": c.kappa * c.torque_share[2],

@@ -15,6 +15,7 @@ from np_drake.diagnosis.gap.gap_reduction import LEAD
 from np_drake.diagnosis.gap.replay import States, Track, payload_track, replay_gap, state_error, true_states
 from np_drake.diagnosis.result import HORIZONS, ReplayGap
 from np_drake.effects.base import Effect, SensorEffect, WrenchEffect
+from np_drake.effects.calibration import in_flight
 from np_drake.effects.combine import EffectsByPlace, mass_properties, split_effects
 from np_drake.flight_log import FlightLog
 from np_drake.rigid_body import P, Q
@@ -142,7 +143,9 @@ class DrakeReplay:
 
     def _prepared(self, log: FlightLog, effects: list[tuple[Effect, dict[str, float | None]]]) -> _Flight:
         """Return what a replay of this flight needs."""
-        acting = [(e, onsets.get(log.name)) for e, onsets in effects if log.name in onsets or not onsets]
+        own = in_flight(self._vehicle, measured=log.input == "rotor_speed", beside=(e for e, _ in effects))
+        every = [*((e, dict[str, float | None]()) for e in own), *effects]
+        acting = [(e, onsets.get(log.name)) for e, onsets in every if log.name in onsets or not onsets]
         acting = [(e.beside(log.neighbours) if isinstance(e, WrenchEffect) else e, t) for e, t in acting]
         acting = [(e, t) for e, t in acting if not e.lacking()]  # a flight without neighbours
         sensors = [effect for effect, _ in acting if isinstance(effect, SensorEffect)]

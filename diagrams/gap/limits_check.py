@@ -11,6 +11,7 @@ from diagrams.gap.next_flight import RATE, TRACK, DiagnosisReport
 from diagrams.loop.flight import FlightConfig
 from diagrams.loop.flight_result import FlightResult, LostVehicle, fly
 from np_drake import attitude
+from np_drake.diagnosis.calibration.columns import with_fixed_effects
 from np_drake.diagnosis.residuals import make_flight_residuals
 from np_drake.effects.effect_entry import EffectEntry
 from np_drake.effects.explanation import Explanation
@@ -79,6 +80,7 @@ class InSimulator:
         except LostVehicle as error:
             return Flown(explanation, {}, np.full(len(report.explanations), np.nan), lost=str(error))
         residuals = make_flight_residuals(flight.log(), flight.config.vehicle, report.readings.noise.step)
+        residuals = with_fixed_effects(residuals)
         told = predict(residuals, report.explanations, report.readings)
         posterior = np.exp(told.information.log_posterior(told.seen))
         return Flown(explanation, flown_usage(flight, self.limits), posterior)

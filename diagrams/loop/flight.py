@@ -17,7 +17,8 @@ from diagrams.loop.reality import RealityConfig
 from diagrams.loop.scaled import scaled
 from diagrams.loop.track_limits import require_flyable, warnings
 from np_drake.command_delay import LONGEST_DELAY
-from np_drake.effects.combine import mass_properties
+from np_drake.effects.calibration import in_flight
+from np_drake.effects.combine import mass_properties, split_effects
 from np_drake.effects.pendulum import Payload
 from np_drake.files.yaml_file import Read, load_checked
 from np_drake.offboard.config import OffboardConfig
@@ -230,14 +231,16 @@ class FlightConfig:
         x, y, z = payload.hook
         bob = Payload(payload.mass, payload.length, (x, y, z), payload.air_damping)
         hung = None if payload.tether == "none" else bob
+        own = split_effects(in_flight(self.vehicle, beside=reality.actuator_effects()))
+        actuators = [*reality.actuator_effects(), *own.actuator]
         return TrueModel(
             self.controller.believed(self.vehicle),
             hung,
-            reality.wrench_effects(),
-            [e for e in reality.actuator_effects() if e.dead_time == 0.0],
-            reality.dead_time,
+            [*own.wrench, *reality.wrench_effects()],
+            [e for e in actuators if e.dead_time == 0.0],
+            sum(e.dead_time for e in actuators),
             reality.onsets,
-            reality.mass_effects(),
+            [*own.mass, *reality.mass_effects()],
             reality.hangs_at,
             self._payloads(hung),
         )

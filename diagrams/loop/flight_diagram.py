@@ -8,6 +8,7 @@ simulator.AdvanceTo(config.end)
 """
 
 import dataclasses as dc
+from typing import Any
 
 import numpy as np
 from pydrake.common import RandomGenerator
@@ -18,6 +19,8 @@ from diagrams.loop.controllers import add_controller
 from diagrams.loop.flight import FlightConfig, flown_by
 from diagrams.loop.own_controller import Factory
 from diagrams.loop.real_vehicle import DRAKE, REAL_VEHICLE, RealVehicle
+from np_drake.effects.calibration import in_flight
+from np_drake.effects.imu_mounting import ImuMounting
 from np_drake.faults.measurement import MeasurementFault
 from np_drake.faults.solver import SolverFault
 from systems.recorder import add_recorder
@@ -66,7 +69,9 @@ def make_flight_diagram(
     vehicle = builder.AddNamedSystem(
         REAL_VEHICLE, real.make(behind, reality, command_period=period, pushed=pushed, events=config.events)
     )
-    rig = add_sensor_model(builder, vehicle, config.vehicle, config.reality.sensor_effects(), period=period)
+    tilt: list[Any] = [e for e in in_flight(config.vehicle) if isinstance(e, ImuMounting)]
+    sensors = [*tilt, *config.reality.sensor_effects()]
+    rig = add_sensor_model(builder, vehicle, config.vehicle, sensors, period=period)
     if faults.measurement and not knows:
         rig = add_sensor_faults(builder, rig, faults.measurement, period=period)
     ports = add_controller(

@@ -226,7 +226,8 @@ class FlightResult:
 
     def log(self) -> FlightLog:
         """Return what the vehicle itself recorded (docs/reference/flight-log.md)."""
-        log, shift = self._rows(), self.config.reality.clock_shift
+        log, config = self._rows(), self.config
+        shift = config.reality.clock_shift + config.vehicle.calibration.clock_offset
         return shift_state(log, shift) if shift else log
 
     def _rows(self) -> FlightLog:

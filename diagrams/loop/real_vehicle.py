@@ -7,6 +7,8 @@ import numpy as np
 from pydrake.systems.framework import Context, Diagram
 
 from diagrams.loop.reality import RealityConfig
+from np_drake.effects.calibration import in_flight
+from np_drake.effects.combine import split_effects
 from np_drake.vehicle import Vehicle
 from systems.initial_state import set_hover
 from systems.payload_event import PayloadEvent
@@ -61,7 +63,7 @@ class DrakeVehicle(RealVehicle):
         pushed: bool = False,
         events: Sequence[PayloadEvent] = (),
     ) -> Diagram:
-        """Return the plant with the effects that `reality` switches on.
+        """Return the plant with the calibration of its file and the effects that `reality` switches on.
 
         Args:
             vehicle: as its file says.
@@ -70,12 +72,13 @@ class DrakeVehicle(RealVehicle):
             pushed: whether forces from outside may act.
             events: of the payload in flight.
         """
+        own = split_effects(in_flight(vehicle, beside=reality.actuator_effects()))
         return make_tethered_quadrotor(
             vehicle,
             reality.hung,
-            wrench_effects=reality.wrench_effects(),
-            actuator_effects=reality.actuator_effects(),
-            mass_effects=reality.mass_effects(),
+            wrench_effects=[*own.wrench, *reality.wrench_effects()],
+            actuator_effects=[*reality.actuator_effects(), *own.actuator],
+            mass_effects=[*own.mass, *reality.mass_effects()],
             command_period=command_period,
             onsets=reality.onsets,
             hangs_at=reality.hangs_at,

@@ -5,6 +5,7 @@ import dataclasses as dc
 from collections.abc import Iterable
 from typing import Any
 
+from np_drake.command_delay import LONGEST_DELAY
 from np_drake.scaling import Scales, payload_ratio, ratios, times
 
 # Powers of length, mass and time in the unit of each field. Angles, shares, seeds, names and the noise of sensors have
@@ -63,6 +64,8 @@ def scaled(config: Any) -> Any:
     controller, mpc = config.controller, _times(config.controller.mpc, MPC, unit)
     thrust, *torques = mpc.weight_input
     weights = [thrust / unit.force**2, *(t / unit.torque**2 for t in torques)]
+    # Of the vehicle's calibration the controller knows the delay of commands.
+    known = min(config.vehicle.calibration.command_delay, LONGEST_DELAY * controller.period * unit.clock)
     simulator = copy.copy(config.simulator)
     simulator.max_step_size *= unit.time
     return dc.replace(
@@ -74,7 +77,7 @@ def scaled(config: Any) -> Any:
         controller=dc.replace(
             _paced(controller, CLOCK, unit),
             extra_mass=controller.extra_mass * carried.mass,
-            command_delay=controller.command_delay * unit.time,
+            command_delay=controller.command_delay * unit.time or known,
             mpc=dc.replace(mpc, weight_input=weights, step=mpc.step * unit.clock),
             label=_paced(controller.label, LABEL, unit),
         ),

@@ -14,7 +14,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from np_drake.diagnosis.calibration.columns import calibration_effects
+from np_drake.diagnosis.calibration.columns import calibration_effects, with_fixed_effects
 from np_drake.diagnosis.calibration.differences import differences
 from np_drake.diagnosis.calibration.torque_gain import torque_gain, with_torque_gain
 from np_drake.diagnosis.decision.causes import joint_posterior, without_late_onsets
@@ -111,8 +111,8 @@ def diagnose(
         replay = getattr(replay, "of_vehicle", lambda _: replay)(vehicle)
     tell(0.0, "residuals")
     step = max(natural_step(log.t) for log in [*train, *held_out])
-    fitted = [make_flight_residuals(log, vehicle, step) for log in train]
-    judging = [make_flight_residuals(log, vehicle, step) for log in held_out]
+    fitted = [with_fixed_effects(make_flight_residuals(log, vehicle, step)) for log in train]
+    judging = [with_fixed_effects(make_flight_residuals(log, vehicle, step)) for log in held_out]
     names: dict[str, Any] = {
         "vehicle": vehicle.name,
         "nominal": vehicle,

@@ -1,10 +1,14 @@
 """Effects of what a healthy vehicle differs by from its drawing, so that a simulator flies the calibrated vehicle."""
 
+from collections.abc import Iterable
+from typing import Any
+
 from np_drake.effects.base import Effect
 from np_drake.effects.center_of_mass_offset import CenterOfMassOffset
 from np_drake.effects.clock_offset import ClockOffset
 from np_drake.effects.command_delay import CommandDelay
 from np_drake.effects.imu_mounting import ImuMounting
+from np_drake.effects.motor_lag import MotorLag
 from np_drake.effects.rotor_gyroscopic import RotorGyroscopic
 from np_drake.effects.uneven_lag import UnevenLag
 from np_drake.effects.weak_rotor import WeakRotor
@@ -12,6 +16,20 @@ from np_drake.vehicle import Vehicle
 from np_drake.vehicle_calibration import Calibration
 
 FASTEST = 1e-3  # time constant below which a lag only makes an integrator stiff [s]; own choice
+
+
+def in_flight(vehicle: Vehicle, *, measured: bool = False, beside: Iterable[Any] = ()) -> tuple[Effect, ...]:
+    """Return the effects of the calibration of a vehicle file that act in a flight.
+
+    Args:
+        vehicle: with its calibration.
+        measured: whether thrust is that of measured rotor speed, which the motors have behind them.
+        beside: further effects; a lag among them takes the place of that of the file.
+    """
+    motors = (
+        (UnevenLag, CommandDelay) if measured else (UnevenLag,) if any(isinstance(e, MotorLag) for e in beside) else ()
+    )
+    return tuple(e for e in effects_of(vehicle.calibration, vehicle) if not isinstance(e, motors))
 
 
 def effects_of(calibration: Calibration, vehicle: Vehicle) -> tuple[Effect, ...]:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from np_drake.identification.identify import Identification
-from np_drake.identification.quantities import Identified
+from np_drake.identification.quantities import SURE, Identified
 from np_drake.rate_loop import RateLoop
 from np_drake.vehicle import Vehicle
 from np_drake.vehicle_calibration import Calibration, ThrottleMap
@@ -15,6 +15,8 @@ SHAPES = {"inertia": (3, 3), "calibration.center_of_mass": (3,), "calibration.ro
           "calibration.imu_position": (3,), "calibration.imu_tilt": (3,)}  # fmt: skip
 HEIGHT = 0.1  # 95 % of the height of a centre of mass, in arms [1]; own choice: that of a battery above or below
 DIGITS = 6
+VAGUE = 0.4  # largest uncertainty that a file states [1]; own choice: that of a coefficient of no flight
+SCALE_OF = {"rotor_speed": "thrust_coefficient", "throttle": "throttle.full_thrust"}  # thrust from what turns rotors
 FLATTEST = 1e-3  # least second moment of mass over the largest [1]; own choice: a sheet of 3 % of its length
 
 
@@ -65,6 +67,11 @@ def identified_vehicle(found: Identification, name: str) -> Vehicle:
             sources.pop("throttle.voltage_exponent", None)
         intervals["max_rotor_thrust"] = intervals["throttle.full_thrust"]
         sources["max_rotor_thrust"] = sources["throttle.full_thrust"]
+    # Thrust is told over the mass: an error of a given mass is one of thrust by the same share, and cancels in flight.
+    for field, of in (("mass_uncertainty", "mass"), ("thrust_uncertainty", SCALE_OF.get(found.basis.drive))):
+        if of in intervals:
+            low, high = intervals[of][0]
+            values[field], sources[field] = min(_rounded(np.log(high / low) / (2 * SURE)), VAGUE), sources[of]
     own = {field.partition(".")[2]: value for field, value in values.items() if field.startswith("calibration.")}
     if "rotor_gains" in own:
         own["rotor_gains"] = [_rounded(gain / float(np.mean(own["rotor_gains"]))) for gain in own["rotor_gains"]]

@@ -1,5 +1,6 @@
 """Calibration as columns of the regression, in units of the spread of healthy vehicles."""
 
+import dataclasses as dc
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -12,12 +13,14 @@ from np_drake.diagnosis.regressors.generic import PREFIX, generic_candidates
 from np_drake.diagnosis.regressors.library import LINEAR, Candidate
 from np_drake.diagnosis.regressors.nuisance import calibration
 from np_drake.diagnosis.residuals import WRENCH, FlightResiduals
-from np_drake.effects.base import Effect
-from np_drake.effects.mixer_gain import MixerGain
+from np_drake.effects.base import ActuatorEffect, Effect, MassEffect
+from np_drake.effects.calibration import in_flight
+from np_drake.effects.inertia_error import InertiaError
 from np_drake.effects.random_sizes import arm
 
 # Smooth functions of velocity, attitude rate and thrust: what an airframe has and no effect of the library describes.
 SMOOTH = ("rates", "side force", "velocity", "cross flow", "thrust curve", "command")
+FLATTEST = 0.98  # of the sum of two moments of inertia that the third may reach [1]
 PART = 0.2  # of a deviation at which a mass effect is differenced, as it is not quite linear [1]
 
 
@@ -127,6 +130,14 @@ def _smooth(groups: Sequence[Candidate], e: FlightResiduals) -> np.ndarray:
     return np.concatenate([c.generic(e) for c in groups if c.generic], axis=-1)
 
 
+def with_fixed_effects(flight: FlightResiduals) -> FlightResiduals:
+    """Return the flight against the vehicle with the calibration of its file: its part that is not in the rotors."""
+    fixed = tuple(e for e in in_flight(flight.vehicle) if not isinstance(e, ActuatorEffect))
+    given = predicted_residual(flight, [Term(effect) for effect in fixed])
+    wrench, y = given[:, WRENCH], flight.known(flight.y - given)
+    return dc.replace(flight, y=y, nominal=flight.nominal + wrench, fixed=fixed, given=wrench)
+
+
 def calibration_effects(fit: Fit, e: FlightResiduals, tolerance: Tolerance) -> list[Effect]:
     """Return the effects of the vehicle's calibration, without those of sensors, for a simulator.
 
@@ -135,10 +146,14 @@ def calibration_effects(fit: Fit, e: FlightResiduals, tolerance: Tolerance) -> l
         e: one of its flights.
         tolerance: of vehicle file and sensors.
     """
+    found: list[Effect] = [t.effect for t in fit.calibration if isinstance(t.effect, ActuatorEffect | MassEffect)]
     if not fit.calibrated:
-        return []
-    coefficients, found, first = fit.calibrated[0][1], list[Effect](), 0
-    share = e.torque_share
+        return found
+    # A share of all torque is shown as if the inertia were larger, by as much as a rigid body can have it.
+    moments = e.vehicle.J.diagonal() / e.torque_gain
+    moments = np.minimum(moments, FLATTEST * (moments.sum() - moments))
+    found.append(InertiaError(*(moments / e.vehicle.J.diagonal())))
+    coefficients, first = fit.calibrated[0][1], 0
     for d in of_vehicle(e, tolerance):
         own = coefficients[first : first + len(d.deviation)]
         first += len(d.deviation)
@@ -148,8 +163,7 @@ def calibration_effects(fit: Fit, e: FlightResiduals, tolerance: Tolerance) -> l
         values = {name: p.neutral for name, p in parameters.items() if not p.choices} | d.fixed
         for (name, deviation), c in zip(d.deviation.items(), own, strict=True):
             p = parameters[name]
-            value = (p.neutral + c * deviation) * (share[name] if d.effect is MixerGain else 1.0)
-            values[name] = float(np.clip(value, p.lower, p.upper))
+            values[name] = float(np.clip(p.neutral + c * deviation, p.lower, p.upper))
         found.append(d.effect.of(values))
     return found
 

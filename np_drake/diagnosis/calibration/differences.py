@@ -7,7 +7,7 @@ from types import MappingProxyType
 import numpy as np
 
 from np_drake.diagnosis.calibration.columns import drift_columns
-from np_drake.diagnosis.calibration.spread import Deviation, of_flight, of_vehicle, parameter_names
+from np_drake.diagnosis.calibration.spread import SURE, Deviation, of_flight, of_vehicle, parameter_names
 from np_drake.diagnosis.fitting import Fit
 from np_drake.diagnosis.fitting.map_estimate import LinearPart
 from np_drake.diagnosis.options import SPREAD, Tolerance
@@ -22,7 +22,6 @@ from np_drake.files.number_text import departure_unit, measure, number, with_sig
 
 AXES = 2  # last columns of the airframe: thrust that leans to x and y
 HARDLY = 0.25  # half of an interval over the value, above which an exponent is hardly told [1]; own choice
-CI95 = 1.96  # half of a 95 % interval over its standard deviation [1]
 
 
 def differences(fit: Fit, flights: Sequence[FlightResiduals], tolerance: Tolerance) -> tuple[Difference, ...]:
@@ -75,7 +74,7 @@ def _throttle_map(fit: Fit, e: FlightResiduals) -> list[Difference]:
     rotors = e.log.u[:, :1] if e.log.throttle.shape[1] == 1 else e.log.u @ e.vehicle.unmixer.T
     turning = (e.log.throttle > 0) & (rotors > 0)
     nominal = float(np.polyfit(np.log(e.log.throttle[turning]), np.log(rotors[turning]), 1)[0])
-    value, half = nominal * (1 + effect.curve), CI95 * nominal * _deviation_of(fit, i, "curve")
+    value, half = nominal * (1 + effect.curve), SURE * nominal * _deviation_of(fit, i, "curve")
     told = half < HARDLY * value
     shown = f"{number(value, 3)} ({number(value - half, 3)} to {number(value + half, 3)})"
     text = (
@@ -176,5 +175,5 @@ def _difference(
     size = measure(factor * abs(value), shown)
     words = less if less and value < 0 else more
     text = words.format(size=size, signed=with_sign(size, value), **{n: f"{v:g}" for n, v in fixed.items()})
-    ci95 = (float(value - CI95 * sigma), float(value + CI95 * sigma))
+    ci95 = (float(value - SURE * sigma), float(value + SURE * sigma))
     return Difference(name, text, float(value), unit or "1", float(deviation), ci95)

@@ -5,6 +5,7 @@ Lengths count in mean arms, moments in weight times arm.
 """
 
 import dataclasses as dc
+from collections.abc import Iterable
 
 import numpy as np
 
@@ -33,8 +34,12 @@ from np_drake.effects.velocity_bias import VelocityBias
 from np_drake.effects.weak_rotor import WeakRotor
 from np_drake.logs.throttle_input import voltage_of
 from np_drake.published_vehicles import published_priors
+from np_drake.vehicle import Vehicle
+from np_drake.vehicle_sources import part
 
 ROTORS = (1.0, 2.0, 3.0, 4.0)
+SURE = 1.96  # half of a 95 % interval over its standard deviation [1]
+LEAST = 1e-3  # of a stated deviation over that of healthy vehicles [1]
 
 
 @dc.dataclass(frozen=True)
@@ -53,6 +58,8 @@ class Deviation:
 def of_vehicle(e: FlightResiduals, tolerance: Tolerance, spread: Spread = SPREAD) -> list[Deviation]:
     """Return by what a healthy vehicle differs from its file; nothing where the file describes the vehicle that flew.
 
+    Of a number of its calibration for which the file states an interval, the deviation is that of the interval.
+
     Args:
         e: one of its flights.
         tolerance: of vehicle file and sensors.
@@ -64,26 +71,41 @@ def of_vehicle(e: FlightResiduals, tolerance: Tolerance, spread: Spread = SPREAD
     span, mass = arm(vehicle), vehicle.mass
     moment = spread.flapping * mass * span
     rotor = published_priors().rotor_inertia.median * mass * span**2
+    gains = zip(ROTORS, _stated(vehicle, "rotor_gains", [spread.rotor_gain] * 4), strict=True)
+    level, height = spread.center_of_mass * span, spread.center_of_mass_height * span
+    (rotor,) = _stated(vehicle, "rotor_inertia", [rotor])
+    (clock,) = _stated(vehicle, "clock_offset", [spread.rotor_speed_time if measured else spread.command_time])
+    tilt = _stated(vehicle, "imu_tilt", [spread.mounting] * 3)
     found = [
-        *(Deviation(WeakRotor, {"efficiency": spread.rotor_gain}, {"rotor": i}) for i in ROTORS),
-        Deviation(CenterOfMassOffset, _level(spread.center_of_mass * span, spread.center_of_mass_height * span)),
+        *(Deviation(WeakRotor, {"efficiency": gain}, {"rotor": i}) for i, gain in gains),
+        Deviation(CenterOfMassOffset, _by("xyz", _stated(vehicle, "center_of_mass", [level, level, height]))),
         Deviation(MixerGain, dict.fromkeys(("roll", "pitch", "yaw"), spread.torque_gain)),
         Deviation(BladeFlapping, {"moment": moment}),
         Deviation(TranslationalLift, {"lift": spread.lift * mass}),
         Deviation(RotorGyroscopic, {"rotor_inertia": rotor}),
-        Deviation(ClockOffset, {"offset": spread.rotor_speed_time if measured else spread.command_time}),
+        Deviation(ClockOffset, {"offset": clock}),
     ]
     if "attitude" not in e.log.lacks:
         found += [
-            Deviation(ImuMounting, dict.fromkeys(("roll", "pitch", "yaw"), spread.mounting)),
+            Deviation(ImuMounting, _by(("roll", "pitch", "yaw"), tilt)),
             Deviation(AttitudeLatency, {"latency": spread.latency}),
         ]
     if e.log.a is not None:
         found.append(_axes(AccelerometerBias, spread.accelerometer_offset))
     if not measured:
-        found.append(Deviation(CommandDelay, {"delay": spread.command_time}))
-        found += [Deviation(MotorLag, {"time_constant": lag}, at_value=True) for lag in spread.lags]
+        (delay,) = _stated(vehicle, "command_delay", [spread.command_time])
+        found.append(Deviation(CommandDelay, {"delay": delay}))
+        lags = spread.lags if "rotor_time_constant" not in vehicle.intervals else ()
+        found += [Deviation(MotorLag, {"time_constant": lag}, at_value=True) for lag in lags]
     return found
+
+
+def _stated(vehicle: Vehicle, field: str, healthy: list[float]) -> list[float]:
+    """Return the standard deviations of the numbers of a field of the calibration: as stated, else of healthy ones."""
+    name, said = f"calibration.{field}", vehicle.intervals
+    every = [said.get(part(name, i)) or said.get(name, [])[i : i + 1] for i in range(len(healthy))]
+    halves = ([0.5 * (high - low) for low, high in pairs] for pairs in every)
+    return [max(*half, LEAST * usual) / SURE if half else usual for half, usual in zip(halves, healthy, strict=True)]
 
 
 def calibrated_alone(e: FlightResiduals, tolerance: Tolerance) -> set[str]:
@@ -159,8 +181,8 @@ def _axes(effect: type[Effect], deviation: float) -> Deviation:
     return Deviation(effect, dict.fromkeys("xyz", deviation))
 
 
-def _level(level: float, height: float) -> dict[str, float]:
-    return {"x": level, "y": level, "z": height}
+def _by(names: Iterable[str], deviations: list[float]) -> dict[str, float]:
+    return dict(zip(names, deviations, strict=True))
 
 
 def parameter_names(deviations: list[Deviation]) -> list[str]:

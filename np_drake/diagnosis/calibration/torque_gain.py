@@ -1,8 +1,7 @@
 """Share of the rotors' torque to which the motion responds: calibration that comes before everything else.
 
-Controllers run faster than logs, rotors differ and trim moments that no model has: of logged torque the motion often
-shows a small part, and its controller cancels other torque before it is logged. J dw/dt = gain (torque of rotors and
-effects) holds for both.
+Controllers run faster than logs: of logged torque the motion may show a small part. J dw/dt = gain (torque of rotors
+and effects) holds for both. Torque that trims a moment of the air or of a payload does not count: effects explain it.
 """
 
 import dataclasses as dc
@@ -10,17 +9,20 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.residuals import TORQUE, WRENCH, FlightResiduals
+from np_drake import attitude
+from np_drake.diagnosis.residuals import FORCE, TORQUE, WRENCH, FlightResiduals
+from np_drake.rigid_body import V
 
 LAGS = (0.0, 0.04, 0.08)  # at which motion may answer torque, as rotors do [s]
+CHANGE = 0.1  # over which torque changes; own choice: faster than a trim, slower than noise [s]
 LEAST = 0.02  # so that calibration still has a torque to scale [1]
 
 
 def torque_gain(flights: Sequence[FlightResiduals]) -> np.ndarray:
     """Return (3,) the share of the rotors' torque about each axis to which the motion of all flights responds [1].
 
-    It is the RMS of the torque of the motion that lagged rotor torque predicts, over that of rotor torque.
-    Source: least squares, whose gain is the conditional mean given a noisy regressor.
+    It is the RMS of the change of the motion's torque that lagged rotor torque predicts, over that of rotor torque.
+    Source: least squares, whose gain is the conditional mean given a noisy regressor, beside moments of air and load.
     """
     gain = np.ones(3)
     for axis in range(3):
@@ -34,13 +36,21 @@ def torque_gain(flights: Sequence[FlightResiduals]) -> np.ndarray:
 
 
 def _lagged(e: FlightResiduals, axis: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return rotor torque about an axis at all lags (m, k), and the torque of the motion (m,), without means [N·m]."""
+    """Return rotor torque about an axis at all lags (m, k), and the torque of the motion (m,) [N·m].
+
+    Both as changes, and without what goes with the changes of velocity, thrust and residual force.
+    """
     torque = e.nominal[:, TORQUE][:, axis]
-    shown = torque + e.y[:, TORQUE][:, axis]
+    v_B = e.from_mids(attitude.rotate_back(e.mids.q, e.wrench_states[1][:, V]))
     rows = [round(lag / e.grid.step) for lag in LAGS]
-    X = np.stack([torque[rows[-1] - k : len(torque) - k] for k in rows], axis=1)
-    y = shown[rows[-1] :]
-    return X - X.mean(axis=0), y - y.mean()
+    lagged = [torque[rows[-1] - k : len(torque) - k] for k in rows]
+    others = (torque + e.y[:, TORQUE][:, axis], v_B, e.nominal[:, 2], e.y[:, FORCE])
+    signals = np.column_stack([*lagged, *(signal[rows[-1] :] for signal in others)])
+    apart = max(1, round(CHANGE / e.grid.step))
+    change = signals[apart:] - signals[:-apart]
+    own, beside = np.split(change, [len(LAGS) + 1], axis=1)
+    own = own - beside @ np.linalg.lstsq(beside, own, rcond=None)[0]
+    return own[:, :-1], own[:, -1]
 
 
 def with_torque_gain(flights: Sequence[FlightResiduals], gain: np.ndarray) -> list[FlightResiduals]:

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from np_drake.diagnosis.calibration.columns import with_fixed_effects
 from np_drake.diagnosis.calibration.torque_gain import with_torque_gain
 from np_drake.diagnosis.decision.infer import Inference, conclude
 from np_drake.diagnosis.held_out import misfit
@@ -62,7 +63,9 @@ def split_flights(flights: Sequence[FlightResiduals]) -> tuple[list[FlightResidu
             judges.append(e)
             continue
         half = dc.replace(log.rows(0, int(np.searchsorted(log.t, middle))), name=NAME.format(e.name))
-        (own,) = with_torque_gain([make_flight_residuals(half, e.vehicle, e.grid.step)], np.array(e.torque_gain))
+        (own,) = with_torque_gain(
+            [with_fixed_effects(make_flight_residuals(half, e.vehicle, e.grid.step))], np.array(e.torque_gain)
+        )
         halves.append(dc.replace(own, goes_on=True))
         judges.append(dc.replace(e, joined=e.t <= middle))
     return halves, judges

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from np_drake.diagnosis.calibration.columns import nuisance_of
+from np_drake.diagnosis.calibration.columns import nuisance_of, with_fixed_effects
 from np_drake.diagnosis.doctor.doubts import as_lines, doubts, law_doubts
 from np_drake.diagnosis.doctor.flight_facts import flight_facts
 from np_drake.diagnosis.doctor.log_report import NEVER, NO, YES, Answer, FlightFacts, LogReport
@@ -87,7 +87,7 @@ def _with_answers(report: LogReport, logs: Sequence[FlightLog], vehicle: Vehicle
     tell(0.2, "residuals")
     logs = [_head(log) for log in logs]
     step = max(natural_step(log.t) for log in logs)
-    flights = [make_flight_residuals(log, vehicle, step) for log in logs]
+    flights = [with_fixed_effects(make_flight_residuals(log, vehicle, step)) for log in logs]
     first_of_all = [doubt for e in flights for doubt in doubts(e)]
     moving = excitation(flights)
     options = options_of(flights, real=True if any(f.imported for f in report.flights) else None)

@@ -40,14 +40,15 @@ class ModifiedInertia:
             ahead: (m, 4) thrust and torques at rows less their mean around the rows [N, N·m].
         """
         e = self._e
-        wrench = e.unscaled + added
+        rotors = e.unscaled - e.given
+        wrench = rotors + added
         F, tau = wrench[:, :3], wrench[:, 3:]
         at_mids = F - ahead[:, :1] * [0.0, 0.0, 1.0] if self._offset else F
         s, al = F / self._mass, self._angular(at_mids, tau)
         if self._at_origin:
             s = s + self._angular(F, tau + ahead[:, 1:]) @ self._lever - self._inward
         needed = np.concatenate([e.vehicle.mass * s, al @ e.vehicle.J.T + e.gyroscopic], axis=1)
-        return needed - e.unscaled
+        return needed - rotors
 
     def _angular(self, F: np.ndarray, tau: np.ndarray) -> np.ndarray:
         return (tau - F @ self._lever - self._gyroscopic) @ self._turned

@@ -40,12 +40,21 @@ class StageCache:
 def predicted_residual(flight: FlightResiduals, terms: Sequence[Term], stages: StageCache | None = None) -> np.ndarray:
     """Return the sum (m, 15) of what the terms leave in the channels of a flight; wind acts through drags among them.
 
+    It is beyond what the fixed effects of the flight leave, with which they act.
+
     Args:
         flight: the flight.
         terms: effects with their onsets and hidden states.
         stages: cache of earlier predictions for this flight.
     """
-    stages, log = stages or StageCache(), flight.name
+    stages, fixed = stages or StageCache(), [Term(effect) for effect in flight.fixed]
+    left = _left_by(flight, [*fixed, *terms], stages)
+    return left - stages.once("fixed", (), partial(_left_by, flight, fixed, stages)) if fixed else left
+
+
+def _left_by(flight: FlightResiduals, terms: Sequence[Term], stages: StageCache) -> np.ndarray:
+    """Return the sum (m, 15) of what terms leave against the rotors alone."""
+    log = flight.name
     sensors = tuple(t.effect for t in terms if isinstance(t.effect, SensorEffect))
     turning = tuple((t.effect, t.begins(log)) for t in terms if isinstance(t.effect, ActuatorEffect))
     pushing = [

@@ -20,6 +20,7 @@ from np_drake.diagnosis.residuals.accelerations import Instants, velocity_before
 from np_drake.diagnosis.residuals.outliers import bridge
 from np_drake.diagnosis.residuals.resampling import TAPS, Grid, Resampler
 from np_drake.diagnosis.residuals.rotor_thrust import Rotors
+from np_drake.effects.base import Effect
 from np_drake.flight_log import FlightLog
 from np_drake.rigid_body import Q, V
 from np_drake.vehicle import Vehicle
@@ -35,7 +36,7 @@ class FlightResiduals:
 
     rows, mids: the instants at which force (rows) and torque (mids) are measured.
     thrust_rows (n, 4), thrust_mids (n-1, 4): thrust of nominal rotors there [N]; mids hold the mean over an interval.
-    nominal (m, 6): wrench of nominal rotors in B on the grid [N, N·m].
+    nominal (m, 6): wrench of nominal rotors in B on the grid, and what the calibration of the file gives [N, N·m].
     w (m, 3): body rates in B on the grid [rad/s].
     attitude_noise: white attitude noise found [rad].
     turned: `a` was rotated to W with the attitude readings, not with the smoothed attitude.
@@ -43,6 +44,8 @@ class FlightResiduals:
     joined (m,): rows of a held-out flight that joined the fit (adaptive split).
     goes_on: the flight continues after these rows, so that an effect absent here may begin later.
     calibrated (m, 15): what a calibration of the vehicle gives, already taken from y; 0: nothing.
+    fixed: effects of the file's calibration that act in every model, beyond those of the rotors.
+    given (m, 6): their part of `nominal`, with all of its torque; 0: nothing [N, N·m].
     torque_gain: share of torque, about each axis, that the motion shows [1]; y and the nominal wrench count with it.
     knows_torque: whether the log tells the rotors' torque; without it the torque channels are empty.
     """
@@ -65,6 +68,8 @@ class FlightResiduals:
     knows_torque: bool = True
     calibrated: np.ndarray | float = 0.0
     torque_gain: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    fixed: tuple[Effect, ...] = ()
+    given: np.ndarray | float = 0.0
 
     @property
     def name(self) -> str:
@@ -83,7 +88,7 @@ class FlightResiduals:
 
     @property
     def unscaled(self) -> np.ndarray:
-        """(m, 6) wrench of nominal rotors with all of its torque, in B [N, N·m]."""
+        """(m, 6) nominal wrench with all of its torque, in B [N, N·m]."""
         return self.nominal / self.shown
 
     @property
@@ -216,8 +221,10 @@ class FlightResiduals:
             return self
         grid = dc.replace(self.grid, t=self.t[:n], fine=self.grid.fine[: (n - 1) * self.grid.factor + 1])
         parts = {name: getattr(self, name)[:n] for name in ("y", "nominal", "w", "outliers", "joined")}
-        given = self.calibrated[:n] if isinstance(self.calibrated, np.ndarray) else self.calibrated
-        return dc.replace(self, grid=grid, **parts, calibrated=given)
+        for name in ("calibrated", "given"):
+            value = getattr(self, name)
+            parts[name] = value[:n] if isinstance(value, np.ndarray) else value
+        return dc.replace(self, grid=grid, **parts)
 
     def begun(self, onset: float | None) -> np.ndarray:
         """Return a step (m, 15) that is one from `onset` [s] on (None: always), smeared as each channel is."""

@@ -8,6 +8,7 @@ import numpy as np
 
 from np_drake import attitude
 from np_drake.effects.base import ActuatorEffect
+from np_drake.effects.calibration import in_flight
 from np_drake.effects.motor_lag import MotorLag
 from np_drake.flight_log import FlightLog
 from np_drake.logs.importing.interpolation import REPEATED
@@ -49,27 +50,39 @@ class Rotors:
     def thrust(self, effects: Sequence[ActuatorEffect], *, shift: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
         """Return thrust (n, 4) at the rows, right-sided, and its means (n-1, 4) between rows [N].
 
-        Commands are held between rows. The lag of the vehicle file acts unless `effects` contain a lag. Measured rotor
-        speed is interpolated, unless it steps, and passes propeller effects only.
+        Commands are held between rows. The calibration of the vehicle file acts first, and its lag unless `effects`
+        contain one. Measured rotor speed is interpolated, unless it steps, and passes propeller effects only.
 
         Args:
             effects: actuator effects in the order in which they act.
             shift: time by which commands are delayed against the log [s].
         """
-        own = self._vehicle.rotor_time_constant
-        if self._measured:
-            chain = [e for e in effects if not e.turns_rotor and e.dead_time == 0.0]
-            thrust, lag = self._commanded, 0.0
+        chain = [e for e in effects if not (self._measured and (e.turns_rotor or e.dead_time))]
+        lags = [e for e in chain if isinstance(e, MotorLag)]
+        if self._measured or not (lags or shift):
+            thrust = self._respond(self._nominal, chain)
         else:
-            chain = list(effects)
-            lags = [e.time_constant for e in chain if isinstance(e, MotorLag)]
-            lag = max(lags, default=own)
-            thrust = self._commanded if shift == 0.0 else self._held(shift)
-            if not lags and own > 0:
-                chain.insert(0, MotorLag(own))
-        for effect in chain:
-            thrust = effect.respond(self._vehicle, self._t, thrust)
+            thrust = self._respond(self._held(shift), [*self._own(lags), *chain])
+        lag = max((e.time_constant for e in lags), default=0.0 if self._measured else self._vehicle.rotor_time_constant)
         return self._at_rows(thrust, kinks=lag > 0), self._mean(thrust)
+
+    def _own(self, others: Sequence[MotorLag]) -> list[ActuatorEffect]:
+        """Return the effects of the vehicle file that thrust has yet to pass: its lag, unless there are others."""
+        own = in_flight(self._vehicle, measured=self._measured, beside=others)
+        chain = [e for e in own if isinstance(e, ActuatorEffect)]
+        lag = 0.0 if self._measured or others else self._vehicle.rotor_time_constant
+        uneven = any(isinstance(e, MotorLag) for e in chain)
+        return [MotorLag(lag), *chain] if lag > 0 and not uneven else chain
+
+    def _respond(self, thrust: np.ndarray, effects: Sequence[ActuatorEffect]) -> np.ndarray:
+        for effect in effects:
+            thrust = effect.respond(self._vehicle, self._t, thrust)
+        return thrust
+
+    @cached_property
+    def _nominal(self) -> np.ndarray:
+        """(m, 4) thrust of the vehicle as its file describes it, at substeps [N]."""
+        return self._respond(self._commanded, self._own([]))
 
     def _at_rows(self, thrust: np.ndarray, *, kinks: bool) -> np.ndarray:
         """Return thrust (n, 4) at the rows [N], extrapolated from before where it has a kink at a row."""

@@ -6,6 +6,7 @@ import pytest
 
 from diagrams.cli.main import run
 from np_drake.vehicle import load_vehicle, preset_names
+from np_drake.vehicle_text import save_vehicle
 
 MEASURES = ("--mass", "20", "--wheelbase", "1.4", "--propeller", "0.72", "--hover-throttle", "0.5", "--order", "px4")
 
@@ -58,6 +59,23 @@ def test_a_preset_takes_an_uncertainty_and_show_prints_it(capsys, tmp_path):
     assert "2 % of the value" in capsys.readouterr().out
     assert run(["vehicle", "show", "crazyflie"]) == 0
     assert "not stated" in capsys.readouterr().out
+
+
+def test_a_file_is_copied_with_another_mass_and_what_is_said_of_others(tmp_path, capsys):
+    file, out = tmp_path / "found.yaml", tmp_path / "heavy.yaml"
+    said = {
+        "sources": {"mass": "weighed"},
+        "intervals": {"mass": [[0.026, 0.028]], "thrust_coefficient": [[2e-8, 3e-8]]},
+    }
+    known = dc.replace(load_vehicle("crazyflie"), thrust_uncertainty=0.01, **said)
+    save_vehicle(known, file)
+    assert run(["vehicle", "new", "--preset", str(file), "--mass", "0.03", "--out", str(out)]) == 0
+    dut = load_vehicle(out)
+    assert dut == dc.replace(known, mass=0.03)
+    assert dut.intervals == {"thrust_coefficient": [[2e-8, 3e-8]]}
+    assert "0.028 kg" in dut.sources["mass"]
+    assert run(["vehicle", "new", "--preset", "nowhere", "--out", str(out)]) == 2
+    assert "no preset; the presets are crazyflie" in capsys.readouterr().err
 
 
 def test_list_names_every_preset(capsys):

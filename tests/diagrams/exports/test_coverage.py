@@ -63,7 +63,7 @@ def test_a_format_has_a_word_for_every_effect_of_the_motion_and_no_other(form):
     moving = [effect for effect in EFFECTS.values() if not issubclass(effect, SensorEffect)]
     law = FORMATS[form].law
     assert all(effect.identifier in law or effect.place in law for effect in moving)
-    assert law.keys() <= {effect.identifier for effect in moving} | {"mass"}
+    assert law.keys() <= {effect.identifier for effect in moving} | {"mass", "uneven_lag"}
 
 
 @pytest.mark.parametrize("form", FORMATS)

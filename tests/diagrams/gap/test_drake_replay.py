@@ -8,6 +8,7 @@ from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorC
 
 from diagrams.gap.drake_replay import DrakeReplay
 from np_drake import attitude
+from np_drake.effects.calibration import effects_of
 from np_drake.effects.clock_offset import ClockOffset
 from np_drake.effects.command_delay import CommandDelay
 from np_drake.effects.downwash import Downwash
@@ -20,6 +21,7 @@ from np_drake.effects.thrust_scale import ThrustScale
 from np_drake.flight_log import FlightLog
 from np_drake.neighbour import Neighbour
 from np_drake.vehicle import Vehicle
+from np_drake.vehicle_calibration import Calibration
 from systems.initial_state import set_hover
 from systems.payload_config import PayloadConfig
 from systems.tethered_quadrotor import make_tethered_quadrotor
@@ -139,6 +141,15 @@ def test_a_clock_offset_shifts_the_commands_against_the_state(nominal):
     shifted = dc.replace(nominal.rows(3, len(nominal)), t=nominal.t[:-3], u=nominal.u[:-3])
     assert position_error(shifted) > 5 * EXACT
     assert position_error(shifted, (ClockOffset(0.03), {})) < EXACT
+
+
+def test_the_calibration_of_the_file_is_in_every_replay(nominal):
+    known = Calibration([0.005, 0.0, 0.0], [0.97, 1.01, 1.03, 0.99], clock_offset=0.01, command_delay=0.01).check()
+    log = nominal
+    named = [(effect, {}) for effect in effects_of(known, VEHICLE)]
+    for effects in ([], [(LinearDrag(0.1, 0.1, 0.1), {})]):
+        dut = DrakeReplay(dc.replace(VEHICLE, calibration=known), starts=3)([log], effects)
+        np.testing.assert_allclose(dut.position, DrakeReplay(VEHICLE, starts=3)([log], [*named, *effects]).position)
 
 
 def test_a_payload_swings_where_it_is_said_to_swing():

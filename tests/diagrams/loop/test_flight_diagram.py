@@ -9,6 +9,9 @@ from pydrake.systems.analysis import ApplySimulatorConfig, Simulator
 from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight_diagram import make_flight_diagram, recorded, set_initial_state
 from diagrams.loop.flight_result import fly
+from np_drake.effects.calibration import effects_of
+from np_drake.effects.effect_entry import EffectEntry
+from np_drake.vehicle_calibration import Calibration
 
 
 def short(name):
@@ -40,6 +43,18 @@ def test_the_experiments_with_an_event_depart_from_the_hover_at_its_time():
     apart = np.abs(flown["acceleration_true"] - calm["acceleration_true"]).max(axis=1)
     assert apart[calm["t"] < 0.499].max() == 0.0
     assert apart[calm["t"] > 0.55].max() > 0.1  # [m/s²]
+
+
+def test_the_calibration_of_the_vehicle_flies_as_its_effects_do():
+    known = Calibration([0.005, -0.003, 0.0], [0.97, 1.01, 1.03, 0.99], command_delay=0.004, rotor_inertia=1e-5)
+    config = short("circle")
+    config.reality.command_delay = 0.0
+    entries = [EffectEntry.of(effect) for effect in effects_of(known, config.vehicle)]
+    named = dc.replace(config, reality=dc.replace(config.reality, effects=entries))
+    calibrated = dc.replace(config, vehicle=dc.replace(config.vehicle, calibration=known))
+    plain, one, other = (fly(c, seed=4).signals["x"] for c in (config, calibrated, named))
+    np.testing.assert_allclose(one, other, atol=1e-6)  # [m, m/s, rad/s]: effects in another order
+    assert np.abs(one - plain).max() > 1e-3
 
 
 def test_the_diagram_is_complete():

@@ -11,9 +11,11 @@ from diagrams.loop.flight import FlightConfig, default_flight, load_flight
 from diagrams.loop.flight_diagram import set_initial_state
 from diagrams.loop.flight_result import fly
 from diagrams.loop.real_vehicle import make_real_vehicle
+from np_drake.command_delay import LONGEST_DELAY
 from np_drake.references.config import make_reference
 from np_drake.scaling import SPARE_LIFT, ratios, scales, similar
-from np_drake.vehicle import MeasurementNoise, Vehicle
+from np_drake.vehicle import MeasurementNoise, Vehicle, load_vehicle
+from np_drake.vehicle_calibration import Calibration
 
 SMALL = Vehicle(
     name="small",
@@ -127,6 +129,13 @@ def test_a_track_has_the_same_form_in_the_units_of_any_vehicle(name, vehicle):
 def test_the_fast_lemniscate_reaches_3_m_per_s():
     flat = make_reference(load_experiment("fast_lemniscate").reference).sample(np.linspace(5.0, 20.0, 20001))
     assert np.linalg.norm(flat[1], axis=1).max() == pytest.approx(3.0, abs=1e-3)
+
+
+@pytest.mark.parametrize("delay, known", [(0.004, 0.004), (0.5, None)], ids=str)
+def test_the_controller_knows_the_delay_of_the_file_within_its_limit(delay, known):
+    vehicle = dc.replace(load_vehicle("crazyflie"), calibration=Calibration(command_delay=delay))
+    dut = default_flight(vehicle).check().controller
+    assert dut.command_delay == pytest.approx(known or LONGEST_DELAY * dut.period)
 
 
 def test_a_value_named_in_si_wins_over_the_scaled_default(tmp_path):

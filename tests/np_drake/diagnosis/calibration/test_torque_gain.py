@@ -8,6 +8,7 @@ import pytest
 from np_drake.diagnosis.calibration.torque_gain import LEAST, torque_gain, with_torque_gain
 from np_drake.diagnosis.forward_model import Term, predicted_residual
 from np_drake.diagnosis.residuals import TORQUE
+from np_drake.effects.blade_flapping import BladeFlapping
 from np_drake.effects.center_of_mass_offset import CenterOfMassOffset
 from np_drake.effects.ground_effect import GroundEffect
 from np_drake.effects.mixer_gain import MixerGain
@@ -26,6 +27,12 @@ def weak(seen):
 
 def test_the_gain_is_the_share_of_torque_that_the_motion_shows(weak):
     assert torque_gain([weak]) == pytest.approx(SHARE, abs=0.05)
+
+
+@pytest.mark.parametrize("effect", [BladeFlapping(0.3), SuspendedPayload(0.2, 0.7, hook_z=-0.1)], ids=str)
+def test_torque_that_trims_a_moment_is_shown(seen, effect):
+    dut = seen(MixerGain(*SHARE), effect, name="a", seed=1, seconds=8.0)
+    assert torque_gain([dut]) == pytest.approx(SHARE, abs=0.05)
 
 
 def test_torque_of_which_the_motion_shows_nothing_keeps_a_little(weak):

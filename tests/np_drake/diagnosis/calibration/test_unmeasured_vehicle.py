@@ -10,6 +10,7 @@ from np_drake.diagnosis.gap.gap_reduction import measure_gap_reduction
 from np_drake.diagnosis.options import SPREAD, Options
 from np_drake.diagnosis.residuals.make_flight_residuals import CLEAR, make_flight_residuals
 from np_drake.effects.blade_flapping import BladeFlapping
+from np_drake.effects.combine import mass_properties, split_effects
 from np_drake.effects.weak_rotor import WeakRotor
 from np_drake.vehicle import Vehicle
 
@@ -45,6 +46,17 @@ def test_calibration_is_in_the_corrected_simulator(healthy):
     assert len(gains) == 4
     assert gains[1.0] < min(gains[i] for i in (2.0, 3.0, 4.0))  # the only one that is weak
     assert not any(e.place == "measurement" or e.shifts_commands for e in effects)
+
+
+@pytest.mark.parametrize("share", [(0.5, 0.6, 1.0), (1.0, 1.0, 0.05)], ids=str)
+def test_the_simulator_shows_the_share_of_torque_that_the_flights_show(healthy, share):
+    e = dc.replace(healthy.flights[0], torque_gain=share)
+    effects = calibration_effects(healthy.ranking.best, e, healthy.options.tolerance)
+    body = mass_properties(e.vehicle, split_effects(effects).mass)
+    assert body.rigid
+    shown = e.vehicle.J.diagonal() / body.J.diagonal()
+    assert shown[:2] == pytest.approx(share[:2])
+    assert shown[2] == pytest.approx(share[2]) or shown[2] > share[2]  # as a rigid body can have it
 
 
 def test_a_rotor_that_no_healthy_vehicle_has_is_a_cause(seen, inferred):
