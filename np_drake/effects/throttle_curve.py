@@ -20,6 +20,7 @@ class ThrottleCurve(ActuatorEffect):
 
     identifier = "throttle_curve"
     role = "nuisance"
+    turns_rotor = True
     named = "the throttle curve"
     linear = False
     parameters = (Parameter("curve", "1", 0.0, -0.9, 2.0, 0.1, departure="exponent of thrust over throttle {signed}"),)

@@ -62,6 +62,19 @@ def with_throttle_map(
     return [mapped(log) for log in train], [mapped(log) for log in held_out]
 
 
+def hover_exponent(vehicle: Vehicle) -> float:
+    """Return the power of throttle with which the thrust of `with_throttle_map` goes at hover [1].
+
+    Args:
+        vehicle: with its own map, or none.
+    """
+    if vehicle.throttle is None:
+        return USUAL
+    hover = float(vehicle.throttle.throttle(0.25 * vehicle.mass * vehicle.gravity))
+    ends = vehicle.throttle.thrust(np.array([0.99, 1.01]) * hover)
+    return float(np.log(ends[1] / ends[0]) / np.log(1.01 / 0.99))
+
+
 def _has_throttle(log: FlightLog) -> bool:
     return log.input == "normalised" and log.throttle is not None
 

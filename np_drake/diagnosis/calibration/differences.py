@@ -19,6 +19,7 @@ from np_drake.effects.base import Effect, Parameter
 from np_drake.effects.mixer_gain import MixerGain
 from np_drake.effects.throttle_curve import ThrottleCurve
 from np_drake.files.number_text import departure_unit, measure, number, with_sign
+from np_drake.logs.throttle_input import hover_exponent
 
 AXES = 2  # last columns of the airframe: thrust that leans to x and y
 HARDLY = 0.25  # half of an interval over the value, above which an exponent is hardly told [1]; own choice
@@ -67,21 +68,17 @@ def _deviation_of(fit: Fit, i: int, name: str) -> float:
 
 def _throttle_map(fit: Fit, e: FlightResiduals) -> list[Difference]:
     """Return the power of throttle with which thrust goes, over that of the nominal map; none of another input."""
-    curves = [(i, term.effect) for i, term in enumerate(fit.calibration) if isinstance(term.effect, ThrottleCurve)]
-    if not curves or e.log.throttle is None:
-        return []
-    ((i, effect),) = curves
-    rotors = e.log.u[:, :1] if e.log.throttle.shape[1] == 1 else e.log.u @ e.vehicle.unmixer.T
-    turning = (e.log.throttle > 0) & (rotors > 0)
-    nominal = float(np.polyfit(np.log(e.log.throttle[turning]), np.log(rotors[turning]), 1)[0])
-    value, half = nominal * (1 + effect.curve), SURE * nominal * _deviation_of(fit, i, "curve")
-    told = half < HARDLY * value
-    shown = f"{number(value, 3)} ({number(value - half, 3)} to {number(value + half, 3)})"
-    text = (
-        f"thrust goes with the power {shown} of throttle" if told else "the power of throttle in thrust is hardly told"
-    )
-    away = value - nominal
-    return [Difference("throttle_curve.curve", text, away, "1", THROTTLE_CURVE * nominal, (away - half, away + half))]
+    found = []
+    for i, term in enumerate(fit.calibration):
+        if isinstance(term.effect, ThrottleCurve):
+            nominal = hover_exponent(e.vehicle)
+            value, half = nominal * (1 + term.effect.curve), SURE * nominal * _deviation_of(fit, i, "curve")
+            shown = f"{number(value, 3)} ({number(value - half, 3)} to {number(value + half, 3)})"
+            told = f"thrust goes with the power {shown} of throttle"
+            text = told if half < HARDLY * value else "the power of throttle in thrust is hardly told"
+            ci95 = (value - nominal - half, value - nominal + half)
+            found.append(Difference("throttle_curve.curve", text, value - nominal, "1", THROTTLE_CURVE * nominal, ci95))
+    return found
 
 
 def _of_parameters(

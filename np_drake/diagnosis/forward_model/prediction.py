@@ -13,6 +13,7 @@ from np_drake.diagnosis.residuals import FlightResiduals, Instants
 from np_drake.diagnosis.residuals import flight_residuals as channels
 from np_drake.effects.base import ActuatorEffect, Effect, MassEffect, MassProperties, Motion, SensorEffect, WrenchEffect
 from np_drake.effects.motor_lag import MotorLag
+from np_drake.effects.throttle_curve import ThrottleCurve
 
 
 class StageCache:
@@ -110,8 +111,7 @@ Thrust = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]  # at rows, mids 
 def _thrust(flight: FlightResiduals, terms: Sequence[Term]) -> Thrust:
     """Return the actual thrust; effects that begin later are switched in at their onset."""
     log, vehicle = flight.log, flight.vehicle
-    # The motor comes before the propeller.
-    ordered = sorted(terms, key=lambda t: not (isinstance(t.effect, ActuatorEffect) and t.effect.turns_rotor))
+    ordered = sorted(terms, key=lambda t: _place_in_chain(t.effect))
     shift = sum(t.effect.clock_shift for t in terms if isinstance(t.effect, SensorEffect))
     acting = dict(_acting(flight, ordered, ActuatorEffect))
     rows, mids = flight.rotors.thrust(acting.pop(-NEVER, ()), shift=-shift)
@@ -127,6 +127,13 @@ def _thrust(flight: FlightResiduals, terms: Sequence[Term]) -> Thrust:
     speed = np.sqrt(np.maximum(rows, 0.0) / vehicle.thrust_coefficient)
     rate = np.diff(speed, axis=0) / np.diff(log.t)[:, None] if lagged else np.zeros_like(mids)
     return rows, mids, np.concatenate([rate, rate[-1:]]), rate
+
+
+def _place_in_chain(effect: Effect) -> int:
+    """Return the place of an actuator effect: what a throttle asks of the motor, the motor, and the propeller."""
+    if isinstance(effect, ThrottleCurve):
+        return 0
+    return 1 if isinstance(effect, ActuatorEffect) and effect.turns_rotor else 2
 
 
 def _acting(flight: FlightResiduals, terms: Sequence[Term], kind: type[Effect]) -> Iterator[tuple[float, tuple]]:

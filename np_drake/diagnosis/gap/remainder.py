@@ -31,6 +31,7 @@ NOISES = 4  # draws of the noise of each flight
 # A remainder is material that exceeds the stated size, and in any case between these shares of the gap: less than the
 # first is nothing beside what is explained, more than the second is no explanation [1]. Source: own choice.
 NOTHING, TOO_MUCH = 0.02, 0.2
+NEVER_LESS = 1e-6  # share that is left: that nothing is, no flight shows [1]
 SURE = 0.025  # quantile of the gap that is above the noise where there is one [1]
 
 
@@ -69,7 +70,8 @@ def measure_remainder(
     matters = np.quantile(gap, SURE) > 0 and _relative(was, weight, materiality) >= 1
     if not matters:
         return Remainder(float("nan"), (float("nan"), float("nan")), *now, was[2], 0.0)
-    share, ci95, probability = share_and_probability(left / np.maximum(gap, 1e-12), _relative(now, weight, materiality))
+    shares = np.maximum(left / np.maximum(gap, 1e-12), NEVER_LESS)
+    share, ci95, probability = share_and_probability(shares, _relative(now, weight, materiality))
     return Remainder(share, ci95, *now, was[2], probability)
 
 

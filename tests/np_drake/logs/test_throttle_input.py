@@ -7,7 +7,7 @@ import pytest
 
 from np_drake.flight_log import FlightLog
 from np_drake.logs.errors import LogError
-from np_drake.logs.throttle_input import USUAL, VOLTAGE, with_throttle_input, with_throttle_map
+from np_drake.logs.throttle_input import USUAL, VOLTAGE, hover_exponent, with_throttle_input, with_throttle_map
 from np_drake.vehicle import Vehicle
 from np_drake.vehicle_calibration import ThrottleMap
 
@@ -98,3 +98,10 @@ def test_flights_with_another_input_are_as_they_were():
 def test_a_log_without_throttle_is_refused():
     with pytest.raises(LogError, match="throttle"):
         with_throttle_input(dc.replace(bobbing(0.3, 0.5, 0), throttle=None), VEHICLE)
+
+
+def test_the_exponent_at_hover_is_that_of_the_map():
+    assert hover_exponent(VEHICLE) == USUAL
+    for linear, exponent in ((0.0, 2.0), (1.0, 1.0)):
+        vehicle = dc.replace(VEHICLE, throttle=ThrottleMap(full_thrust=10.0, linear=linear))
+        assert hover_exponent(vehicle) == pytest.approx(exponent, rel=1e-6)
