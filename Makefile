@@ -21,7 +21,7 @@ venv: $(STAMP)
 $(STAMP): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt "$$(grep '^torch==' constraints.txt)"
-	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[dev,bench,logs,mcap,challenge,cluster,exports,gym]'
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[dev,bench,logs,mcap,challenge,cluster,exports]'
 	$(BIN)/np-drake fly circle --duration 0.1 >/dev/null  # compiles the inner loops
 	touch $@
 

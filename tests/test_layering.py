@@ -49,7 +49,7 @@ GROUND = (
     *("lifting", "payload_filter", "residual_models", "skill", "__main__"),
 )
 EXPERIMENTS = (
-    *("batch", "loop", "gym"),
+    *("batch", "loop"),
     *("prediction", "tracking", "payload", "robustness", "gap", "demo", "challenge"),
     *("identification", "performance", "exports", "offboard", "cli"),
 )

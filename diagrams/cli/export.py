@@ -12,7 +12,7 @@ from diagrams.cli.runner import Report, Run, reports
 if TYPE_CHECKING:
     from np_drake.vehicle import Vehicle
 
-NAMES = ("sdf", "mujoco", "rotorpy")  # of diagrams.exports.coverage.FORMATS, which is imported late
+NAMES = ("sdf", "mujoco")  # of diagrams.exports.coverage.FORMATS, which is imported late
 
 
 @reports("export", seed=None)
@@ -28,7 +28,7 @@ def export(
     to: Annotated[str, Option("--format", metavar="FORMAT", help=f"{' | '.join(NAMES)}.")],
     out: Annotated[Path, Option("--out", metavar="FILE", help="File to write; never the one that is read.")],
 ) -> Report:
-    """Write a vehicle as SDF (Gazebo, Drake), MJCF (MuJoCo) or quad_params (RotorPy), and say what it leaves out."""
+    """Write a vehicle as SDF (Gazebo, Drake) or MJCF (MuJoCo), and say what it leaves out."""
     if to not in NAMES:
         raise ValueError(f"--format must be one of {', '.join(NAMES)}; got {to!r}.")
     vehicle, effects = read_corrected(file)

@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from diagrams.exports import mujoco_xml, rotorpy, sdf
+from diagrams.exports import mujoco_xml, sdf
 from diagrams.exports.carried import Carried, Law, how_carried
 from np_drake.effects.base import SensorEffect
 from np_drake.effects.library import effects_for
@@ -23,11 +23,9 @@ class Format:
 
 
 SHAPE = "approximate; a box as wide as the rotors reach collides, body, arms and discs are seen"
-NO_SHAPE = "left out; RotorPy has none: nothing collides, nothing is drawn"
 FORMATS = {
     "sdf": Format("SDF", sdf.write_sdf, sdf.LAW, SHAPE),
     "mujoco": Format("MuJoCo", mujoco_xml.write_mujoco, mujoco_xml.LAW, SHAPE),
-    "rotorpy": Format("RotorPy", rotorpy.write_rotorpy, rotorpy.LAW, NO_SHAPE),
 }
 
 

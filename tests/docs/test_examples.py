@@ -16,17 +16,17 @@ PRINTS = {  # script: what stands in its last lines
     "own_controller": ", 0.3",
     "diagnose_a_log": "suspended_payload",
     "fly_a_scenario": "np",
-    "learn_a_correction": "cascade + correction",
+    "learn_a_correction": "cascade + correction: 4.",
     "train_and_evaluate": "lifted linear system",
 }
 
-NEEDS = {"learn_a_correction": "gymnasium"}  # script: package of an extra
-SHORTER = {"learn_a_correction": {"rounds": 1}}  # script: what `main` takes, for time
+NEEDS = {"learn_a_correction": "gymnasium"}  # script: package that no command needs
+SHORTER = {"learn_a_correction": {"policies": 8}}  # script: what `main` takes, for time
 
 
 @pytest.mark.parametrize("script", SCRIPTS, ids=lambda script: script.stem)
 def test_the_script_runs_in_an_empty_folder(script, tmp_path, monkeypatch, capsys):
-    pytest.importorskip(NEEDS.get(script.stem, "numpy"), reason="pip install 'np_drake[gym]'")
+    pytest.importorskip(NEEDS.get(script.stem, "numpy"), reason="pip install gymnasium")
     monkeypatch.chdir(tmp_path)
     with mock.patch.dict(LIBRARY):
         if script.stem in SHORTER:
@@ -38,5 +38,5 @@ def test_the_script_runs_in_an_empty_folder(script, tmp_path, monkeypatch, capsy
 
 @pytest.mark.parametrize("script", SCRIPTS, ids=lambda script: script.stem)
 def test_the_script_is_short_and_a_page_of_the_guide_links_it(script):
-    assert 30 <= len(script.read_text().splitlines()) <= 60
+    assert 30 <= len(script.read_text().splitlines()) <= 65
     assert any(f"(../examples/{script.name})" in page.read_text() for page in GUIDE.glob("*.md"))

@@ -29,7 +29,6 @@ from np_drake.vehicle import load_vehicle
 GUIDE = Path(__file__).parents[2] / "docs" / "guide"
 PAGES = sorted(GUIDE.glob("*.md"))
 BLOCK = re.compile(r"^```(\w*)\n(.*?)^```$", re.S | re.M)
-NEEDS = {"learn.md": "gymnasium"}  # page: package of an extra
 FEWEST, MOST = 200, 720  # words of a page, code included: five minutes
 
 
@@ -149,7 +148,6 @@ AFTERWARDS = {
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_the_page_runs_from_top_to_bottom(page, tmp_path, monkeypatch, capsys):
-    pytest.importorskip(NEEDS.get(page.name, "numpy"), reason="pip install 'np_drake[gym]'")
     monkeypatch.chdir(tmp_path)
     BEFOREHAND.get(page.name, lambda folder: None)(tmp_path)
     run_page(page)

@@ -21,18 +21,15 @@ def test_the_formats_of_the_command_are_those_of_the_package():
 def test_a_preset_is_written_in_every_format(form, tmp_path, capsys):
     out = tmp_path / "dut"
     assert run(["export", "crazyflie", "--format", form, "--out", str(out)]) == 0
-    if form == "rotorpy":
-        assert json.loads(out.read_text())["mass"] == 0.028
-    else:
-        assert ElementTree.parse(out).getroot().tag == {"sdf": "sdf", "mujoco": "mujoco"}[form]
+    assert ElementTree.parse(out).getroot().tag == {"sdf": "sdf", "mujoco": "mujoco"}[form]
     assert f"{form}: " in " ".join(capsys.readouterr().out.split())
 
 
 def test_a_vehicle_file_is_written_and_never_overwritten(tmp_path, capsys):
     mine = tmp_path / "mine.yaml"
     mine.write_text("name: mine\nmass: 1.5\n")
-    assert run(["export", str(mine), "--format", "rotorpy", "--out", str(tmp_path / "mine.json")]) == 0
-    assert json.loads((tmp_path / "mine.json").read_text())["mass"] == 1.5
+    assert run(["export", str(mine), "--format", "mujoco", "--out", str(tmp_path / "mine.xml")]) == 0
+    assert 'mass="1.5"' in (tmp_path / "mine.xml").read_text()
     capsys.readouterr()
     other_name = tmp_path / "." / "mine.yaml"
     assert run(["export", str(mine), "--format", "sdf", "--out", str(other_name)]) == 2
@@ -46,7 +43,7 @@ def test_a_vehicle_file_is_written_and_never_overwritten(tmp_path, capsys):
     "arguments, text",
     [
         (["nobody", "--format", "sdf", "--out", "a.sdf"], "no such vehicle file"),
-        (["paper", "--format", "urdf", "--out", "a.urdf"], "must be one of sdf, mujoco, rotorpy"),
+        (["paper", "--format", "urdf", "--out", "a.urdf"], "must be one of sdf, mujoco;"),
         (["paper", "--format", "sdf"], "--out"),
         (["paper", "--out", "a.sdf"], "--format"),
         (["paper", "--format", "sdf", "--out", "none/a.sdf"], "must exist"),
@@ -69,7 +66,7 @@ def test_bad_input_is_one_line_and_nothing_is_written(arguments, text, tmp_path,
 
 def test_the_table_names_what_is_left_out(tmp_path):
     effects = [ThrustScale(0.9), GroundEffect()]
-    report = export_corrected(Vehicle(), effects, "rotorpy", tmp_path / "a.json")
+    report = export_corrected(Vehicle(), effects, "mujoco", tmp_path / "a.xml")
     ((_, header, rows),) = report.tables
     assert header == ["effect", "carried", "how, or why not"]
     assert [row[:2] for row in rows] == [("thrust_scale", "exact"), ("ground_effect", "left out")]
