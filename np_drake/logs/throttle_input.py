@@ -16,7 +16,8 @@ EXPONENTS = (0.5, 2.5)  # of thrust over throttle: from a linearised to a bare m
 # Prior of the exponent, mean and deviation [1]. Source: a linearised motor has 1; a propeller's thrust goes with the
 # square of its speed, and speed with voltage.
 USUAL, SCATTER = 1.5, 0.5
-VOLTAGE = 1.5  # power of the battery's voltage in thrust at a throttle [1]; source: the prior of the identification
+# Power of a battery's voltage in thrust at a throttle, and its deviation [1]; source: prior of the identification.
+VOLTAGE, VOLTAGE_SCATTER = 1.5, 0.5
 BELIEVED = 0.3  # share by which a voltage may differ from its median within a flight [1]; source: own choice
 NOTE = "thrust from throttle"
 GRAVITY = 9.81  # where no vehicle states its own [m/s²]

@@ -32,7 +32,7 @@ from np_drake.effects.thrust_scale import ThrustScale
 from np_drake.effects.translational_lift import TranslationalLift
 from np_drake.effects.velocity_bias import VelocityBias
 from np_drake.effects.weak_rotor import WeakRotor
-from np_drake.logs.throttle_input import voltage_of
+from np_drake.logs.throttle_input import VOLTAGE_SCATTER, voltage_of
 from np_drake.published_vehicles import published_priors
 from np_drake.vehicle import Vehicle
 from np_drake.vehicle_sources import part
@@ -168,9 +168,12 @@ def of_battery(e: FlightResiduals, spread: Spread = SPREAD) -> list[Deviation]:
     """
     if e.log.input != "normalised":
         return []
-    if voltage_of(e.log) is None:
+    volts = voltage_of(e.log)
+    if volts is None:
         return _battery(spread.unknown_charge, spread.sag)
-    return _battery(spread.charge, spread.known_sag)
+    # The power of a voltage that falls is known to a third: thrust falls by so much more or less.
+    fall = VOLTAGE_SCATTER * float(np.ptp(np.log(volts))) / float(np.ptp(e.log.t))
+    return _battery(spread.charge, float(np.hypot(spread.known_sag, fall)))
 
 
 def _battery(charge: float, sag: float) -> list[Deviation]:

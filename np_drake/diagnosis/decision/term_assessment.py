@@ -9,7 +9,7 @@ from scipy import special
 
 from np_drake import attitude
 from np_drake.diagnosis.adequacy import LinearModel
-from np_drake.diagnosis.calibration.spread import ROTORS, of_flight, of_vehicle
+from np_drake.diagnosis.calibration.spread import ROTORS, of_battery, of_flight, of_vehicle
 from np_drake.diagnosis.cross_validation import Support
 from np_drake.diagnosis.fitting import Fit, greatest_height, impossible, scaled_jacobian
 from np_drake.diagnosis.forward_model import Term, predicted_residual
@@ -18,6 +18,8 @@ from np_drake.diagnosis.options import SPREAD, Materiality, Options, Size, Toler
 from np_drake.diagnosis.regressors import DRAG
 from np_drake.diagnosis.residuals import FORCE, TORQUE, WRENCH, FlightResiduals
 from np_drake.diagnosis.selection import Ranking
+from np_drake.effects.mass_error import MassError
+from np_drake.effects.thrust_scale import ThrustScale
 from np_drake.files.number_text import number, probability
 
 UNHEALTHY = 2.5  # deviations of healthy vehicles beyond which a size is a cause: one vehicle in a hundred [1]
@@ -136,6 +138,10 @@ def beyond_spread(fit: Fit, i: int, e: FlightResiduals, tolerance: Tolerance) ->
         if d.effect is type(effect) and not d.at_value and set(d.fixed.values()) <= {ROTORS[0]}:
             for name, deviation in d.deviation.items():
                 spread[name] = math.hypot(spread.get(name, 0.0), deviation)
+    if tolerance.unmeasured and isinstance(effect, MassError):  # which thrust over throttle takes the place of
+        spread |= {
+            "delta_mass": d.deviation["scale"] * e.vehicle.mass for d in of_battery(e) if d.effect is ThrustScale
+        }
     own = [k for k, f in enumerate(fit.free) if f.term == i and not f.flight and f.name in spread]
     if not own:
         return 1.0
