@@ -139,9 +139,8 @@ def beyond_spread(fit: Fit, i: int, e: FlightResiduals, tolerance: Tolerance) ->
             for name, deviation in d.deviation.items():
                 spread[name] = math.hypot(spread.get(name, 0.0), deviation)
     if tolerance.unmeasured and isinstance(effect, MassError):  # which thrust over throttle takes the place of
-        spread |= {
-            "delta_mass": d.deviation["scale"] * e.vehicle.mass for d in of_battery(e) if d.effect is ThrustScale
-        }
+        for d in (d for d in of_battery(e) if d.effect is ThrustScale):
+            spread["delta_mass"] = d.deviation["scale"] * e.vehicle.mass
     own = [k for k, f in enumerate(fit.free) if f.term == i and not f.flight and f.name in spread]
     if not own:
         return 1.0
