@@ -31,17 +31,13 @@ class Line:
 
 @dc.dataclass(frozen=True)
 class Burst:
-    """The largest deviation of a force from its median: axis, flight, time [s], size [N], and over noise's own [1].
-
-    power: of the slow force of that axis, beyond its usual deviation [N²].
-    """
+    """The largest deviation of a force from its median: axis, flight, time [s], size [N], and over noise's own [1]."""
 
     axis: int
     flight: str
     time: float
     size: float
     prominence: float
-    power: float
 
 
 def strongest_burst(flights: Sequence[FlightResiduals], residual: dict[str, np.ndarray]) -> Burst:
@@ -64,8 +60,7 @@ def strongest_burst(flights: Sequence[FlightResiduals], residual: dict[str, np.n
     k = int(np.searchsorted(ends, row, side="right"))
     e, i = flights[k], int(row) - (int(ends[k - 1]) if k else 0)
     first = (len(e.t) - len(parts[k])) // 2
-    power = max(float(np.mean(every[:, axis] ** 2) - usual[axis] ** 2), 0.0)
-    return Burst(int(axis), e.name, float(e.t[first + i]), float(every[row, axis]), float(ratio[row, axis]), power)
+    return Burst(int(axis), e.name, float(e.t[first + i]), float(every[row, axis]), float(ratio[row, axis]))
 
 
 def strongest_line(

@@ -17,6 +17,7 @@ from np_drake.diagnosis.held_out import HeldOut
 from np_drake.diagnosis.options import Materiality, Options
 from np_drake.diagnosis.regressors import PREFIX
 from np_drake.diagnosis.residuals import FORCE, TORQUE, WRENCH, FlightResiduals, low_pass
+from np_drake.diagnosis.residuals.position_error import position_errors
 from np_drake.diagnosis.residuals.residual_parts import CHANNELS
 from np_drake.diagnosis.result import Finding
 from np_drake.diagnosis.selection import Ranking
@@ -34,11 +35,25 @@ SLOW_FORCE = Finding(
 
 
 class Indication(NamedTuple):
-    """Structure with its probability [1], what it is, and its power (6,) in the channels of the wrench [N², (N·m)²]."""
+    """Structure that the flights of a fit show.
+
+    probability: that it is there and material [1].   power: (6,) in the channels of the wrench [N², (N·m)²].
+    position: mean squared position error that it causes [m²].
+    """
 
     probability: float
     finding: Finding
     power: np.ndarray
+    position: float
+
+    @classmethod
+    def of(
+        cls, probability: float, finding: Finding, flights: Sequence[FlightResiduals], wrench: Sequence[np.ndarray]
+    ) -> "Indication":
+        """Return the structure that is a wrench (m, 6) in each of the flights [N, N·m]."""
+        moved = [position_errors(e, w, np.ones(len(w), bool)) for e, w in zip(flights, wrench, strict=True)]
+        power = np.mean(np.concatenate(wrench) ** 2, axis=0)
+        return cls(probability, finding, power, float(np.mean(np.concatenate(moved))))
 
 
 @dc.dataclass(frozen=True)
@@ -74,15 +89,13 @@ def find_unexplained(ranking: Ranking, linear: LinearModel, structure: Sequence[
     hidden = any(t.has_hidden_state for t in best.terms)
     slowly = gust_probability(flights, residual, held.flights, swung, options, hidden=hidden)
     both = residual | swung
-    slow = np.zeros(6)
-    for e in flights:
-        slow[:2] += np.mean(low_pass(residual[e.name][:, :2], e.grid.step, SLOW) ** 2, axis=0) / len(flights)
+    slow = [_slow_part(e, residual, [0, 1]) for e in flights]
     said = [_indication(linear, structure, g, options) for g in structure]
     # A payload, whose swing may be lost, and gusts burst as well.
     said += [] if hidden or slowly > 0.5 else [_burst_test([*flights, *held.flights], both, options)]
     said.append(_line_test(flights, held.flights, both, options))
     said.append(_slow_torque_test(flights, held.flights, both, options, hidden=hidden))
-    return Unexplained(tuple(said), Indication(slowly, SLOW_FORCE, slow))
+    return Unexplained(tuple(said), Indication.of(slowly, SLOW_FORCE, flights, slow))
 
 
 def _indication(linear: LinearModel, structure: Sequence[int], g: int, options: Options) -> Indication:
@@ -90,7 +103,8 @@ def _indication(linear: LinearModel, structure: Sequence[int], g: int, options: 
     flights, candidate = linear.flights, linear.structure[g]
     rest = tuple(k for k in structure if k != g)
     there = float(special.expit(linear.evidence((), structure) - linear.evidence((), rest)))
-    part = np.concatenate([linear.part(structure, g, e) for e in flights])
+    parts = [linear.part(structure, g, e)[:, WRENCH] for e in flights]
+    part = np.concatenate(parts)
     force, torque = (float(np.sqrt(np.mean(np.sum(part[:, c] ** 2, axis=1)))) for c in (FORCE, TORQUE))
     least_force, least_torque = _least_structure(flights, options.materiality)
     figures = {"force": force, "torque": torque, **candidate.figures}
@@ -99,7 +113,7 @@ def _indication(linear: LinearModel, structure: Sequence[int], g: int, options: 
     if name == "place" and options.tolerance.unmeasured:
         finding = dc.replace(finding, name="path", text=ALONG_PATH, measurement=OTHER_SPEED)
     material = force >= least_force or torque >= least_torque
-    return Indication(there if material else 0.0, finding, np.mean(part[:, WRENCH] ** 2, axis=0))
+    return Indication.of(there if material else 0.0, finding, flights, parts)
 
 
 def _burst_test(flights: Sequence[FlightResiduals], residual: dict[str, np.ndarray], options: Options) -> Indication:
@@ -110,7 +124,7 @@ def _burst_test(flights: Sequence[FlightResiduals], residual: dict[str, np.ndarr
     large = burst.size > _least_structure(flights, options.materiality)[0]
     probability = _above(burst.prominence, options.thresholds.burst_ratio) if large else 0.0
     finding = Finding("burst", text, burst.prominence, figures, "the same trajectory twice more")
-    return Indication(probability, finding, burst.power * (np.arange(6) == burst.axis))
+    return Indication.of(probability, finding, flights, [_slow_part(e, residual, [burst.axis]) for e in flights])
 
 
 def _line_test(
@@ -129,7 +143,9 @@ def _line_test(
     probability = _above(line.prominence, thresholds.line_ratio) if large and again else 0.0
     measurement = "hover at two thrusts with rotor speed logged: an imbalance turns with the rotors"
     finding = Finding("line", text, line.prominence, figures, measurement)
-    return Indication(probability, finding, line.rms**2 * (np.arange(6) == line.channel))
+    channel = np.arange(6) == line.channel
+    waves = [np.sqrt(2) * line.rms * np.sin(2 * np.pi * line.frequency * e.t)[:, None] * channel for e in flights]
+    return Indication.of(probability, finding, flights, waves)
 
 
 def _slow_torque_test(
@@ -149,7 +165,13 @@ def _slow_torque_test(
     probability = _above(ratio, limit) if large and again else 0.0
     figures, measurement = {"ratio": ratio}, "hover for a minute with rotor speed logged"
     finding = Finding("slow torque", "a torque that comes and goes", ratio, figures, measurement)
-    return Indication(probability, finding, rms**2 * (np.arange(6) == 3 + axis))
+    return Indication.of(probability, finding, flights, [_slow_part(e, residual, [3 + axis]) for e in flights])
+
+
+def _slow_part(e: FlightResiduals, residual: dict[str, np.ndarray], channels: Sequence[int]) -> np.ndarray:
+    """Return the slow part (m, 6) of some channels of a residual, without its mean."""
+    slow = low_pass(residual[e.name][:, WRENCH], e.grid.step, SLOW)
+    return (slow - slow.mean(axis=0)) * np.isin(np.arange(6), channels)
 
 
 def _above(ratio: float, threshold: float) -> float:

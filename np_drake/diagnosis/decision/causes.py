@@ -8,7 +8,7 @@ import numpy as np
 from np_drake.diagnosis.adequacy import LinearModel
 from np_drake.diagnosis.cross_validation import support_of
 from np_drake.diagnosis.decision.explanations import equivalents
-from np_drake.diagnosis.decision.term_assessment import TermAssessment, assess_term
+from np_drake.diagnosis.decision.term_assessment import TermAssessment, assess_term, within_timing
 from np_drake.diagnosis.fitting import Fit, interval
 from np_drake.diagnosis.forward_model import pendulum_error
 from np_drake.diagnosis.held_out import HeldOut
@@ -59,6 +59,13 @@ def causes_of(
         else:
             minor.append(_below_threshold(cause, found))
     return without_missing_drag(causes, minor)
+
+
+def open_timing(ranking: Ranking) -> frozenset[str]:
+    """Return the lags and delays of the best model that the logs leave open: calibration, and no cause."""
+    vehicle, options = ranking.problem.flights[0].vehicle, ranking.options
+    effects = [t.effect for t in ranking.best.terms]
+    return frozenset(e.identifier for e in effects if within_timing(e, vehicle, options))
 
 
 def of_named_fit(causes: Sequence[Cause], fit: Fit, ranking: Ranking) -> list[Cause]:

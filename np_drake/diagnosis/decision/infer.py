@@ -18,10 +18,9 @@ from functools import cached_property
 
 import numpy as np
 
-from np_drake.diagnosis.adequacy import LinearModel, Unexplained, find_unexplained
-from np_drake.diagnosis.decision.causes import causes_of, of_named_fit
+from np_drake.diagnosis.adequacy import LinearModel, Unexplained, find_unexplained, measure_remainder
+from np_drake.diagnosis.decision.causes import causes_of, of_named_fit, open_timing
 from np_drake.diagnosis.forward_model import Term, predicted_residual
-from np_drake.diagnosis.gap.remainder import measure_remainder
 from np_drake.diagnosis.held_out import HeldOut, mark_outliers, on_held_out, with_calibration
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors import DRAG, GUSTY
@@ -123,14 +122,17 @@ def conclude(found: SearchResult, held_out: Sequence[FlightResiduals]) -> Infere
 def as_named(found: Inference) -> Inference:
     """Return the inference with its causes fitted as they are named: without the effects that are not.
 
-    What is not named gives way to calibration and the causes, which were fitted beside it.
+    What is not named gives way to calibration and the causes, which were fitted beside it. A lag or delay that the logs
+    leave open is calibration too.
     """
     named, ranking = {c.identifier for c in found.causes}, found.ranking
-    if not named < {t.effect.identifier for t in ranking.best.terms}:
+    open_ = open_timing(ranking)
+    if not open_ and not named < {t.effect.identifier for t in ranking.best.terms}:
         return found
-    ranking = with_named_fit(ranking, named)
+    ranking = with_named_fit(ranking, named | open_)
     causes = of_named_fit(found.causes, ranking.best, ranking)
-    return dc.replace(found, ranking=ranking, held=_held_out(ranking, found.held_out), causes=causes)
+    held = dc.replace(_held_out(ranking, found.held_out), calibrations=open_)
+    return dc.replace(found, ranking=ranking, held=held, causes=causes)
 
 
 def _held_out(ranking: Ranking, held_out: Sequence[FlightResiduals]) -> HeldOut:

@@ -18,9 +18,11 @@ from np_drake.diagnosis.options import SPREAD, Materiality, Options, Size, Toler
 from np_drake.diagnosis.regressors import DRAG
 from np_drake.diagnosis.residuals import FORCE, TORQUE, WRENCH, FlightResiduals
 from np_drake.diagnosis.selection import Ranking
+from np_drake.effects.base import Effect
 from np_drake.effects.mass_error import MassError
 from np_drake.effects.thrust_scale import ThrustScale
 from np_drake.files.number_text import number, probability
+from np_drake.vehicle import Vehicle
 
 UNHEALTHY = 2.5  # deviations of healthy vehicles beyond which a size is a cause: one vehicle in a hundred [1]
 DRAWS = 400  # of the posterior
@@ -112,14 +114,24 @@ def assess_term(
     error = float(np.hypot(SPREAD.tilt, SPREAD.mounting)) if tolerance.unmeasured else tolerance.attitude_error
     largest_error = materiality.sensor * error
     material *= wind_share(fit, i, flights, materiality.still_air, largest_error)
-    shift = abs(effect.time_shift(flights[0].vehicle))
-    if 0 < shift < materiality.sensor * tolerance.timing:
+    if within_timing(effect, flights[0].vehicle, options):
         material = 0.0
     if through_drag:
         return TermAssessment(in_model, 1.0, size, "")
     material *= beyond_spread(fit, i, flights[0], tolerance)
     stands_for = impossible(fit, i, flights[0].vehicle, greatest_height(flights))
     return TermAssessment(in_model, material, size, stands_for, support)
+
+
+def within_timing(effect: Effect, vehicle: Vehicle, options: Options) -> bool:
+    """Return whether an effect shifts commands by no more than the logs leave open.
+
+    Args:
+        effect: as fitted.
+        vehicle: the nominal vehicle.
+        options: hold the tolerance of the time at which commands act.
+    """
+    return 0 < abs(effect.time_shift(vehicle)) < options.materiality.sensor * options.tolerance.timing
 
 
 def beyond_spread(fit: Fit, i: int, e: FlightResiduals, tolerance: Tolerance) -> float:

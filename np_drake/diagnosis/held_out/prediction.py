@@ -30,6 +30,7 @@ class HeldOut:
     rows: dict[str, np.ndarray]
     whole_flight_terms: dict[str, list[Term]]
     effects: int = 0  # number of terms that are effects; those after them are calibration
+    calibrations: frozenset[str] = frozenset()  # effects that count as calibration
 
     @property
     def calibrated(self) -> bool:
@@ -44,7 +45,8 @@ class HeldOut:
             identifiers: of the effects.
         """
         every = self.terms[name]
-        return [*(t for t in every[: self.effects] if t.effect.identifier in identifiers), *every[self.effects :]]
+        kept = {*identifiers, *self.calibrations}
+        return [*(t for t in every[: self.effects] if t.effect.identifier in kept), *every[self.effects :]]
 
     def swing_free_residual(self, e: FlightResiduals) -> np.ndarray:
         """Return the residual (m, 15) of a flight with a payload's swing fitted to all of it, outliers interpolated."""

@@ -16,7 +16,7 @@ def test_a_burst_is_asked_whether_it_matters(ranked, force):
     weight = case.flights[0].vehicle.mass * 9.81
     residual = {e.name: 1e-4 * weight * np.sin(e.t)[:, None] * np.ones(15) for e in case.flights}
     residual[case.flights[0].name][200:260, 2] += force * weight
-    burst, found, _ = dut._burst_test(case.flights, residual, REAL)
+    burst, found, *_ = dut._burst_test(case.flights, residual, REAL)
     assert found.size > 2 * REAL.thresholds.burst_ratio
     assert (burst > 0.5) is (force > 0.01)
 
@@ -26,7 +26,7 @@ def test_a_slow_torque_is_asked_of_unseen_flights_as_well(ranked, monkeypatch, a
     flights, options = ranked().flights, REAL
     limit = REAL.thresholds.slow_torque_ratio
     monkeypatch.setattr(dut, "slow_torque", lambda some, _: ((2.0 if some else again) * limit, 1.0, 1.0, 0))
-    found, *_ = dut._slow_torque_test(flights, [], {}, options, hidden=False)
+    found, *_ = dut._slow_torque_test(flights, [], {e.name: e.y for e in flights}, options, hidden=False)
     assert (found > 0.5) is unknown
 
 
@@ -45,5 +45,5 @@ def test_a_slow_torque_is_unknown_where_it_is_material_and_no_lost_swing(ranked,
     flights, limit = ranked().flights, REAL.thresholds.slow_torque_ratio
     torque = (2 * limit, share, size * dut._least_structure(flights, REAL.materiality)[1], 0)
     monkeypatch.setattr(dut, "slow_torque", lambda *_: torque)
-    found, *_ = dut._slow_torque_test(flights, flights, {}, REAL, hidden=hidden)
+    found, *_ = dut._slow_torque_test(flights, flights, {e.name: e.y for e in flights}, REAL, hidden=hidden)
     assert (found > 0.5) is (size > 1 and (share > 0.5 or not hidden))

@@ -71,10 +71,11 @@ def test_a_torque_that_no_effect_explains_remains_and_says_where_it_lives(ranked
 def test_structure_is_there_by_evidence_and_counts_where_material(ranked, linear, damper):
     case = ranked(damper)
     model, structure = linear(case)
-    probability, finding, power = _indication(model, structure, structure[0], REAL)
+    probability, finding, power, position = _indication(model, structure, structure[0], REAL)
     assert probability > 0.99
     assert finding.name == "rates"
     assert np.sqrt(power[3:].sum()) == pytest.approx(finding.figures["torque"])
+    assert position > 0
     blunt = dc.replace(REAL.materiality, torque=100.0, force=100.0)
     assert _indication(model, structure, structure[0], dc.replace(REAL, materiality=blunt))[:2] == (0.0, finding)
 

@@ -5,11 +5,11 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
+from np_drake.diagnosis.adequacy import measure_remainder
 from np_drake.diagnosis.adequacy.linear_model import LinearModel
 from np_drake.diagnosis.decision.causes import causes_of
 from np_drake.diagnosis.forward_model.payload_state import NEVER
 from np_drake.diagnosis.gap import gap_reduction as dut
-from np_drake.diagnosis.gap.remainder import measure_remainder
 from np_drake.diagnosis.held_out.prediction import on_held_out
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.residuals.make_flight_residuals import make_flight_residuals

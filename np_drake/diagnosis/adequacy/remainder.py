@@ -9,24 +9,22 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 from scipy import signal
-from scipy.integrate import cumulative_trapezoid
 
-from np_drake.diagnosis.adequacy import Indication
+from np_drake.diagnosis.adequacy.unexplained import Indication
 from np_drake.diagnosis.fitting.map_estimate import BLOCK
 from np_drake.diagnosis.forward_model import predicted_residual
 from np_drake.diagnosis.held_out import HeldOut
 from np_drake.diagnosis.numerics import NoiseModel
 from np_drake.diagnosis.options import Materiality, Options
 from np_drake.diagnosis.residuals import FORCE, TORQUE, WRENCH, FlightResiduals, low_pass
+from np_drake.diagnosis.residuals.position_error import HORIZON, position_errors
 from np_drake.diagnosis.result import Cause, Remainder
 from np_drake.effects.gusty_wind import GustyWind
 
 FEWEST = 8  # least number of blocks; they are shorter in short flights; own choice
 DRAWS = 400  # of the posterior
 SEED = 1  # of its draws, and of the noise
-HORIZON = 1.0  # of the position error [s]
 GUSTS = 1.5  # band of gusts [Hz]; source: `residual_statistics.BRIEF`
-STARTS = 0.25  # between starts of a position error [s]
 NOISES = 4  # draws of the noise of each flight
 # A remainder is material that exceeds the stated size, and in any case between these shares of the gap: less than the
 # first is nothing beside what is explained, more than the second is no explanation [1]. Source: own choice.
@@ -56,16 +54,23 @@ def measure_remainder(
     rng = np.random.default_rng(SEED)
     scale = np.maximum(noise.rms[WRENCH], 1e-12) ** -2.0 * noise.active[WRENCH] / 6
     there = rng.uniform(size=(DRAWS, len(indications))) < [i.probability for i in indications]
-    powers = np.reshape([i.power for i in indications], (-1, 6))
+    # What the noise holds is no larger than the noise, however large a part is that others cancel.
+    whole = np.reshape([i.power for i in indications], (-1, 6))
+    powers = np.minimum(whole, noise.rms[WRENCH] ** 2)
     weight, drift = flights[0].weight, np.zeros(6)
     drift[:2] = (options.tolerance.attitude * weight) ** 2
-    floor, structure = (noise.rms[WRENCH] ** 2 + drift) @ scale, there @ (powers @ scale)
+    floor, structure = (
+        (noise.rms[WRENCH] ** 2 + drift) @ scale,
+        np.minimum(there @ (powers @ scale), noise.rms[WRENCH] ** 2 @ scale),
+    )
     gap, left = (
         np.maximum(draws - floor, 0.0) + structure
         for draws in _draws(before, after, held.rows, scale, flights[0].grid.step, rng)
     )
-    expected = np.array([i.probability for i in indications]) @ powers
-    was, now = (_sizes(flights, y, held.rows, noise, drift, expected) for y in (before, after))
+    likely = np.array([i.probability for i in indications])
+    held_share = powers @ scale / np.maximum(whole @ scale, 1e-300)
+    hidden = likely @ powers, float((likely * held_share) @ [i.position for i in indications])
+    was, now = (_sizes(flights, y, held.rows, noise, drift, hidden) for y in (before, after))
     materiality = options.materiality
     matters = np.quantile(gap, SURE) > 0 and _relative(was, weight, materiality) >= 1
     if not matters:
@@ -119,48 +124,23 @@ def _sizes(
     rows: Mapping[str, np.ndarray],
     noise: NoiseModel,
     drift: np.ndarray,
-    structure: np.ndarray,
+    hidden: tuple[np.ndarray, float],
 ) -> tuple[float, float, float]:
     """Return the RMS force [N] and torque [N·m] above the noise, and the RMS position error that both cause [m].
 
-    drift, structure: (6,) power of slow sensor errors, and of structure that the noise model holds [N², (N·m)²].
+    drift: (6,) power of slow sensor errors [N², (N·m)²].   hidden: that of structure that the noise model holds, and
+    its squared position error [m²].
     """
     every = np.concatenate([wrench[e.name][rows[e.name], WRENCH] for e in flights])
-    power = np.maximum(np.mean(every**2, axis=0) - noise.rms[WRENCH] ** 2 - drift, 0.0) + structure
-    rng, moved = np.random.default_rng(SEED), 0.0
+    power = np.maximum(np.mean(every**2, axis=0) - noise.rms[WRENCH] ** 2 - drift, 0.0) + hidden[0]
+    rng, moved = np.random.default_rng(SEED), []
     for e in flights:
-        chance = [position_errors(e, _noise_of(noise, len(e.t), rng), rows[e.name]) for _ in range(NOISES)]
-        own = position_errors(e, wrench[e.name][:, WRENCH], rows[e.name])
-        moved += float(np.sum(own**2) - np.sum(np.square(chance)) / NOISES) / max(len(own), 1) / len(flights)
-    moved = max(moved - _slow_position_error(flights[0], drift), 0.0) + _slow_position_error(flights[0], structure)
-    return float(np.sqrt(power[FORCE].sum())), float(np.sqrt(power[TORQUE].sum())), float(np.sqrt(moved))
-
-
-def position_errors(e: FlightResiduals, wrench: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    """Return the position errors (k, 3) in W that a wrench causes within `HORIZON`, to first order [m].
-
-    A simulator without it, started from the flight's state every `STARTS`, is off by as much: force moves the vehicle,
-    and torque turns its thrust.   Source: double integration along the flown attitude; gyroscopic coupling neglected.
-
-    Args:
-        e: the flight.
-        wrench: (m, 6) in B on its grid [N, N·m].
-        rows: (m,) bool, those that count.
-    """
-    step, mass = e.grid.step, e.vehicle.mass
-    n = max(2, round(HORIZON / step))
-    first = np.arange(0, len(e.t) - n, max(1, round(STARTS / step)))
-    window = first[:, None] + np.arange(n + 1)
-    window = window[rows[window].all(axis=1)]
-
-    def integrated(rate: np.ndarray) -> np.ndarray:
-        return cumulative_trapezoid(rate, dx=step, axis=1, initial=0.0)
-
-    turning = np.einsum("mij,mj->mi", e.R_WB, wrench[:, TORQUE] @ np.linalg.inv(e.vehicle.J).T)
-    tilt = integrated(integrated(turning[window]))
-    lift = (e.R_WB[..., 2] * e.nominal[:, 2:3])[window]
-    push = np.einsum("mij,mj->mi", e.R_WB, wrench[:, FORCE])[window]
-    return integrated(integrated((push + np.cross(tilt, lift)) / mass))[:, -1]
+        whole = rows[e.name] | e.outliers  # which are interpolated
+        chance = [position_errors(e, _noise_of(noise, len(e.t), rng), whole) for _ in range(NOISES)]
+        moved += (position_errors(e, e.bridged(wrench[e.name])[:, WRENCH], whole) - np.mean(chance, axis=0)).tolist()
+    tilted = drift[FORCE].sum() * (HORIZON**2 / 2 / flights[0].vehicle.mass) ** 2
+    further = max(float(np.mean(moved)) - tilted, 0.0) if moved else 0.0
+    return float(np.sqrt(power[FORCE].sum())), float(np.sqrt(power[TORQUE].sum())), float(np.sqrt(further + hidden[1]))
 
 
 def _noise_of(noise: NoiseModel, rows: int, rng: np.random.Generator) -> np.ndarray:
@@ -173,10 +153,3 @@ def _noise_of(noise: NoiseModel, rows: int, rng: np.random.Generator) -> np.ndar
     for k, c in enumerate(active):
         out[:, c] = signal.lfilter([1.0], [1.0, *-noise.phi[c]], driven[k])[memory:]
     return out
-
-
-def _slow_position_error(e: FlightResiduals, power: np.ndarray) -> float:
-    """Return the squared position error within `HORIZON` of a constant wrench of this power (6,) [m²]."""
-    mass, J = e.vehicle.mass, np.diag(e.vehicle.J)[:2]
-    pushed = (HORIZON**2 / 2 / mass) ** 2 * power[FORCE].sum()
-    return float(pushed + (e.vehicle.gravity * HORIZON**4 / 24) ** 2 * np.sum(power[TORQUE][:2] / J**2))
