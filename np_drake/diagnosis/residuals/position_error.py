@@ -10,7 +10,7 @@ STARTS = 0.25  # between its starts [s]
 
 
 def position_errors(e: FlightResiduals, wrench: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    """Return the squared position errors (k,) that a wrench causes within `HORIZON`, for small ones to first order [m²].
+    """Return the squared position errors (k,) that a wrench causes within `HORIZON`, to first order [m²].
 
     A simulator without it, started from the flight's state every `STARTS`, is off by as much: force moves the vehicle,
     and torque turns its thrust.   Source: double integration along the flown attitude; gyroscopic coupling neglected.
