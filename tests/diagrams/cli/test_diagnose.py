@@ -23,10 +23,20 @@ from np_drake.logs.case_folder import find_case
 from np_drake.vehicle import RIGID, Vehicle
 
 VEHICLE = "name: mine\nmass: 2.5\n"
+LEFT = an.Remainder(0.02, (0.01, 0.05), 0.05, 0.0, 0.01, 0.4, 0.1)
 
 
 def answer(
-    vehicle, train, held_out, replay=None, *, adaptive_split=True, tolerance=None, neighbours=None, on_progress=None
+    vehicle,
+    train,
+    held_out,
+    replay=None,
+    *,
+    adaptive_split=True,
+    tolerance=None,
+    material=None,
+    neighbours=None,
+    on_progress=None,
 ) -> an.Diagnosis:
     """A mass error, whatever the logs say; the replay is the real one."""
     on_progress(0.5, "half")
@@ -44,9 +54,12 @@ def answer(
         (cause,),
         an.Identifiability(True, {"speed, RMS [m/s]": 1.0}, {"force x": 0.05}, (confusable,), ("a warning.",)),
         residual_parts.Localisation((residual_parts.ChannelGap("force z", "N", 1.0, 0.1, 0.1, 0.99),)),
-        an.GapReduction(5.0, 1.2, 1.0, 0.98, (0.95, 0.99), ladder, gap, gap),
+        an.GapReduction(5.0, 1.2, 1.0, 0.98, (0.95, 0.99), ladder, gap, gap, left=LEFT),
         below_threshold=(an.Finding("gyro_bias", "0.001 rad/s about x.", 0.001),),
-        warnings=tuple(f"{name} beside {[log.name for log in own]}" for name, own in (neighbours or {}).items()),
+        warnings=(
+            *(f"{name} beside {[log.name for log in own]}" for name, own in (neighbours or {}).items()),
+            *([] if material is None else [f"material from {material} m on"]),
+        ),
         judged_as="" if tolerance is None else tolerance.name,
     )
 
@@ -115,6 +128,11 @@ def test_logs_can_be_named_one_by_one_and_the_replay_left_out(case, tmp_path, ca
     assert "position [m]" not in capsys.readouterr().out
 
 
+def test_the_size_from_which_what_is_left_is_material_reaches_the_diagnosis(case, capsys):
+    assert run(["diagnose", str(case), "--no-replay", "--material", "0.2"]) == 0
+    assert "material from 0.2 m on" in capsys.readouterr().out
+
+
 def test_a_second_answer_is_printed_beside_the_first(case, logs, monkeypatch, capsys):
     def twice(*arguments, **how):
         found = answer(*arguments, **how)
@@ -129,7 +147,7 @@ def test_a_second_answer_is_printed_beside_the_first(case, logs, monkeypatch, ca
     places = [
         printed.index(text)
         for text in (
-            "No cause is told",
+            "Nothing material is missing",
             "new on the held-out flight: a slow force along x, 3 N; a second answer",
             "Second answer, with the first halves of the held-out flight in the fit: A mass error of 100 g explains",
             "on the second half of the held-out flight.",

@@ -25,5 +25,4 @@ def test_the_gap_of_an_unseen_flight_closes_in_force_and_torque(neurobem, one):
     assert table["lateral force"]["cut"] > 0.5  # 0.7 and more on whole flights
     assert table["vertical force"]["cut"] > 0.0  # little on such stretches; whole flights, pooled: see the docs
     assert table["torque"]["after"] < 0.25 * table["torque"]["nominal"]
-    assert table["torque"]["after"] < 1.2 * table["torque"]["zero"]
     assert np.isfinite([r["after"] for r in table.values()]).all()
