@@ -79,7 +79,6 @@ STUDIES = {
     "timing": Study("performance.timing", "What a period costs.", many=False),
     "robustness": Study("robustness.study", "Payload, tether, speed, air, noise, lag, delay, battery."),
     "margins": Study("robustness.margins", "Largest delay and loop gain that each controller bears."),
-    "faults": Study("robustness.faults.study", "Random faults of sensors, solver, rotors, payload, air."),
     "real": Study("challenge.real.study", "The diagnosis on real flights with known causes.", seed=None),
     "payload-flights": Study(
         "challenge.real.forecast.payload_flights", "Forecasts on real flights with a payload.", seed=None

@@ -55,7 +55,6 @@ VERBS: dict[str, Verb] = {
     "reproduce attach": Verb("--seeds 1", times=FLIGHT),
     "reproduce robustness": Verb("--seeds 1 --only np --axis loss --duration 10", times=FLIGHT),
     "reproduce margins": Verb("--seeds 1 --only hold", times=FLIGHT),
-    "reproduce faults": Verb("--flights 4 --only nominal", times=FLIGHT),
     "reproduce identification": Verb(
         "--vehicles 2 --flights 1 --seconds 8",
         times=frozenset({"processor_time"}),
