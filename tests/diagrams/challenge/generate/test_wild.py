@@ -205,7 +205,7 @@ def test_the_truth_tolerates_what_a_diagnosis_of_the_files_does():
         dut = truth.stated_tolerance()
         assert (dut.mass, dut.thrust >= 0.0173) == (0.0173, True)
         assert dut.timing == pytest.approx(0.01 / np.sqrt(12), rel=0.05)
-        assert (dut.thrust, dut.throttle_curve > 0) == ((0.2, True) if logged.kind == "normalised" else (0.0173, False))
+        assert (dut.thrust, dut.throttle_curve > 0) == ((0.5, True) if logged.kind == "normalised" else (0.0173, False))
         real = dc.replace(truth, case=dc.replace(one, quality=SensorQuality("real")))
         assert real.stated_tolerance() == tolerance_of(flights)
 
