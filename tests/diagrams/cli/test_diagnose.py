@@ -128,7 +128,7 @@ def test_logs_can_be_named_one_by_one_and_the_replay_left_out(case, tmp_path, ca
     assert "position [m]" not in capsys.readouterr().out
 
 
-def test_the_size_from_which_what_is_left_is_material_reaches_the_diagnosis(case, capsys):
+def test_what_counts_as_material_reaches_the_diagnosis(case, capsys):
     assert run(["diagnose", str(case), "--no-replay", "--material", "0.2"]) == 0
     assert "material from 0.2 m on" in capsys.readouterr().out
 
