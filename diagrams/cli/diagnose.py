@@ -52,6 +52,8 @@ def diagnose(
         float | None,
         Option(
             metavar="METRES",
+            min=1e-4,
+            max=1e3,
             help="Position error after 1 s from which what is left is material [m], and force in proportion; "
             "default: 0.05, and 2 % of weight.",
         ),

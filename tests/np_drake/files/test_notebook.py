@@ -7,7 +7,7 @@ import pytest
 
 from np_drake.diagnosis.report.headline import headline
 from np_drake.diagnosis.residuals.residual_parts import ChannelGap, Localisation
-from np_drake.diagnosis.result import Cause, Diagnosis, Estimate, GapReduction, Identifiability
+from np_drake.diagnosis.result import Cause, Diagnosis, Estimate, GapReduction, Identifiability, Remainder
 from np_drake.flight_log import FlightLog
 
 ROWS = 50
@@ -23,6 +23,7 @@ LOG = FlightLog(
     notes=[f"note {k}" for k in range(9)],
 )
 MASS = Estimate(0.25983, "kg", (0.2476, 0.2721))
+LEFT = Remainder(0.01, (0.0, 0.02), 0.1, 0.0, 0.01, 0.8, 0.0)
 FOUND = Diagnosis(
     vehicle="paper",
     train=("a", "b"),
@@ -33,7 +34,7 @@ FOUND = Diagnosis(
     localisation=Localisation(
         (ChannelGap("force x", "N", 1.0, 0.1, 0.1, 0.9),), before={"c": np.zeros((4000, 6))}, times={}
     ),
-    gap_reduction=GapReduction(7.1, 0.98, 1.0, 0.99, (0.98, 1.0), ()),
+    gap_reduction=GapReduction(7.1, 0.98, 1.0, 0.99, (0.98, 1.0), (), left=LEFT),
     warnings=tuple(f"warning {k}" for k in range(9)),
 )
 
