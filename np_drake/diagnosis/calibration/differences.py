@@ -73,8 +73,7 @@ def _throttle_map(fit: Fit, e: FlightResiduals) -> list[Difference]:
         if isinstance(term.effect, ThrottleCurve):
             nominal = hover_exponent(e.vehicle)
             value, half = nominal * (1 + term.effect.curve), SURE * nominal * _deviation_of(fit, i, "curve")
-            shown = f"{number(value, 3)} ({number(value - half, 3)} to {number(value + half, 3)})"
-            told = f"thrust goes with the power {shown} of throttle"
+            told = f"thrust goes with the power {number(value, 3)} of throttle"
             text = told if half < HARDLY * value else "the power of throttle in thrust is hardly told"
             ci95 = (value - nominal - half, value - nominal + half)
             found.append(Difference("throttle_curve.curve", text, value - nominal, "1", THROTTLE_CURVE * nominal, ci95))
