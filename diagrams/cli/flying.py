@@ -64,10 +64,11 @@ def fly_linked(config: "FlightConfig", seed: int, address: str) -> "tuple[Flight
         factory = CommandedByLink(link)
         say(f"{config.name} behind {address}: np-drake node flies it.")
         with progress(f"flying {config.name}", config.end) as advance:
-            flight = simulate(
-                config, seed=seed, watch=pace, controller=factory,
-                monitor=lambda t: advance(t, f"at {pace.factor(t):.2f} of real time"),
-            )  # fmt: skip
+
+            def shown(t: float) -> None:
+                advance(t, f"at {pace.factor(t):.2f} of real time")
+
+            flight = simulate(config, seed=seed, monitor=shown, watch=pace, controller=factory)
     finally:
         link.close()
     return flight, factory.table(pace.mean)

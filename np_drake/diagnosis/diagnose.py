@@ -119,7 +119,6 @@ def diagnose(
         "train": _names(fitted),
         "held_out": _names(judging),
     }
-    names["nominal"] = vehicle
     names["doubts"] = as_lines(doubt for e in (*fitted, *judging) for doubt in doubts(e))
     sensors = options or Options.for_sensors(tolerance_of(fitted).real)
     if material is not None:

@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from scipy import signal
 
+from np_drake.diagnosis.adequacy.residual_statistics import BRIEF
 from np_drake.diagnosis.adequacy.unexplained import Indication
 from np_drake.diagnosis.fitting.map_estimate import BLOCK
 from np_drake.diagnosis.forward_model import predicted_residual
@@ -17,14 +18,13 @@ from np_drake.diagnosis.held_out import HeldOut
 from np_drake.diagnosis.numerics import NoiseModel
 from np_drake.diagnosis.options import Materiality, Options
 from np_drake.diagnosis.residuals import FORCE, TORQUE, WRENCH, FlightResiduals, low_pass
-from np_drake.diagnosis.residuals.position_error import HORIZON, position_errors
+from np_drake.diagnosis.residuals.position_error import HORIZON, squared_position_errors
 from np_drake.diagnosis.result import Cause, Remainder
 from np_drake.effects.gusty_wind import GustyWind
 
 FEWEST = 8  # least number of blocks; they are shorter in short flights; own choice
 DRAWS = 400  # of the posterior
 SEED = 1  # of its draws, and of the noise
-GUSTS = 1.5  # band of gusts [Hz]; source: `residual_statistics.BRIEF`
 NOISES = 4  # draws of the noise of each flight
 # A remainder is material that exceeds the stated size, and in any case between these shares of the gap: less than the
 # first is nothing beside what is explained, more than the second is no explanation [1]. Source: own choice.
@@ -50,7 +50,7 @@ def measure_remainder(
     after = {e.name: e.y - predicted_residual(e, held.kept(e.name, named)) for e in flights}
     if GustyWind.identifier in named:  # whose slow force is explained, though no simulator foresees it
         for e in flights:
-            after[e.name][:, FORCE] -= low_pass(after[e.name][:, FORCE], e.grid.step, GUSTS)
+            after[e.name][:, FORCE] -= low_pass(after[e.name][:, FORCE], e.grid.step, BRIEF)
     rng = np.random.default_rng(SEED)
     scale = np.maximum(noise.rms[WRENCH], 1e-12) ** -2.0 * noise.active[WRENCH] / 6
     there = rng.uniform(size=(DRAWS, len(indications))) < [i.probability for i in indications]
@@ -59,10 +59,8 @@ def measure_remainder(
     powers = np.minimum(whole, noise.rms[WRENCH] ** 2)
     weight, drift = flights[0].weight, np.zeros(6)
     drift[:2] = (options.tolerance.attitude * weight) ** 2
-    floor, structure = (
-        (noise.rms[WRENCH] ** 2 + drift) @ scale,
-        np.minimum(there @ (powers @ scale), noise.rms[WRENCH] ** 2 @ scale),
-    )
+    floor = (noise.rms[WRENCH] ** 2 + drift) @ scale
+    structure = np.minimum(there @ (powers @ scale), noise.rms[WRENCH] ** 2 @ scale)
     gap, left = (
         np.maximum(draws - floor, 0.0) + structure
         for draws in _draws(before, after, held.rows, scale, flights[0].grid.step, rng)
@@ -136,8 +134,10 @@ def _sizes(
     rng, moved = np.random.default_rng(SEED), []
     for e in flights:
         whole = rows[e.name] | e.outliers  # which are interpolated
-        chance = [position_errors(e, _noise_of(noise, len(e.t), rng), whole) for _ in range(NOISES)]
-        moved += (position_errors(e, e.bridged(wrench[e.name])[:, WRENCH], whole) - np.mean(chance, axis=0)).tolist()
+        chance = [squared_position_errors(e, _noise_of(noise, len(e.t), rng), whole) for _ in range(NOISES)]
+        moved += (
+            squared_position_errors(e, e.bridged(wrench[e.name])[:, WRENCH], whole) - np.mean(chance, axis=0)
+        ).tolist()
     tilted = drift[FORCE].sum() * (HORIZON**2 / 2 / flights[0].vehicle.mass) ** 2
     further = max(float(np.mean(moved)) - tilted, 0.0) if moved else 0.0
     return float(np.sqrt(power[FORCE].sum())), float(np.sqrt(power[TORQUE].sum())), float(np.sqrt(further + hidden[1]))

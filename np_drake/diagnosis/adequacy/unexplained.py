@@ -17,7 +17,7 @@ from np_drake.diagnosis.held_out import HeldOut
 from np_drake.diagnosis.options import Materiality, Options
 from np_drake.diagnosis.regressors import PREFIX
 from np_drake.diagnosis.residuals import FORCE, TORQUE, WRENCH, FlightResiduals, low_pass
-from np_drake.diagnosis.residuals.position_error import position_errors
+from np_drake.diagnosis.residuals.position_error import squared_position_errors
 from np_drake.diagnosis.residuals.residual_parts import CHANNELS
 from np_drake.diagnosis.result import Finding
 from np_drake.diagnosis.selection import Ranking
@@ -29,7 +29,9 @@ STEEPNESS = 6.0
 ALONG_PATH = "a force that goes with the path: with the place, or with the motion there"
 OTHER_SPEED = "the same places at another speed"
 SLOW_FORCE = Finding(
-    *("slow force", "a level force that comes and goes, of which no wind can be made", 1.0, {}),
+    "slow force",
+    "a level force that comes and goes, of which no wind can be made",
+    1.0,
     measurement="hover for 20 s each with two opposite headings: a tilt turns with the vehicle, air does not",
 )
 
@@ -51,7 +53,7 @@ class Indication(NamedTuple):
         cls, probability: float, finding: Finding, flights: Sequence[FlightResiduals], wrench: Sequence[np.ndarray]
     ) -> "Indication":
         """Return the structure that is a wrench (m, 6) in each of the flights [N, N·m]."""
-        moved = [position_errors(e, w, np.ones(len(w), bool)) for e, w in zip(flights, wrench, strict=True)]
+        moved = [squared_position_errors(e, w, np.ones(len(w), bool)) for e, w in zip(flights, wrench, strict=True)]
         power = np.mean(np.concatenate(wrench) ** 2, axis=0)
         return cls(probability, finding, power, float(np.mean(np.concatenate(moved))))
 
@@ -62,11 +64,6 @@ class Unexplained:
 
     structures: tuple[Indication, ...]
     slow: Indication
-
-    @property
-    def probability(self) -> float:
-        """Probability that there is structure, a slow level force apart [1]."""
-        return max((s.probability for s in self.structures), default=0.0)
 
     @property
     def findings(self) -> tuple[Finding, ...]:

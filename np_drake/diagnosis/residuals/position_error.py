@@ -9,7 +9,7 @@ HORIZON = 1.0  # after which it counts [s]
 STARTS = 0.25  # between its starts [s]
 
 
-def position_errors(e: FlightResiduals, wrench: np.ndarray, rows: np.ndarray) -> np.ndarray:
+def squared_position_errors(e: FlightResiduals, wrench: np.ndarray, rows: np.ndarray) -> np.ndarray:
     """Return the squared position errors (k,) that a wrench causes within `HORIZON`, to first order [m²].
 
     A simulator without it, started from the flight's state every `STARTS`, is off by as much: force moves the vehicle,
@@ -31,9 +31,8 @@ def position_errors(e: FlightResiduals, wrench: np.ndarray, rows: np.ndarray) ->
 
     turning = np.einsum("mij,mj->mi", e.R_WB, wrench[:, TORQUE] @ np.linalg.inv(e.vehicle.J).T)
     tilt = integrated(integrated(turning[window]))
-    tilt = tilt / np.maximum(
-        np.linalg.norm(tilt, axis=-1, keepdims=True), 1.0
-    )  # turned thrust pushes by no more than all of it
+    # Turned thrust pushes by no more than all of it.
+    tilt = tilt / np.maximum(np.linalg.norm(tilt, axis=-1, keepdims=True), 1.0)
     lift = (e.R_WB[..., 2] * e.nominal[:, 2:3])[window]
     push = np.einsum("mij,mj->mi", e.R_WB, wrench[:, FORCE])[window]
     moved = integrated(integrated((push + np.cross(tilt, lift)) / mass))[:, -1]

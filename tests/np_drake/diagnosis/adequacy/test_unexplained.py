@@ -53,16 +53,21 @@ def left(linear):
     return answer
 
 
+def most(found: Unexplained) -> float:
+    """Return the probability of the most probable structure, a slow level force apart."""
+    return max(s.probability for s in found.structures)
+
+
 def test_of_a_nominal_flight_nothing_remains(ranked, left):
     dut = left(ranked())
-    assert dut.probability < 0.2
+    assert most(dut) < 0.2
     assert dut.slow.probability < 0.2
     assert dut.findings == ()
 
 
 def test_a_torque_that_no_effect_explains_remains_and_says_where_it_lives(ranked, left, damper):
     dut = left(ranked(damper))
-    assert dut.probability > 0.9
+    assert most(dut) > 0.9
     assert dut.findings[0].name == "rates"
     # times the rates' RMS [N·m]
     assert dut.findings[0].figures["torque"] == pytest.approx(0.02 * 0.9, rel=0.4)
@@ -86,7 +91,7 @@ def test_structure_is_there_by_evidence_and_counts_where_material(ranked, linear
 def test_no_generic_torque_is_unknown_beside_an_effect_that_explains_it(ranked, left, effect):
     case = ranked(effect)
     assert effect.identifier in [t.effect.identifier for t in case.fit.terms]
-    assert left(case).probability < SURE
+    assert most(left(case)) < SURE
 
 
 @pytest.mark.parametrize("channel, size", [(0, 2.0), (4, 0.1)], ids=["force [N]", "torque [N·m]"])
@@ -107,7 +112,7 @@ def test_a_force_now_and_then_is_unknown_wherever_it_is(ranked, left, where, siz
     struck[0] = dc.replace(struck[0], y=struck[0].y.copy())
     struck[0].y[:, 2] -= size * np.exp(-(((struck[0].t - 3.0) / 0.3) ** 2))
     dut = left(case, flights, held_out)
-    assert (dut.probability > SURE) is unknown
+    assert (most(dut) > SURE) is unknown
     bursts = [f for f in dut.findings if f.name == "burst"]
     assert len(bursts) == unknown
     for found in bursts:
@@ -129,7 +134,7 @@ def test_a_line_is_unknown_only_where_it_is_large_enough_to_matter(ranked, left,
     assert line.channel == channel
     assert line.rms == pytest.approx(times * least, rel=0.1)
     dut = left(case, flights, [held_out], SENSITIVE)
-    assert (dut.probability > SURE) is (times > 1)
+    assert (most(dut) > SURE) is (times > 1)
     assert ("line" in {f.name for f in dut.findings}) is (times > 1)
 
 
@@ -144,7 +149,7 @@ def test_a_line_that_does_not_matter_hides_none_that_does(ranked, left):
     dut = left(case, flights, [held_out], SENSITIVE)
     (line,) = (f for f in dut.findings if f.name == "line")
     assert f"a line in {CHANNELS[4]} " in line.text
-    assert dut.probability > SURE
+    assert most(dut) > SURE
 
 
 def test_in_gusts_which_come_and_go_no_burst_is_asked_for(ranked, left, monkeypatch):
